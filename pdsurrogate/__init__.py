@@ -1,0 +1,48 @@
+"""pdsurrogate: learnt bond forces of rubber-like materials, and a peridynamic solver that runs on them."""
+
+from importlib import import_module
+
+__version__ = "0.1.0"
+
+# Names are imported where they are first used: a simulation loads no scikit-learn, and training no solver.
+_HOMES = {
+    "AnalyticBondForce": "forces",
+    "ArtifactError": "artifacts",
+    "Body": "body",
+    "BondSamples": "learning",
+    "CorrespondenceForce": "forces",
+    "ForceModel": "forces",
+    "ForceSettings": "forces",
+    "ForceSurrogate": "forces",
+    "InputAwareTargetRegressor": "learning",
+    "LevenbergMarquardtRegressor": "learning",
+    "NeoHookean": "materials",
+    "NetworkForce": "forces",
+    "Result": "results",
+    "Scene": "scenes",
+    "SceneError": "scenes",
+    "SimulationFailed": "simulation",
+    "algorithm_1": "learning",
+    "bond_force_pipeline": "learning",
+    "evaluate": "learning",
+    "load_card": "artifacts",
+    "load_pipeline": "artifacts",
+    "load_scene": "scenes",
+    "load_surrogate": "artifacts",
+    "scene_names": "scenes",
+    "simulate": "simulation",
+    "store": "learning",
+    "wide_design": "learning",
+}
+
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str):
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_HOMES[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

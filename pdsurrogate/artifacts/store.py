@@ -1,0 +1,214 @@
+"""Artefacts on disk: ``NAME/VERSION/`` with a card and its payloads, written once and never changed."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import re
+import shutil
+import tempfile
+from pathlib import Path
+
+import joblib
+
+from ..forces import FORCES, ForceModel, NetworkForce
+from .card import FORMAT, NAME_PATTERN, SCHEMA_VERSION, VERSION_PATTERN, Card, CardError, read_card
+from .plain import UnsafePayload, dump_plain, load_plain
+
+CARD, SURROGATE, PIPELINE = "card.json", "surrogate.joblib", "pipeline.joblib"
+
+KINDS = {NetworkForce.kind: NetworkForce}
+"""Force models that can be stored, by the kind their card states."""
+
+
+class ArtifactError(ValueError):
+    """An artefact that cannot be found, read or written; the message says why."""
+
+
+def search_path() -> list[Path]:
+    """Folders in which artefacts are looked up by name, first match first.
+
+    ``PDSURROGATE_ARTIFACTS`` if set, ``artifacts`` in the working folder, and those shipped with the package.
+    """
+    package = Path(__file__).resolve().parents[1]
+    folders = [Path("artifacts"), package / "_artifacts", package.parent / "artifacts"]
+    if os.environ.get("PDSURROGATE_ARTIFACTS"):
+        folders.insert(0, Path(os.environ["PDSURROGATE_ARTIFACTS"]))
+    return [folder for folder in folders if folder.is_dir()]
+
+
+def list_artifacts() -> list[Path]:
+    """Folders of all artefacts on the search path, by name and rising version."""
+    found: dict[tuple[str, str], Path] = {}
+    for root in search_path():
+        for card in sorted(root.glob(f"*/*/{CARD}")):
+            found.setdefault((card.parent.parent.name, card.parent.name), card.parent)
+    return [found[key] for key in sorted(found, key=lambda key: (key[0], _version_key(key[1])))]
+
+
+def find_artifact(reference: str | Path) -> Path:
+    """Folder of an artefact.
+
+    Parameters
+    ----------
+    reference : str or path
+        ``NAME`` (its highest version), ``NAME@VERSION``, or the path of an artefact's folder or of a folder of its versions.
+
+    Raises
+    ------
+    ArtifactError
+        If there is none; lists what there is.
+    """
+    text = str(reference)
+    path = Path(reference)
+    if isinstance(reference, Path) or os.sep in text or path.is_dir():
+        if (path / CARD).is_file():
+            return path
+        versions = [card.parent for card in path.glob(f"*/{CARD}")]
+        if versions:
+            return max(versions, key=lambda folder: _version_key(folder.name))
+        raise ArtifactError(f"{text}: no artefact there: the folder of one holds {CARD}")
+    name, _, version = text.partition("@")
+    candidates = [folder for folder in list_artifacts() if folder.parent.name == name and version in ("", folder.name)]
+    if not candidates:
+        known = ", ".join(f"{folder.parent.name}@{folder.name}" for folder in list_artifacts()) or "none"
+        raise ArtifactError(f"unknown force {text!r}: force models are {', '.join(FORCES)}; artefacts are {known}")
+    return candidates[-1]
+
+
+def load_card(reference: str | Path) -> Card:
+    """The card of an artefact; nothing else is read."""
+    folder = find_artifact(reference)
+    try:
+        with (folder / CARD).open("rb") as file:
+            data = file.read(2**20 + 1)
+    except OSError as error:
+        raise ArtifactError(f"{folder}: cannot read the card: {error.strerror}") from None
+    try:
+        return read_card(data, str(folder))
+    except CardError as error:
+        raise ArtifactError(str(error)) from None
+
+
+def load_surrogate(reference: str | Path) -> ForceModel:
+    """A force model by name, or the surrogate of an artefact.
+
+    The card is read first; the payload is compared with its digest there, and then read through an allow-list of
+    plain data, so that loading runs no code that the file brings along.
+
+    Parameters
+    ----------
+    reference : str or path
+        ``analytic``, ``nosb`` …, or an artefact as for `find_artifact`.
+
+    Raises
+    ------
+    ArtifactError
+        If it is unknown, damaged, does not match its card, or holds anything but plain data.
+    """
+    if isinstance(reference, str) and reference in FORCES:
+        return FORCES[reference]()
+    card = load_card(reference)
+    if card.kind not in KINDS:
+        raise ArtifactError(f"{card.name}@{card.version}: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
+    data = _checked_payload(reference, card, SURROGATE)
+    try:
+        return KINDS[card.kind].from_payload(
+            f"{card.name}@{card.version}", load_plain(data), card.domain.build(), card.material.law, card.material.shape
+        )
+    except (UnsafePayload, ValueError) as error:
+        raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE}: {error}") from None
+
+
+def load_pipeline(reference: str | Path, *, trust: bool = False):
+    """The fitted scikit-learn pipeline of an artefact, for those who refine it.
+
+    It is a pickle of Python objects: loading it runs code from the file.  Its digest is compared with the card's
+    first, which shows that it is the file that the card was written for, not that whoever wrote both means well.
+
+    Parameters
+    ----------
+    reference : str or path
+    trust : bool
+        Must be True: you trust whoever made the artefact as you would trust a program of theirs.
+    """
+    if trust is not True:
+        raise ArtifactError("loading a pipeline runs code from its file; say trust=True if you trust whoever made the artefact")
+    card = load_card(reference)
+    return joblib.load(io.BytesIO(_checked_payload(reference, card, PIPELINE)))
+
+
+def save_artifact(folder: str | Path, card: dict, surrogate: NetworkForce, pipeline=None) -> Path:
+    """Write an artefact, whole or not at all.
+
+    Parameters
+    ----------
+    folder : str or path
+        The folder that holds artefacts; this one becomes ``folder/NAME/VERSION``.
+    card : dict
+        All of `Card` but the format, schema version and payloads.
+    surrogate : NetworkForce
+    pipeline : estimator, optional
+        The fitted pipeline.
+
+    Returns
+    -------
+    Path
+        Of the new artefact.
+
+    Raises
+    ------
+    ArtifactError
+        If the version exists already (versions are immutable), or name or version are not allowed.
+    """
+    for key, pattern in (("name", NAME_PATTERN), ("version", VERSION_PATTERN)):
+        if not re.match(pattern, str(card[key])):
+            raise ArtifactError(f"{key} {card[key]!r} is not allowed: it must match {pattern}")
+    target = Path(folder) / card["name"] / card["version"]
+    if target.exists():
+        raise ArtifactError(f"{card['name']}@{card['version']} exists already in {folder}; versions never change, choose another")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{card['version']}-", dir=target.parent))
+    try:
+        dump_plain(surrogate.payload(), temporary / SURROGATE)
+        contents = {SURROGATE: "weights of the network: plain containers and arrays, all that a simulation needs"}
+        if pipeline is not None:
+            joblib.dump(pipeline, temporary / PIPELINE, compress=0, protocol=4)
+            contents[PIPELINE] = "fitted scikit-learn pipeline: a pickle of Python objects, loaded only on explicit trust"
+        payloads = {name: _describe(temporary / name, what) for name, what in contents.items()}
+        full = Card(format=FORMAT, schema_version=SCHEMA_VERSION, **card, payloads=payloads)
+        (temporary / CARD).write_text(full.to_json(), encoding="utf-8")
+        temporary.chmod(0o755)
+        try:
+            os.rename(temporary, target)
+        except OSError:
+            raise ArtifactError(f"{card['name']}@{card['version']} exists already in {folder}; versions never change") from None
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return target
+
+
+def _describe(path: Path, contains: str) -> dict:
+    data = path.read_bytes()
+    return {"contains": contains, "sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}
+
+
+def _checked_payload(reference: str | Path, card: Card, name: str) -> bytes:
+    """Bytes of a payload whose size and digest are those of the card."""
+    where = f"{card.name}@{card.version}: {name}"
+    if name not in card.payloads:
+        raise ArtifactError(f"{where}: the artefact has none")
+    stated = card.payloads[name]
+    try:
+        with (find_artifact(reference) / name).open("rb") as file:
+            data = file.read(stated.bytes + 1)
+    except OSError as error:
+        raise ArtifactError(f"{where}: cannot be read: {error.strerror}") from None
+    if len(data) != stated.bytes or hashlib.sha256(data).hexdigest() != stated.sha256:
+        raise ArtifactError(f"{where}: the file is not the one that the card describes (its size or SHA-256 differs): damaged or exchanged")
+    return data
+
+
+def _version_key(version: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in version.split(".")) if re.match(VERSION_PATTERN, version) else (-1,)

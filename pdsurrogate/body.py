@@ -1,0 +1,321 @@
+"""Bodies: points with volumes, their horizons, and the bonds between them.  Geometry of the reference state only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+
+@dataclass(frozen=True)
+class WeightFunction:
+    """A weight function w(l) of the bond length, non-zero up to the horizon.
+
+    Attributes
+    ----------
+    name : str
+    function : callable
+        ``function(length, horizon)``.
+    moment : float
+        kappa / horizon**4, with kappa = pi * integral of w r^3 dr over the horizon: the shape tensor of a full circular horizon is kappa I.
+    """
+
+    name: str
+    function: Callable
+    moment: float
+
+
+WEIGHT_FUNCTIONS = {
+    weight.name: weight
+    for weight in (
+        # The paper's own: with it w l is the same for every bond, and so is the force that the network learns.
+        WeightFunction("inverse", lambda length, horizon: horizon / length, np.pi / 3),
+        WeightFunction("constant", lambda length, horizon: np.ones_like(length), np.pi / 4),
+        WeightFunction("linear", lambda length, horizon: 1 - length / horizon, np.pi / 20),
+    )
+}
+
+
+@dataclass(frozen=True)
+class Images:
+    """Points reflected in the planes of grips and symmetry, that continue the body beyond them.
+
+    An image moves with the point it mirrors: each displacement component is carried over evenly (+1) or oddly (-1) about the displacement
+    of its plane.  Odd in both components is a clamped grip; odd in the normal one alone, a symmetry plane or a roller (THEORY section 6).
+
+    Attributes
+    ----------
+    mirror : ndarray of uint32, shape (m,)
+        The body's point behind each image.
+    points : ndarray, shape (m, 2)
+        Reference positions.
+    parity : ndarray, shape (m, 2)
+        +1 or -1 for each component.
+    axis : ndarray of int64, shape (m,)
+        0 or 1: the coordinate along which it is reflected.
+    plane : ndarray of int64, shape (m,)
+        Number of the plane, in the order in which they were added.
+    """
+
+    mirror: np.ndarray
+    points: np.ndarray
+    parity: np.ndarray
+    axis: np.ndarray
+    plane: np.ndarray
+
+    @classmethod
+    def none(cls) -> Images:
+        return cls(np.empty(0, np.uint32), np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.int64), np.empty(0, np.int64))
+
+    def __len__(self) -> int:
+        return len(self.mirror)
+
+
+@dataclass(frozen=True)
+class ReflectionPlane:
+    """A plane across which a body is continued by its images.
+
+    Parameters
+    ----------
+    axis : int
+        The coordinate held by the plane: 0 for x1, 1 for x2.
+    position : float
+        Its value on the plane.
+    side : int
+        -1 where the body lies at larger values (a left or lower edge), +1 where it lies at smaller ones.
+    parity : tuple of int
+        How each displacement component is reflected, see `Images`.
+    """
+
+    axis: int
+    position: float
+    side: int
+    parity: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Body:
+    """A two-dimensional body of unit thickness.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        Reference positions.
+    volumes : ndarray, shape (n,)
+        Area of each point times unit thickness.
+    horizon : float
+        Radius within which points interact.
+    spacing : float, optional
+        Distance of neighbouring points; by default the root of the mean volume.
+    weight : str, optional
+        Name of the weight function, one of `WEIGHT_FUNCTIONS`.
+    planes : sequence of ReflectionPlane, optional
+        Planes beyond which the body is continued by images.
+    separates : callable, optional
+        ``separates(start, end)`` with arrays of shape (k, 2): which bonds are cut from the outset.
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit, non-finite numbers, coinciding points, or a horizon that reaches no neighbour.
+    """
+
+    points: np.ndarray
+    volumes: np.ndarray
+    horizon: float
+    spacing: float = 0.0
+    weight: str = "inverse"
+    planes: tuple[ReflectionPlane, ...] = ()
+    separates: Callable | None = None
+    images: Images = field(init=False)
+
+    def __post_init__(self) -> None:
+        points = np.ascontiguousarray(self.points, dtype=float)
+        volumes = np.ascontiguousarray(self.volumes, dtype=float)
+        if points.ndim != 2 or points.shape[1] != 2 or len(points) == 0:
+            raise ValueError(f"points must have shape (n, 2) with n > 0, not {points.shape}")
+        if volumes.shape != (len(points),):
+            raise ValueError(f"volumes must have shape ({len(points)},), one for each point, not {volumes.shape}")
+        if not np.isfinite(points).all():
+            raise ValueError(f"point {np.flatnonzero(~np.isfinite(points).all(axis=1))[0]} has a position that is not finite")
+        if not (np.isfinite(volumes).all() and (volumes > 0).all()):
+            raise ValueError("volumes must be positive and finite")
+        if not (np.isfinite(self.horizon) and self.horizon > 0):
+            raise ValueError(f"the horizon must be positive and finite, not {self.horizon}")
+        if self.weight not in WEIGHT_FUNCTIONS:
+            raise ValueError(f"unknown weight function {self.weight!r}; there are {', '.join(WEIGHT_FUNCTIONS)}")
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "volumes", volumes)
+        if not self.spacing:
+            object.__setattr__(self, "spacing", float(np.sqrt(volumes.mean())))
+        object.__setattr__(self, "images", _reflect(points, self.planes, self.horizon))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def kappa(self) -> float:
+        """Shape tensor of a full circular horizon, kappa I (THEORY section 2)."""
+        return WEIGHT_FUNCTIONS[self.weight].moment * self.horizon**4
+
+    def weigh(self, length: np.ndarray) -> np.ndarray:
+        """Weight function at the given bond lengths."""
+        return WEIGHT_FUNCTIONS[self.weight].function(length, self.horizon)
+
+    @cached_property
+    def all_points(self) -> np.ndarray:
+        """Reference positions of the points, then of their images, shape (n + m, 2)."""
+        return np.ascontiguousarray(np.vstack([self.points, self.images.points]))
+
+    @cached_property
+    def all_volumes(self) -> np.ndarray:
+        """Volumes of the points, then of their images, shape (n + m,)."""
+        return np.concatenate([self.volumes, self.volumes[self.images.mirror]])
+
+    @cached_property
+    def bonds(self) -> Bonds:
+        """The bonds, found once."""
+        return Bonds.of(self)
+
+    @classmethod
+    def rectangle(cls, width: float, height: float, spacing: float, horizon: float, **options) -> Body:
+        """A uniform grid of cell-centred points on a rectangle with its lower left corner at the origin."""
+        points = grid((0.0, 0.0), (width, height), spacing)
+        return cls(points, np.full(len(points), spacing**2), horizon, spacing, **options)
+
+
+def grid(lower: tuple[float, float], upper: tuple[float, float], spacing: float) -> np.ndarray:
+    """Centres of the square cells that fill a box, row by row, shape (n, 2).
+
+    Raises
+    ------
+    ValueError
+        If the box does not hold a whole number of cells (to 1 % of one), or none.
+    """
+    if not (np.isfinite(spacing) and spacing > 0):
+        raise ValueError(f"the spacing must be positive and finite, not {spacing}")
+    counts = []
+    for low, high, axis in zip(lower, upper, ("x1", "x2"), strict=True):
+        cells = (high - low) / spacing
+        count = round(cells)
+        if count < 1:
+            raise ValueError(f"spacing {spacing:g} is larger than the body, {high - low:g} along {axis}")
+        if abs(cells - count) > 0.01:
+            raise ValueError(f"spacing {spacing:g} does not divide the body's {high - low:g} along {axis}; {(high - low) / count:g} would")
+        counts.append(count)
+    x1, x2 = (low + (np.arange(count) + 0.5) * spacing for low, count in zip(lower, counts, strict=True))
+    return np.stack([np.tile(x1, counts[1]), np.repeat(x2, counts[0])], axis=1)
+
+
+@dataclass(frozen=True)
+class Bonds:
+    """Neighbour lists of a body, once for every point and once for every pair.
+
+    A *pair* is an undirected bond.  Pairs within the body come from both ends' lists, pairs with an image from the body's end alone.
+
+    Attributes
+    ----------
+    pointers : ndarray of uint64, shape (n + 1,)
+        Where each point's neighbours begin.
+    neighbours : ndarray of uint32
+        Neighbours of all points; numbers from n on are images.
+    first, second : ndarray of uint32, shape (n_pairs,)
+        The pairs, ordered by `first`, which is a point of the body; `second` is a later point or an image.
+    pair_pointers : ndarray of uint64, shape (n + 1,)
+        Where each point's pairs as `first` begin.
+    incidence_pointers : ndarray of uint64, shape (n + 1,)
+    incidence : ndarray of uint32
+        The pairs in which each point is `second`.
+    pair_of : ndarray of uint32
+        The pair behind each entry of `neighbours`.
+    """
+
+    pointers: np.ndarray
+    neighbours: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    pair_pointers: np.ndarray
+    incidence_pointers: np.ndarray
+    incidence: np.ndarray
+    pair_of: np.ndarray
+    n_within: int
+
+    @property
+    def n_directed(self) -> int:
+        """Directed bonds within the body, images not counted."""
+        return self.n_within
+
+    @classmethod
+    def of(cls, body: Body) -> Bonds:
+        n = len(body)
+        points = body.all_points
+        # The tolerance keeps points at exactly the horizon, whose computed distance may exceed it by rounding.
+        pairs = cKDTree(points).query_pairs(body.horizon * (1 + 1e-9), output_type="ndarray")
+        pairs.sort(axis=1)
+        pairs = pairs[pairs[:, 0] < n]
+        if body.separates is not None and len(pairs):
+            pairs = pairs[~body.separates(points[pairs[:, 0]], points[pairs[:, 1]])]
+        if len(pairs):
+            length = np.linalg.norm(points[pairs[:, 1]] - points[pairs[:, 0]], axis=1)
+            if length.min() < 1e-9 * body.horizon:
+                i, j = pairs[length.argmin()]
+                raise ValueError(f"points {i} and {j} coincide at {points[i]}")
+        if len(pairs) == 0:
+            raise ValueError(f"the horizon {body.horizon:g} reaches no neighbour; the spacing is {body.spacing:g}")
+        order = np.lexsort((pairs[:, 1], pairs[:, 0]))
+        first, second = (np.ascontiguousarray(pairs[order, end], dtype=np.uint32) for end in (0, 1))
+        del pairs, order
+        numbers = np.arange(len(first), dtype=np.uint32)
+
+        within = np.flatnonzero(second < n).astype(np.uint32)
+        incidence = within[np.argsort(second[within], kind="stable")]
+        # A point's neighbours: those where it is second come first and are in rising order, then those where it is first.
+        owner = np.concatenate([second[incidence], first])
+        order = np.argsort(owner, kind="stable")
+        neighbours = np.concatenate([first[incidence], second])[order]
+        pair_of = np.concatenate([incidence, numbers])[order]
+        return cls(
+            _pointers(owner, n),
+            np.ascontiguousarray(neighbours),
+            first,
+            second,
+            _pointers(first, n),
+            _pointers(second[within], n),
+            incidence,
+            pair_of,
+            2 * len(within),
+        )
+
+
+def _pointers(owners: np.ndarray, n: int) -> np.ndarray:
+    pointers = np.zeros(n + 1, dtype=np.uint64)
+    pointers[1:] = np.cumsum(np.bincount(owners, minlength=n))
+    return pointers
+
+
+def _reflect(points: np.ndarray, planes: tuple[ReflectionPlane, ...], horizon: float) -> Images:
+    mirrors, images, parities, axes, numbers = [], [], [], [], []
+    for number, plane in enumerate(planes):
+        inward = -plane.side * (points[:, plane.axis] - plane.position)
+        if inward.min() < 0:
+            raise ValueError(f"points lie beyond the plane x{plane.axis + 1} = {plane.position:g} in which they would be reflected")
+        near = np.flatnonzero(inward <= horizon * (1 + 1e-9))
+        reflected = points[near].copy()
+        reflected[:, plane.axis] = 2 * plane.position - reflected[:, plane.axis]
+        mirrors.append(near)
+        images.append(reflected)
+        parities.append(np.tile(np.asarray(plane.parity, float), (len(near), 1)))
+        axes.append(np.full(len(near), plane.axis))
+        numbers.append(np.full(len(near), number))
+    if not planes:
+        return Images.none()
+    return Images(
+        np.concatenate(mirrors).astype(np.uint32),
+        np.ascontiguousarray(np.vstack(images)),
+        np.ascontiguousarray(np.vstack(parities)),
+        np.concatenate(axes).astype(np.int64),
+        np.concatenate(numbers).astype(np.int64),
+    )

@@ -1,0 +1,68 @@
+"""The analytic bond force: the exact version of what a network learns, in the same features (THEORY [3], [4])."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..body import Body
+from ..kernels.exact import exact_bond_force
+from ..materials import Law, NeoHookean, plane_stress
+from .bondwise import BondForceEvaluation
+from .protocol import CompiledBondForce, Domain
+from .settings import ForceSettings
+
+
+class AnalyticBondForce:
+    """Exact bond force of a material law.
+
+    Parameters
+    ----------
+    law : Law, optional
+        Used by `bond_force` alone; in a simulation the scene's own law counts.  Neo-Hookean by default.
+    """
+
+    name = "analytic"
+    features = ("stretch", "rotation", "length", "C33", "J")
+    domain: Domain | None = None
+    gives_transverse = True
+    default_precision = "float64"
+
+    def __init__(self, law: Law | None = None) -> None:
+        self.law = law or NeoHookean()
+
+    def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
+        """Dimensionless (t_n, t_tau) of [1]; see `ForceSurrogate.bond_force`."""
+        stretch, rotation, _, C33, J = bond_arrays(stretch, rotation, length, C33, J)
+        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+        T_nn, T_nm, _ = plane_stress.bond_traction(self.law, a, b, J, C33)
+        return np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
+
+    def compiled(self, dtype) -> CompiledBondForce:
+        """Block function of the exact bond force, whose law the bond pass supplies."""
+        return CompiledBondForce(exact_bond_force(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
+
+    def check_material(self, law: Law) -> None:
+        """Every law has its exact bond force."""
+
+    def bind(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
+        """Prepare the evaluation on a body."""
+        return BondForceEvaluation(self, body, law, settings)
+
+
+def bond_arrays(stretch, rotation, length, C33, J) -> list[np.ndarray]:
+    """The five bond quantities as equally long vectors of doubles.
+
+    Raises
+    ------
+    ValueError
+        If they do not broadcast to one vector, are not finite, or a stretch, C33 or J is not positive.
+    """
+    arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, dtype=float)) for value in (stretch, rotation, length, C33, J)))
+    if arrays[0].ndim != 1:
+        raise ValueError(f"bond quantities must be vectors, not of shape {arrays[0].shape}")
+    for name, array in zip(("stretch", "rotation", "length", "C33", "J"), arrays, strict=True):
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} has a value that is not finite")
+        if name in ("stretch", "C33", "J") and not (array > 0).all():
+            raise ValueError(f"{name} must be positive; the least given is {array.min():g}")
+    return arrays

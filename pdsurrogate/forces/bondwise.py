@@ -1,0 +1,127 @@
+"""Evaluation of the force models that map bond quantities to a bond force."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..body import Body
+from ..kernels import bond_pass, reference
+from ..kernels.blocks import BLOCK
+from ..kernels.exact import exact_bond_force
+from ..materials import Law
+from .kinematics import Kinematics
+from .protocol import ForceSurrogate, InvalidState, OutsideDomain
+from .settings import OUTSIDE_POLICIES, ForceSettings
+
+
+class BondForceEvaluation:
+    """A bond-force model bound to a body: node pass, bond pass over each pair once, and the sum to points.
+
+    Attributes
+    ----------
+    evaluations : int
+        Force evaluations so far.
+    pairs_outside : int
+        Pairs outside the model's domain, summed over all evaluations.
+    """
+
+    def __init__(self, model: ForceSurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
+        model.check_material(law)
+        self.body, self.law, self.model = body, law, model
+        self.precision = settings.precision or model.default_precision
+        self.correction = settings.correction or ("tensor" if model.gives_transverse else "scalar")
+        if self.correction == "tensor" and not model.gives_transverse:
+            raise ValueError(f"{model.name} does not know T_mm, which correction=tensor needs; use correction=scalar")
+        self.outside = settings.outside
+        self.evaluations = 0
+        self.pairs_outside = 0
+        self.kinematics = Kinematics(body, law, settings.rotation, self.precision)
+
+        bonds = body.bonds
+        pairs = np.arange(len(bonds.first), dtype=np.uint32)
+        blocks = -(-len(pairs) // BLOCK)
+        self._first, self._second = (_padded(ends, blocks * BLOCK) for ends in (bonds.first, bonds.second))
+        # The pairs that pad the last block compute something that nobody reads.
+        self.geometry = np.zeros((blocks, 5, BLOCK), dtype=self.precision)
+        length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
+        strength = 2 * body.weigh(length) * length * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
+        reference.pair_rows(
+            pairs,
+            bonds.first,
+            bonds.second,
+            body.all_points,
+            strength,
+            self.kinematics.inverse_shape,
+            self.kinematics.supported,
+            reference.CORRECTIONS[self.correction],
+            body.kappa,
+            body.horizon,
+            self.geometry,
+        )
+        compiled = model.compiled(self.precision)
+        self._compiled = compiled
+        self._exact = exact_bond_force(self.precision)
+        self._guard = OUTSIDE_POLICIES[self.outside] if model.domain is not None else bond_pass.EXTRAPOLATE
+        self._domain = model.domain.as_array(self.precision) if model.domain is not None else np.zeros(5, dtype=self.precision)
+        chunks = self.kinematics.chunks
+        self._buffers = np.zeros((chunks, bond_pass.BUFFER_ROWS, BLOCK), dtype=self.precision)
+        self._work = np.zeros((chunks, max(compiled.work_rows, 1), BLOCK), dtype=self.precision)
+        self._outside = np.zeros(chunks, dtype=np.int64)
+        self._forces = np.zeros((blocks * BLOCK, 2), dtype=self.precision)
+
+    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
+        self.evaluations += 1
+        kinematics, bonds = self.kinematics, self.body.bonds
+        kinematics.update(positions)
+        bond_pass.pair_forces(
+            kinematics.positions,
+            kinematics.records,
+            self._first,
+            self._second,
+            self.geometry,
+            len(bonds.first),
+            self._compiled.address,
+            self._compiled.sizes,
+            self._compiled.weights,
+            self._exact.address,
+            kinematics.response.address,
+            kinematics.parameters,
+            self._guard,
+            self._domain,
+            self._buffers,
+            self._work,
+            kinematics.scratch,
+            self._outside,
+            self._forces,
+        )
+        bond_pass.sum_pair_forces(self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence, self.law.shear_modulus, out)
+        outside = int(self._outside.sum())
+        self.pairs_outside += outside
+        if outside and self.outside == "raise":
+            raise OutsideDomain(
+                f"{outside} of {len(bonds.first)} bonds are outside the domain of {self.model.name}, {self.model.domain}; "
+                "outside=fallback would use the exact bond force for them"
+            )
+        if not np.isfinite(out).all():
+            i = int(np.flatnonzero(~np.isfinite(out).all(axis=1))[0])
+            x1, x2 = self.body.points[i]
+            raise InvalidState(f"point {i} at ({x1:.4g}, {x2:.4g}): the force on it is not finite")
+
+    def move_plane(self, plane: int, displacement) -> None:
+        """Displace a reflection plane of the body."""
+        self.kinematics.move_plane(plane, displacement)
+
+    def pair_forces(self) -> np.ndarray:
+        """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2)."""
+        return self.law.shear_modulus * self._forces[: len(self.body.bonds.first)].astype(float)
+
+    @property
+    def fraction_outside(self) -> float:
+        """Share of all pair evaluations so far that were outside the model's domain."""
+        return self.pairs_outside / max(1, self.evaluations * len(self.body.bonds.first))
+
+
+def _padded(ends: np.ndarray, size: int) -> np.ndarray:
+    padded = np.zeros(size, dtype=np.uint32)
+    padded[: len(ends)] = ends
+    return padded

@@ -1,0 +1,143 @@
+"""The passes that every force model shares: images, deformation gradients, and the state of the points."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from ..body import Body
+from ..kernels import gradient, node_state, reference
+from ..kernels.blocks import BLOCK, SCRATCH_ROWS
+from ..materials import Law
+from .protocol import InvalidState
+
+
+class Kinematics:
+    """Positions, deformation gradients and node states of a body, updated in place.
+
+    Parameters
+    ----------
+    body : Body
+    law : Law
+    rotation : {"polar", "convected"}
+    record_precision : {"float32", "float64"}
+        Of the node records.
+    keep_weighted_bonds : bool
+        Whether w x V_j is kept beside the gradient weights, for models whose force needs it.
+
+    Attributes
+    ----------
+    positions : ndarray, shape (n + m, 2)
+        Of the points, then of their images.
+    gradients : ndarray, shape (n + m, 4)
+        F as records (11, 21, 12, 22).
+    volume_ratios : ndarray, shape (n + m,)
+        J3, the start of the next plane-stress iteration.
+    records : ndarray, shape (n + m, 4)
+        (cos, sin, J, C33).
+    """
+
+    def __init__(self, body: Body, law: Law, rotation: str, record_precision: str, keep_weighted_bonds: bool = False) -> None:
+        self.body, self.law = body, law
+        bonds, points = body.bonds, body.all_points
+        n, total = len(body), len(points)
+        self.chunks = numba.get_num_threads()
+        self.response = law.response_block()
+        self.parameters = law.parameters
+        self._rotation = node_state.ROTATIONS[rotation]
+
+        owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
+        self.weighted_bonds = points[bonds.neighbours] - points[owners]
+        factors = body.weigh(np.linalg.norm(self.weighted_bonds, axis=1)) * body.all_volumes[bonds.neighbours]
+        self.weighted_bonds *= factors[:, None]
+        self.inverse_shape = np.zeros((total, 3))
+        self.supported = np.zeros(total, dtype=np.uint8)
+        self.gradient_weights = np.empty_like(self.weighted_bonds) if keep_weighted_bonds else self.weighted_bonds
+        reference.shape_rows(
+            np.arange(n, dtype=np.uint32),
+            bonds.pointers,
+            bonds.neighbours,
+            points,
+            self.weighted_bonds,
+            self.inverse_shape,
+            self.gradient_weights,
+            self.supported,
+        )
+        if not keep_weighted_bonds:
+            self.weighted_bonds = None
+        images = body.images
+        reference.reflect_shapes(n, images.mirror, self.inverse_shape, self.supported)
+        self.unsupported = np.flatnonzero(self.supported[:n] == 0).astype(np.uint32)
+
+        self.positions = points.copy()
+        self._shift = images.points - images.parity * points[images.mirror]
+        self._shift_at_rest = self._shift.copy()
+        self.gradients = np.empty((total, 4))
+        self.volume_ratios = np.ones(total)
+        self.records = np.empty((total, 4), dtype=record_precision)
+        self.scratch = np.ones((self.chunks, SCRATCH_ROWS, BLOCK))
+        self._unsolved = np.zeros(self.chunks, dtype=np.int64)
+
+    def move_plane(self, plane: int, displacement) -> None:
+        """Displace a reflection plane: its images follow, odd components about the new place."""
+        images = self.body.images
+        chosen = images.plane == plane
+        self._shift[chosen] = self._shift_at_rest[chosen] + (1 - images.parity[chosen]) * np.asarray(displacement, dtype=float)
+
+    def update(self, positions: np.ndarray) -> None:
+        """Take new positions of the body's points, and bring everything else up to date.
+
+        Raises
+        ------
+        InvalidState
+            Where det F <= 0, the law ends, or numbers are not finite; names the point.
+        """
+        body, bonds, images = self.body, self.body.bonds, self.body.images
+        n = len(body)
+        self.positions[:n] = positions
+        gradient.place_images(self.positions, n, images.mirror, images.parity, self._shift)
+        gradient.deformation_gradients(self.positions, bonds.pointers, bonds.neighbours, self.gradient_weights, self.gradients)
+        if len(self.unsupported):
+            gradient.hold_unsupported(self.gradients, self.unsupported)
+        gradient.reflect_gradients(self.gradients, n, images.mirror, images.parity, images.axis)
+        node_state.node_states(
+            self.gradients,
+            self.volume_ratios,
+            self._rotation,
+            self.response.address,
+            self.parameters,
+            self.scratch,
+            self.records,
+            self._unsolved,
+        )
+        if self._unsolved.any():
+            raise InvalidState(self._diagnose())
+
+    def deformation_gradients(self) -> np.ndarray:
+        """F of the body's points, shape (n, 2, 2)."""
+        return self.gradients[: len(self.body)].reshape(-1, 2, 2).transpose(0, 2, 1)
+
+    def _diagnose(self) -> str:
+        """Say which point has no state, and why.  The volume ratios are reset, so that a later evaluation starts afresh."""
+        n = len(self.body)
+        self.volume_ratios[:] = 1.0
+        F = self.deformation_gradients()
+        broken = ~np.isfinite(F).all(axis=(1, 2))
+        if broken.any():
+            return self._where(np.flatnonzero(broken)[0], "its deformation gradient is not finite")
+        J = np.linalg.det(F)
+        if J.min() <= 0:
+            return self._where(J.argmin(), f"det F = {J.min():.3g}: the material is turned inside out there")
+        from ..materials import plane_stress
+
+        trace, _ = plane_stress.invariants(F)
+        for i in np.argsort(-trace)[: min(n, 100)]:
+            try:
+                plane_stress.volume_ratio(self.law, trace[i], J[i])
+            except ValueError as error:
+                return self._where(i, str(error))
+        return "a point has no plane-stress state"
+
+    def _where(self, i: int, what: str) -> str:
+        x1, x2 = self.body.points[i]
+        return f"point {i} at ({x1:.4g}, {x2:.4g}): {what}"

@@ -1,0 +1,71 @@
+"""Analytic non-ordinary state-based force (2): the exact constitutive law, with zero-energy modes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..body import Body
+from ..kernels import correspondence
+from ..materials import Law
+from .kinematics import Kinematics
+from .protocol import InvalidState
+from .settings import ForceSettings
+
+
+class CorrespondenceForce:
+    """NOSB PD: t_i = w P_i K_i^-1 x.  Exact in homogeneous deformation; blind to modes that leave F alone."""
+
+    name = "nosb"
+
+    def bind(self, body: Body, law: Law, settings: ForceSettings) -> CorrespondenceEvaluation:
+        """Prepare the evaluation on a body; it is always double, and K^-1 needs no correction."""
+        if settings.precision == "float32":
+            raise ValueError("nosb is evaluated in float64 only")
+        return CorrespondenceEvaluation(body, law, settings)
+
+
+class CorrespondenceEvaluation:
+    """NOSB bound to a body."""
+
+    precision = "float64"
+    correction = "none"
+    fraction_outside = 0.0
+
+    def __init__(self, body: Body, law: Law, settings: ForceSettings) -> None:
+        self.body, self.law = body, law
+        self.evaluations = 0
+        self.kinematics = Kinematics(body, law, settings.rotation, "float64", keep_weighted_bonds=True)
+        self._stresses = np.empty((len(body.all_points), 4))
+
+    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
+        self.evaluations += 1
+        kinematics, bonds = self.kinematics, self.body.bonds
+        kinematics.update(positions)
+        correspondence.weighted_stresses(
+            kinematics.gradients,
+            kinematics.volume_ratios,
+            kinematics.inverse_shape,
+            self.law.shear_modulus,
+            kinematics.response.address,
+            kinematics.parameters,
+            kinematics.scratch,
+            self._stresses,
+        )
+        correspondence.correspondence_forces(
+            self._stresses, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, self.body.volumes, out
+        )
+        if not np.isfinite(out).all():
+            i = int(np.flatnonzero(~np.isfinite(out).all(axis=1))[0])
+            raise InvalidState(f"point {i} at {self.body.points[i]}: the force on it is not finite")
+
+    def move_plane(self, plane: int, displacement) -> None:
+        """Displace a reflection plane of the body."""
+        self.kinematics.move_plane(plane, displacement)
+
+    def pair_forces(self) -> np.ndarray:
+        """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2)."""
+        bonds, body = self.body.bonds, self.body
+        bond = body.all_points[bonds.second] - body.all_points[bonds.first]
+        factor = body.weigh(np.linalg.norm(bond, axis=1)) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
+        matrices = (self._stresses[bonds.first] + self._stresses[bonds.second]).reshape(-1, 2, 2)
+        return factor[:, None] * np.einsum("bji,bj->bi", matrices, bond)

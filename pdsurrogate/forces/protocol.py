@@ -1,0 +1,156 @@
+"""What the solver asks of a force model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from ..body import Body
+from ..materials import Law
+from .settings import ForceSettings
+
+
+class OutsideDomain(RuntimeError):
+    """Bonds left the domain of a surrogate, and the policy is to stop."""
+
+
+class InvalidState(RuntimeError):
+    """A deformation for which the material law has no answer: det F <= 0, a limit passed, or numbers that are not finite."""
+
+
+@dataclass(frozen=True)
+class Domain:
+    """Where a surrogate was trained.
+
+    Attributes
+    ----------
+    least_stretch, greatest_stretch : float
+        Bounds of both principal stretches in the plane, of the stretch tensor that (lambda_b, dtheta, J) define (THEORY [2]).
+    least_bulk, greatest_bulk : float
+        Bounds of J3^2 = J^2 C33.
+    """
+
+    least_stretch: float
+    greatest_stretch: float
+    least_bulk: float
+    greatest_bulk: float
+
+    def as_array(self, dtype) -> np.ndarray:
+        """Constants of `pdsurrogate.kernels.bond_pass.is_outside`."""
+        return np.array([self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk, 0.0], dtype=dtype)
+
+    def contains(self, stretch, rotation, C33, J) -> np.ndarray:
+        """Which bonds lie inside; arrays of lambda_b, dtheta, C33 and J."""
+        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+        U_mm = (J + b * b) / a
+        trace = a * a + 2 * b * b + U_mm * U_mm
+        low, high, bulk = self.least_stretch**2, self.greatest_stretch**2, J * J * C33
+        within = (trace <= high + J * J / high) & (trace <= low + J * J / low) & (low <= J) & (high >= J) & (a > 0)
+        return within & (bulk >= self.least_bulk) & (bulk <= self.greatest_bulk)
+
+
+@dataclass(frozen=True)
+class CompiledBondForce:
+    """A bond force ready for the bond pass.
+
+    Attributes
+    ----------
+    address : int
+        Of the block function (`pdsurrogate.kernels.compile.bond_force_signature`).
+    sizes : ndarray of int64
+    weights : ndarray, in the precision of the bond pass
+    work_rows : int
+        Rows of working memory that it needs, in that precision.
+    """
+
+    address: int
+    sizes: np.ndarray
+    weights: np.ndarray
+    work_rows: int
+
+
+class InternalForce(Protocol):
+    """A force model bound to a body: what a solver calls."""
+
+    body: Body
+    law: Law
+    evaluations: int
+
+    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
+        """Internal force on every point per unit thickness at positions (n, 2), written to `out` (n, 2)."""
+
+    def move_plane(self, plane: int, displacement) -> None:
+        """Displace a reflection plane of the body."""
+
+    def pair_forces(self) -> np.ndarray:
+        """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2)."""
+
+
+class ForceModel(Protocol):
+    """Any force model: it can be bound to a body."""
+
+    name: str
+
+    def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
+        """Prepare the evaluation of this model on a body of a material.
+
+        Raises
+        ------
+        ValueError
+            If the model does not fit the material or the settings.
+        """
+
+
+@runtime_checkable
+class ForceSurrogate(Protocol):
+    """A force model that maps bond quantities to the force of the bond: a surrogate, or the exact map.
+
+    Attributes
+    ----------
+    name : str
+    features : tuple of str
+        What the model sees of a bond.
+    domain : Domain or None
+        Where it was trained; None if it holds everywhere.
+    gives_transverse : bool
+        Whether it knows T_mm, which the tensor correction needs.
+    default_precision : str
+    """
+
+    name: str
+    features: tuple[str, ...]
+    domain: Domain | None
+    gives_transverse: bool
+    default_precision: str
+
+    def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
+        """Dimensionless bond force [1] in NumPy, for checking.
+
+        Parameters
+        ----------
+        stretch : array_like, shape (n,)
+            lambda_b.
+        rotation : array_like, shape (n,)
+            dtheta in radians: turn of the bond relative to its horizon, counter-clockwise.
+        length : array_like, shape (n,)
+            l_b/delta.
+        C33 : array_like, shape (n,)
+        J : array_like, shape (n,)
+            det F in the plane.
+
+        Returns
+        -------
+        ndarray, shape (n, 2)
+            t_n and t_tau, along and across the deformed bond, times kappa/(w l mu).
+        """
+
+    def compiled(self, dtype) -> CompiledBondForce:
+        """The same for the bond pass, in the given precision."""
+
+    def check_material(self, law: Law) -> None:
+        """Raise ValueError if the model does not describe this material."""
+
+    def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
+        """Prepare the evaluation of this model on a body of a material."""

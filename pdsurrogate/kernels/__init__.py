@@ -1,0 +1,1 @@
+"""Kernels: compiled functions on plain arrays, and nothing else."""

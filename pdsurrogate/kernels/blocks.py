@@ -1,0 +1,55 @@
+"""Arrays of rows whose length the compiler knows."""
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+BLOCK = 256
+"""Values per row of a block: a dozen rows stay within a 32 kB first-level cache, and it is a multiple of every vector width."""
+
+STATE_ROWS = 6
+"""Rows of the states a bond force is evaluated on: a = U_nn, b = U_nm, U_mm, J, C33, l/horizon."""
+
+TRACTION_ROWS = 3
+"""Rows of its result: T_nn, T_nm, T_mm, dimensionless (THEORY [3])."""
+
+SCRATCH_ROWS = 8
+"""Rows of doubles for a stress response: three of states, five of its result."""
+
+
+def _with_row_length(length):
+    @intrinsic
+    def stated(typingctx, array):
+        result_type = types.Array(array.dtype, 2, "C")
+
+        def codegen(context, builder, signature, arguments):
+            given = context.make_array(signature.args[0])(context, builder, arguments[0])
+            result = context.make_array(result_type)(context, builder)
+            index = context.get_value_type(types.intp)
+            size = context.get_abi_sizeof(context.get_data_type(array.dtype))
+            rows = builder.extract_value(given.shape, 0)
+            context.populate_array(
+                result,
+                data=given.data,
+                shape=cgutils.pack_array(builder, [rows, ir.Constant(index, length)]),
+                strides=cgutils.pack_array(builder, [ir.Constant(index, length * size), ir.Constant(index, size)]),
+                itemsize=ir.Constant(index, size),
+                meminfo=None,
+                parent=None,
+            )
+            return result._getvalue()
+
+        return result_type(array), codegen
+
+    return stated
+
+
+# With the row length a constant, LLVM sees that the rows of one array do not overlap; otherwise every pair of rows
+# that a loop touches costs a test at run time, and past eight of them it gives up vectorising the loop.
+
+block_rows = _with_row_length(BLOCK)
+"""The same two-dimensional array, stated to have rows of exactly `BLOCK` values."""
+
+pair_records = _with_row_length(2)
+"""The same two-dimensional array, stated to have records of exactly two values."""

@@ -1,0 +1,196 @@
+"""Elementary functions that LLVM vectorises: no library call, no branch.
+
+Each works on scalars of either precision inside kernels and, written with NumPy, on arrays in Python.  PyPI's llvmlite comes without a
+vector mathematics library, so ``math.log`` or ``math.exp`` inside a loop would keep the whole loop scalar.  The stated errors are relative
+and were measured over the stated range (see ``tests/test_elementary.py``).
+"""
+
+import numpy as np
+from numba import types
+from numba.extending import intrinsic, overload
+
+from .compile import INLINE_OPTIONS
+
+INT_OF = {types.float32: types.int32, types.float64: types.int64}
+REAL_OF = {types.int32: types.float32, types.int64: types.float64}
+
+
+@intrinsic
+def bits_of(typingctx, value):
+    """The bit pattern of a real, as an integer of the same width."""
+
+    def codegen(context, builder, signature, arguments):
+        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
+
+    return INT_OF[value](value), codegen
+
+
+@intrinsic
+def real_of(typingctx, bits):
+    """The real with the given bit pattern."""
+
+    def codegen(context, builder, signature, arguments):
+        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
+
+    return REAL_OF[bits](bits), codegen
+
+
+def inverse_cube_root(x):
+    """x**(-1/3) for x > 0.  Error below 3e-7 (float32) and 4e-16 (float64) over all normal numbers."""
+    return np.cbrt(x) ** -1.0
+
+
+@overload(inverse_cube_root, jit_options=INLINE_OPTIONS)
+def _inverse_cube_root(x):
+    if x == types.float32:
+
+        def implementation(x):
+            # A first guess within 6 % from the exponent bits, then Newton's iteration for r**-3 = x.
+            r = real_of(np.int32(np.float32(1419967488.0) - np.float32(bits_of(x)) * np.float32(1.0 / 3.0)))
+            for _ in range(3):
+                r = r + r * (np.float32(1.0) - x * r * r * r) * np.float32(1.0 / 3.0)
+            return r
+
+    else:
+
+        def implementation(x):
+            r = real_of(np.int64(6142909891733356544.0 - np.float64(bits_of(x)) * (1.0 / 3.0)))
+            for _ in range(5):
+                r = r + r * (1.0 - x * r * r * r) * (1.0 / 3.0)
+            return r
+
+    return implementation
+
+
+def logarithm(x):
+    """Natural logarithm for x > 0.  Absolute error below 1e-7 (float32) and 3e-16 (float64) near 1; exactly 0 at 1."""
+    return np.log(x)
+
+
+@overload(logarithm, jit_options=INLINE_OPTIONS)
+def _logarithm(x):
+    # x = m 2**e with m in [sqrt(1/2), sqrt(2)).
+    if x == types.float32:
+
+        def implementation(x):
+            bits = bits_of(x)
+            exponent = (bits - np.int32(0x3F3504F3)) >> np.int32(23)
+            f = real_of(np.int32(bits - (exponent << np.int32(23)))) - np.float32(1.0)
+            # log(1 + f) = f - f^2/2 + f^3 P(f), P fitted for the least largest relative error, 3e-8 before rounding.
+            p = np.float32(-0.1426747590303421) + f * np.float32(0.08700359612703323)
+            p = np.float32(0.1491478681564331) + f * p
+            p = np.float32(-0.165775865316391) + f * p
+            p = np.float32(0.19963061809539795) + f * p
+            p = np.float32(-0.2500133812427521) + f * p
+            p = np.float32(0.3333390951156616) + f * p
+            p = f + f * f * (f * p - np.float32(0.5))
+            return np.float32(exponent) * np.float32(0.6931471805599453) + p
+
+    else:
+
+        def implementation(x):
+            # log m = 2 artanh(s), s = (m - 1)/(m + 1), as a series in s^2 <= 0.0295.
+            bits = bits_of(x)
+            exponent = (bits - np.int64(0x3FE6A09E667F3BCD)) >> np.int64(52)
+            m = real_of(np.int64(bits - (exponent << np.int64(52))))
+            s = (m - 1.0) / (m + 1.0)
+            t = s * s
+            series = 1.0 / 19.0 + t * (1.0 / 21.0)
+            series = 1.0 / 17.0 + t * series
+            series = 1.0 / 15.0 + t * series
+            series = 1.0 / 13.0 + t * series
+            series = 1.0 / 11.0 + t * series
+            series = 1.0 / 9.0 + t * series
+            series = 1.0 / 7.0 + t * series
+            series = 1.0 / 5.0 + t * series
+            series = 1.0 / 3.0 + t * series
+            return np.float64(exponent) * 0.6931471805599453 + 2.0 * (s + s * t * series)
+
+    return implementation
+
+
+def exponential(x):
+    """e**x, flushed to its value at the ends outside [-87, 88] (float32) and [-708, 709] (float64).  Error below 2e-7 and 4e-16."""
+    return np.exp(x)
+
+
+@overload(exponential, jit_options=INLINE_OPTIONS)
+def _exponential(x):
+    # x = k log 2 + r with |r| <= log(2)/2; e**r by its Taylor polynomial; 2**k through the exponent bits.
+    if x == types.float32:
+
+        def implementation(x):
+            x = min(max(x, np.float32(-87.0)), np.float32(88.0))
+            k = np.floor(x * np.float32(1.4426950408889634) + np.float32(0.5))
+            r = x - k * np.float32(0.693359375) - k * np.float32(-2.12194440e-4)
+            p = np.float32(1.0 / 720.0) + r * np.float32(1.0 / 5040.0)
+            p = np.float32(1.0 / 120.0) + r * p
+            p = np.float32(1.0 / 24.0) + r * p
+            p = np.float32(1.0 / 6.0) + r * p
+            p = np.float32(0.5) + r * p
+            p = np.float32(1.0) + r * (np.float32(1.0) + r * p)
+            return p * real_of(np.int32((np.int32(k) + np.int32(127)) << np.int32(23)))
+
+    else:
+
+        def implementation(x):
+            x = min(max(x, -708.0), 709.0)
+            k = np.floor(x * 1.4426950408889634 + 0.5)
+            r = x - k * 6.93145751953125e-1 - k * 1.42860682030941723212e-6
+            p = 1.0 / 479001600.0 + r * (1.0 / 6227020800.0)
+            p = 1.0 / 39916800.0 + r * p
+            p = 1.0 / 3628800.0 + r * p
+            p = 1.0 / 362880.0 + r * p
+            p = 1.0 / 40320.0 + r * p
+            p = 1.0 / 5040.0 + r * p
+            p = 1.0 / 720.0 + r * p
+            p = 1.0 / 120.0 + r * p
+            p = 1.0 / 24.0 + r * p
+            p = 1.0 / 6.0 + r * p
+            p = 0.5 + r * p
+            p = 1.0 + r * (1.0 + r * p)
+            return p * real_of(np.int64((np.int64(k) + np.int64(1023)) << np.int64(52)))
+
+    return implementation
+
+
+def arctangent(y, x):
+    """atan2(y, x) for x > 0 (a bond turned by less than a right angle).  Absolute error below 3e-7 (float32) and 5e-16 (float64)."""
+    return np.arctan2(y, x)
+
+
+@overload(arctangent, jit_options=INLINE_OPTIONS)
+def _arctangent(y, x):
+    # Two half-angle steps, tan(t/2) = tan t / (1 + sqrt(1 + tan**2 t)), bring the angle below pi/8; then the odd series.
+    if x == types.float32:
+
+        def implementation(y, x):
+            t = y / (x + np.sqrt(x * x + y * y))
+            t = t / (np.float32(1.0) + np.sqrt(np.float32(1.0) + t * t))
+            s = t * t
+            series = np.float32(1.0 / 9.0) - s * np.float32(1.0 / 11.0)
+            series = np.float32(1.0 / 7.0) - s * series
+            series = np.float32(1.0 / 5.0) - s * series
+            series = np.float32(1.0 / 3.0) - s * series
+            return np.float32(4.0) * (t - t * s * series)
+
+    else:
+
+        def implementation(y, x):
+            t = y / (x + np.sqrt(x * x + y * y))
+            t = t / (1.0 + np.sqrt(1.0 + t * t))
+            t = t / (1.0 + np.sqrt(1.0 + t * t))
+            s = t * t
+            series = 1.0 / 21.0 - s * (1.0 / 23.0)
+            series = 1.0 / 19.0 - s * series
+            series = 1.0 / 17.0 - s * series
+            series = 1.0 / 15.0 - s * series
+            series = 1.0 / 13.0 - s * series
+            series = 1.0 / 11.0 - s * series
+            series = 1.0 / 9.0 - s * series
+            series = 1.0 / 7.0 - s * series
+            series = 1.0 / 5.0 - s * series
+            series = 1.0 / 3.0 - s * series
+            return 8.0 * (t - t * s * series)
+
+    return implementation

@@ -1,0 +1,38 @@
+"""The exact bond force (THEORY [3], [4]) as a block function: what surrogates approximate, and what replaces them outside their domain."""
+
+from functools import cache
+
+import numpy as np
+from numba import carray
+
+from .blocks import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
+from .compile import bond_force_signature, call_block, compile_block_function, source_digest
+
+
+@cache
+def exact_bond_force(dtype):
+    """Block function of the exact bond force for any law; states and traction in `dtype`, the law itself in double precision."""
+    digest = source_digest()
+
+    def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
+        digest  # noqa: B018  (part of the cache key)
+        states = carray(states, (STATE_ROWS, BLOCK))
+        traction = carray(traction, (TRACTION_ROWS, BLOCK))
+        scratch = carray(scratch, (SCRATCH_ROWS, BLOCK))
+        for k in range(BLOCK):
+            a = np.float64(states[0, k])
+            b = np.float64(states[1, k])
+            U_mm = np.float64(states[2, k])
+            J = np.float64(states[3, k])
+            scratch[0, k] = a * a + 2.0 * b * b + U_mm * U_mm
+            scratch[1, k] = J
+            scratch[2, k] = J * np.sqrt(np.float64(states[4, k]))
+        call_block(response, scratch[0:3], parameters, scratch[3:8])
+        for k in range(BLOCK):
+            p = scratch[3, k]
+            q = scratch[4, k] / scratch[1, k]
+            traction[0, k] = p * states[0, k] + q * states[2, k]
+            traction[1, k] = (p - q) * states[1, k]
+            traction[2, k] = p * states[2, k] + q * states[0, k]
+
+    return compile_block_function(bond_force, bond_force_signature(np.dtype(dtype)))

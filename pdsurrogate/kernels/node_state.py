@@ -1,0 +1,102 @@
+"""The state of every point from its deformation gradient: rotation, J, and C33 by the plane-stress condition."""
+
+import numpy as np
+from numba import prange
+
+from .blocks import BLOCK, block_rows
+from .compile import call_block, kernel, parallel_kernel
+
+MOST_ITERATIONS = 40
+
+POLAR, CONVECTED = 0, 1
+ROTATIONS = {"polar": POLAR, "convected": CONVECTED}
+"""How the rotation of a horizon is taken from F: exactly, or as the paper's mean turn of the two base vectors (22)-(23)."""
+
+
+@kernel
+def solve_volume_ratios(n, states, result, response, parameters):
+    """Newton's iteration for J3 in ``states[2]`` from the values there, over a block whose first n states count.
+
+    Returns the number of states without a solution.
+
+    The residual is J3 dPsi/dJ3, whose slope is about the bulk modulus: from J3 of the last evaluation one step reaches rounding, and the
+    second confirms it.
+    """
+    for _ in range(MOST_ITERATIONS):
+        call_block(response, states, parameters, result)
+        largest = 0.0
+        for k in range(n):
+            J3 = states[2, k]
+            step = result[2, k] / result[3, k]
+            # A negative slope or a large step: halve or double, which keeps J3 positive from any start.
+            step = step if result[3, k] > 0.0 else np.copysign(J3, result[2, k])
+            step = min(max(step, -J3), 0.5 * J3)
+            states[2, k] = J3 - step
+            largest = max(largest, abs(step) / J3)
+        # Convergence is quadratic: after a step below 1e-8 the error is below rounding.
+        if largest < 1e-8:
+            break
+    unsolved = 0
+    for k in range(n):
+        # NaN fails both comparisons.
+        solved = states[0, k] < np.inf and abs(result[2, k]) <= 1e-5 * result[3, k] and states[1, k] > 0.0
+        unsolved += 0 if solved else 1
+    return unsolved
+
+
+@parallel_kernel
+def node_states(gradients, volume_ratios, rotation, response, parameters, scratch, records, unsolved):
+    """Node records (cos, sin, J, C33) from the deformation gradients.
+
+    Parameters
+    ----------
+    gradients : (n, 4) F as (11, 21, 12, 22).
+    volume_ratios : (n,) J3, the last values in and the new ones out.
+    scratch : (n_chunks, SCRATCH_ROWS, BLOCK) doubles.
+    records : (n, 4) out, in the precision of the bond pass.
+    unsolved : (n_chunks,) out: points of each chunk with det F <= 0, non-finite F, or no plane-stress state.
+    """
+    n = gradients.shape[0]
+    n_blocks = (n + BLOCK - 1) // BLOCK
+    chunks = scratch.shape[0]
+    for chunk in prange(chunks):
+        states = block_rows(scratch[chunk, 0:3])
+        result = block_rows(scratch[chunk, 3:8])
+        count = 0
+        for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
+            at = block * BLOCK
+            size = min(BLOCK, n - at)
+            for k in range(size):
+                F11 = gradients[at + k, 0]
+                F21 = gradients[at + k, 1]
+                F12 = gradients[at + k, 2]
+                F22 = gradients[at + k, 3]
+                states[0, k] = F11 * F11 + F21 * F21 + F12 * F12 + F22 * F22
+                states[1, k] = F11 * F22 - F12 * F21
+                states[2, k] = volume_ratios[at + k]
+            count += solve_volume_ratios(size, states, result, response, parameters)
+            for k in range(size):
+                J = states[1, k]
+                J3 = states[2, k]
+                volume_ratios[at + k] = J3
+                records[at + k, 2] = J
+                records[at + k, 3] = (J3 / J) * (J3 / J)
+            if rotation == POLAR:
+                for k in range(size):
+                    c = gradients[at + k, 0] + gradients[at + k, 3]
+                    s = gradients[at + k, 1] - gradients[at + k, 2]
+                    norm = 1.0 / np.sqrt(c * c + s * s)
+                    records[at + k, 0] = c * norm
+                    records[at + k, 1] = s * norm
+            else:
+                for k in range(size):
+                    angle = convected_rotation(gradients[at + k, 0], gradients[at + k, 1], gradients[at + k, 2], gradients[at + k, 3])
+                    records[at + k, 0] = np.cos(angle)
+                    records[at + k, 1] = np.sin(angle)
+        unsolved[chunk] = count
+
+
+@kernel
+def convected_rotation(F11, F21, F12, F22):
+    """Mean of the turns of the two convected base vectors, the paper's (22)-(23); folds past a right angle."""
+    return 0.5 * (np.arcsin(F21 / np.sqrt(F11 * F11 + F21 * F21)) - np.arcsin(F12 / np.sqrt(F12 * F12 + F22 * F22)))

@@ -1,0 +1,71 @@
+"""Steps of dynamic relaxation and of explicit dynamics: vectors in, vectors out, no allocation."""
+
+import numpy as np
+
+from .compile import kernel
+
+
+@kernel
+def relaxation_step(positions, velocities, forces, last_forces, free, mass, damping_floor):
+    """One step of adaptive dynamic relaxation with unit time step.
+
+    The damping is critical for the mode that moves: its frequency is the Rayleigh quotient of the velocity, with K v
+    taken from the change of the force over the last step (Underwood 1983).
+
+    Parameters
+    ----------
+    positions, velocities : (n, 2) in and out.
+    forces, last_forces : (n, 2) now, and one step ago; the latter is overwritten with the former.
+    free : (n, 2) 1 where a component may move.
+    mass : (n,) fictitious mass.
+    damping_floor : least damping.
+    """
+    stiffness = 0.0
+    inertia = 0.0
+    for i in range(positions.shape[0]):
+        for c in range(2):
+            v = velocities[i, c]
+            stiffness -= v * (forces[i, c] - last_forces[i, c])
+            inertia += mass[i] * v * v
+    damping = damping_floor
+    if stiffness > 0.0 and inertia > 0.0:
+        # 1.9: beyond 2 the step would be unstable for the fastest mode.
+        damping = min(max(2.0 * np.sqrt(stiffness / inertia), damping_floor), 1.9)
+    for i in range(positions.shape[0]):
+        for c in range(2):
+            v = ((2.0 - damping) * velocities[i, c] + 2.0 * forces[i, c] / mass[i]) / (2.0 + damping) * free[i, c]
+            velocities[i, c] = v
+            positions[i, c] += v
+            last_forces[i, c] = forces[i, c]
+    return damping
+
+
+@kernel
+def greatest_force_density(forces, free, volumes):
+    """Largest force per volume over the free components; NaN if any is not finite."""
+    largest = 0.0
+    total = 0.0
+    for i in range(forces.shape[0]):
+        for c in range(2):
+            value = abs(forces[i, c]) * free[i, c] / volumes[i]
+            largest = max(largest, value)
+            total += value
+    return largest if total < np.inf else np.nan
+
+
+@kernel
+def central_difference_step(positions, velocities, forces, free, mass, damping, step):
+    """One explicit step with velocities at half steps and damping proportional to mass.
+
+    Parameters
+    ----------
+    damping : rate c in M (a + c v) = f.
+    step : time step.
+    """
+    decay = 1.0 - 0.5 * damping * step
+    growth = 1.0 / (1.0 + 0.5 * damping * step)
+    for i in range(positions.shape[0]):
+        for k in range(2):
+            v = (decay * velocities[i, k] + step * forces[i, k] / mass[i]) * growth * free[i, k]
+            velocities[i, k] = v
+            positions[i, k] += step * v

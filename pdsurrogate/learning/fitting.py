@@ -1,0 +1,139 @@
+"""Fit, examine and store a surrogate of a law's bond force: what `pdsurrogate fit` and the shipped pipelines do."""
+
+from __future__ import annotations
+
+import platform
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+from sklearn.model_selection import KFold
+
+from ..artifacts import load_surrogate, save_artifact
+from ..body import WEIGHT_FUNCTIONS
+from ..forces import Domain
+from ..kernels.feature_sets import FEATURE_NAMES
+from ..materials import Law
+from .export import network_force
+from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples
+from .validation import evaluate, relative_errors
+
+
+def domain_of(samples: BondSamples) -> Domain:
+    """Domain of the samples' design: its box of principal stretches, and the J3^2 of its states."""
+    low, high = samples.design["stretch_range"]
+    bulk = samples.X[:, 4] ** 2 * samples.X[:, 3]
+    if samples.design.get("off_surface"):
+        # The perturbation's own bounds, which the samples nearly fill.
+        reach = np.exp(PERTURBATION["log_C33"])
+        return Domain(low, high, float(1 / reach), float(reach))
+    return Domain(low, high, float(bulk.min()), float(bulk.max()))
+
+
+def cross_validate(model, samples: BondSamples, folds: int = 5, random_state: int = 0) -> list[dict]:
+    """Fit clones of a pipeline to all but one fold of the samples each, and report the relative errors on the fold left out."""
+    from sklearn.base import clone
+
+    rows = []
+    for number, (train, test) in enumerate(KFold(folds, shuffle=True, random_state=random_state).split(samples.X)):
+        fitted = clone(model).fit(samples.X[train], samples.y[train])
+        left_out = BondSamples(samples.X[test], samples.y[test], samples.design)
+        rows.append({"fold": number, **relative_errors(lambda *bond, fitted=fitted: fitted.predict(np.stack(bond, axis=1)), left_out)})
+    return rows
+
+
+def store(
+    model,
+    samples: BondSamples,
+    law: Law,
+    folder: str | Path,
+    name: str,
+    version: str,
+    description: str,
+    cross_validation: list[dict] | None = None,
+    search: list[dict] | None = None,
+) -> Path:
+    """Write the artefact of a fitted pipeline with a full card.
+
+    Parameters
+    ----------
+    model : InputAwareTargetRegressor
+        Fitted to `samples`.
+    samples : BondSamples
+        Nondimensional.
+    law : Law
+    folder, name, version
+        As for `pdsurrogate.artifacts.save_artifact`.
+    description : str
+        What it is for, in a sentence.
+    cross_validation, search : list of dict, optional
+        Tables for the card.
+
+    Returns
+    -------
+    Path
+        Of the artefact.
+    """
+    surrogate = network_force(model, law, domain_of(samples), f"{name}@{version}")
+    pipeline = model.regressor_
+    network = pipeline["network"].regressor_
+    scaling, target = pipeline["scaling"], pipeline["network"].transformer_
+    low, high = samples.design["stretch_range"]
+    errors = {"box": evaluate(surrogate.bond_force, law, (low, high))}
+    if low > 0.5:
+        errors["outside_box"] = evaluate(surrogate.bond_force, law, (0.5, 4.0))
+    card = {
+        "name": name,
+        "version": version,
+        "kind": surrogate.kind,
+        "description": description,
+        "material": {"law": law.name, "trained_with": law.describe(), "shape": law.shape},
+        "weight_function": "any: the force learnt is dimensionless, t kappa / (w l mu); known are " + ", ".join(WEIGHT_FUNCTIONS),
+        "features": {
+            "set": surrogate.feature_set,
+            "names": list(FEATURE_NAMES[surrogate.feature_set]),
+            "from": list(COLUMNS),
+            "targets": list(TARGETS),
+            "units": "dimensionless; rotation in radians; length in horizons; force in w l mu / kappa",
+        },
+        "scaling": {
+            "feature_mean": scaling.mean_.tolist(),
+            "feature_scale": scaling.scale_.tolist(),
+            "output_mean": target.mean_.tolist(),
+            "output_scale": target.scale_.tolist(),
+            "folded": "into the first and last layer of the network in the payload",
+        },
+        "training": {
+            "design": samples.design,
+            "regressor": type(network).__name__,
+            "parameters": {key: list(value) if isinstance(value, tuple) else value for key, value in network.get_params().items()},
+            "n_iter": network.n_iter_,
+            "loss": network.loss_,
+            "validation_loss": network.validation_loss_,
+            "test_score": network.test_score_,
+            "cross_validation": cross_validation or [],
+            "search": search or [],
+        },
+        "domain": {
+            "least_stretch": surrogate.domain.least_stretch,
+            "greatest_stretch": surrogate.domain.greatest_stretch,
+            "least_bulk": surrogate.domain.least_bulk,
+            "greatest_bulk": surrogate.domain.greatest_bulk,
+        },
+        "errors": errors,
+        "made_with": versions(),
+    }
+    path = save_artifact(folder, card, surrogate, model)
+    load_surrogate(path)  # what was written can be read
+    return path
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that shapes an artefact."""
+    found = {"python": platform.python_version()}
+    for package in ("pdsurrogate", "numpy", "scipy", "scikit-learn", "joblib"):
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found

@@ -1,0 +1,109 @@
+"""The pipeline that learns a bond force: features, scaling, nondimensional target, regressor."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from sklearn.compose import TransformedTargetRegressor
+from sklearn.pipeline import Pipeline
+from sklearn.preprocessing import FunctionTransformer, StandardScaler
+
+from ..kernels.feature_sets import FEATURE_NAMES, FEATURE_SETS
+from .levenberg_marquardt import LevenbergMarquardtRegressor
+from .sampling import COLUMNS, force_factor
+from .target import InputAwareTargetRegressor
+
+AT_REST = (1.0, 0.0, 1.0, 1.0, 1.0)
+"""Bond quantities of an undeformed bond as long as the horizon."""
+
+
+def bond_force_pipeline(
+    features: str = "symmetric", regressor=None, horizon: float = 1.0, weight: str | None = None, shear_modulus: float = 1.0
+):
+    """A scikit-learn regressor from bond quantities (columns of `BondSamples.X`) to the bond force.
+
+    Parameters
+    ----------
+    features : {"symmetric", "paper"}
+        What the network sees.  With "symmetric" the force is isotropic, mirror symmetric, and zero at rest by construction.
+    regressor : estimator, optional
+        Regressor of the scaled outputs by the scaled features; a Levenberg-Marquardt network of 20 units by default.
+    horizon : float
+        Unit of length of the samples' third column.
+    weight : str, optional
+        Weight function of samples with dimensional forces; None for nondimensional ones.
+    shear_modulus : float
+        Unit of stress of dimensional forces.
+
+    Returns
+    -------
+    InputAwareTargetRegressor
+    """
+    if features not in FEATURE_SETS:
+        raise ValueError(f"unknown features {features!r}; there are {', '.join(FEATURE_SETS)}")
+    factor = None if weight is None else partial(force_factor, horizon=horizon, weight=weight, shear_modulus=shear_modulus)
+    network = LevenbergMarquardtRegressor(random_state=0) if regressor is None else regressor
+    steps = [
+        ("features", feature_transformer(features, horizon)),
+        ("scaling", StandardScaler()),
+        ("network", TransformedTargetRegressor(network, transformer=StandardScaler())),
+    ]
+    return InputAwareTargetRegressor(
+        Pipeline(steps),
+        func=partial(outputs_of_force, features=features, factor=factor),
+        inverse_func=partial(force_of_outputs, features=features, factor=factor),
+        anchor=(AT_REST[0], AT_REST[1], horizon, *AT_REST[3:]) if features == "symmetric" else None,
+        anchored_outputs=(0,) if features == "symmetric" else (),
+    )
+
+
+def feature_transformer(features: str, horizon: float = 1.0) -> FunctionTransformer:
+    """Transformer from the five bond quantities to a feature set, lengths in units of the horizon."""
+    return FunctionTransformer(
+        feature_values,
+        kw_args={"features": features, "horizon": horizon},
+        feature_names_out=partial(_names, features=features),
+        check_inverse=False,
+    )
+
+
+def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.ndarray:
+    """Values of a feature set, shape (n, n_features)."""
+    a, b, U_mm, J, C33, length = _bond_state(X)
+    return np.stack(FEATURE_SETS[features][0](a, b, U_mm, J, C33, length / horizon), axis=1)
+
+
+def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
+    """What the network is trained to give: the nondimensional force as the feature set's outputs."""
+    a, b, U_mm, J, C33, length = _bond_state(X)
+    force = np.asarray(y) if factor is None else y / factor(length)[:, None]
+    stretch = X[:, 0]
+    T_nn, T_nm = ((force[:, 0] * a - force[:, 1] * b) / stretch, (force[:, 0] * b + force[:, 1] * a) / stretch)
+    return np.stack(FEATURE_SETS[features][2](T_nn, T_nm, a, b, U_mm, J, C33), axis=1)
+
+
+def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
+    """The inverse of `outputs_of_force`."""
+    a, b, U_mm, J, C33, length = _bond_state(X)
+    T_nn, T_nm, _ = FEATURE_SETS[features][1](z[:, 0], z[:, 1], a, b, U_mm, J, C33)
+    force = np.stack([T_nn * a + T_nm * b, T_nm * a - T_nn * b], axis=1) / X[:, :1]
+    return force if factor is None else force * factor(length)[:, None]
+
+
+def _bond_state(X):
+    X = np.asarray(X, dtype=float)
+    if X.ndim != 2 or X.shape[1] != len(COLUMNS):
+        raise ValueError(f"X must have the {len(COLUMNS)} columns {', '.join(COLUMNS)}, not shape {X.shape}")
+    stretch, rotation, length, C33, J = X.T
+    for name, values in (("stretch", stretch), ("C33", C33), ("J", J)):
+        if not (values > 0).all():
+            raise ValueError(f"{name} must be positive; the least given is {values.min():g}")
+    a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+    if not (a > 0).all():
+        raise ValueError("a bond has turned by a right angle or more relative to its horizon; no stretch tensor has such a bond")
+    return a, b, (J + b * b) / a, J, C33, length
+
+
+def _names(transformer, input_features, features):
+    return np.asarray(FEATURE_NAMES[features], dtype=object)

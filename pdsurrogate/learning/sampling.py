@@ -1,0 +1,214 @@
+"""Training data: bond states and the exact force of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..body import WEIGHT_FUNCTIONS
+from ..materials import Law, plane_stress
+
+COLUMNS = ("stretch", "rotation", "length", "C33", "J")
+"""Columns of X: lambda_b, dtheta (radians), l_b, C33, det F in the plane."""
+
+TARGETS = ("t_n", "t_tau")
+"""Columns of y: bond force along and across the deformed bond."""
+
+LENGTHS, ORIENTATIONS = 2, 5
+"""Bond lengths for every deformation gradient of Algorithm 1, and orientations for every length."""
+
+
+@dataclass(frozen=True)
+class BondSamples:
+    """Samples of the map from bond quantities to bond force.
+
+    Attributes
+    ----------
+    X : ndarray, shape (n, 5)
+        See `COLUMNS`.
+    y : ndarray, shape (n, 2)
+        See `TARGETS`.
+    design : dict
+        How they were drawn: everything that is needed to draw them again.
+    """
+
+    X: np.ndarray
+    y: np.ndarray
+    design: dict
+
+    def __len__(self) -> int:
+        return len(self.X)
+
+
+def algorithm_1(
+    law: Law,
+    n_samples: int = 10_000,
+    stretch_range: tuple[float, float] = (0.8, 4.0),
+    horizon: float = 1.0,
+    weight: str = "inverse",
+    nondimensional: bool = True,
+    random_state: int = 0,
+) -> BondSamples:
+    """The paper's Algorithm 1: loops over principal stretches, within them over bond lengths, within these over bond orientations.
+
+    The paper says "for various"; here the various values are drawn evenly from their ranges.  (On a full grid of
+    values a network can be exact at the grid's few stretches and wrong by percents between them.)
+
+    Parameters
+    ----------
+    law : Law
+    n_samples : int
+        About how many: one pair of stretches for every `LENGTHS` x `ORIENTATIONS` of them.
+    stretch_range : tuple of float
+        Of both principal stretches.
+    horizon : float
+        delta; lengths run over (0, delta].
+    weight : str
+        Weight function.
+    nondimensional : bool
+        Lengths in units of the horizon, forces as t kappa/(w l mu) [1]; else lengths as they are, forces by Eq. (2) on a full circular
+        horizon, in the unit of the shear modulus over the horizon's cubed.
+    random_state : int
+        Seed.
+
+    Returns
+    -------
+    BondSamples
+    """
+    low, high = _checked_range(stretch_range)
+    random = np.random.default_rng(random_state)
+    pairs = max(1, round(n_samples / (LENGTHS * ORIENTATIONS)))
+    stretches = np.repeat(random.uniform(low, high, (pairs, 2)), LENGTHS * ORIENTATIONS, axis=0)
+    length = np.repeat(horizon * (1 - random.uniform(0, 1, pairs * LENGTHS)), ORIENTATIONS)
+    angle = 2 * np.pi * (1 - random.uniform(0, 1, len(length)))
+    U_nn, U_nm, J, C33 = _on_surface(law, *stretches.T, angle)
+    X, y = _bond_force(law, U_nn, U_nm, J, C33, length)
+    if nondimensional:
+        X[:, 2] /= horizon
+    else:
+        y *= force_factor(length, horizon, weight, law.shear_modulus)[:, None]
+    design = {
+        "name": "algorithm 1",
+        "n_samples": len(X),
+        "stretch_range": [low, high],
+        "horizon": horizon,
+        "weight": weight,
+        "nondimensional": nondimensional,
+        "random_state": random_state,
+    }
+    return BondSamples(X, y, design)
+
+
+def wide_design(
+    law: Law,
+    n_samples: int = 8_000,
+    stretch_range: tuple[float, float] = (0.5, 4.0),
+    near_rest: float = 0.25,
+    off_surface: float = 2 / 3,
+    random_state: int = 0,
+) -> BondSamples:
+    """The wider design (THEORY section 4): even in log-stretch, with states near rest and states off the plane-stress surface.
+
+    Off the surface lambda_b, dtheta and C33 are perturbed independently, by amounts that shrink with the strain, and
+    the force is the exact one of the perturbed values.
+
+    Parameters
+    ----------
+    law : Law
+    n_samples : int
+    stretch_range : tuple of float
+        Of both principal stretches.
+    near_rest : float
+        Share of states with strains from 0.1 % to 30 %, even in the logarithm of the strain.
+    off_surface : float
+        Share of states that are perturbed.
+    random_state : int
+        Seed.
+
+    Returns
+    -------
+    BondSamples
+        Nondimensional, horizon 1.
+    """
+    low, high = _checked_range(stretch_range)
+    random = np.random.default_rng(random_state)
+    logs = random.uniform(np.log(low), np.log(high), (n_samples, 2))
+    n_near = int(near_rest * n_samples)
+    direction = random.standard_normal((n_near, 2))
+    size = np.exp(random.uniform(np.log(1e-3), np.log(0.3), n_near))
+    logs[:n_near] = np.clip(size[:, None] * direction / np.linalg.norm(direction, axis=1, keepdims=True), np.log(low), np.log(high))
+    angle = random.uniform(0, 2 * np.pi, n_samples)
+    length = random.uniform(0, 1, n_samples)
+    U_nn, U_nm, J, C33 = _on_surface(law, *np.exp(logs).T, angle)
+
+    perturbed = random.random(n_samples) < off_surface
+    U_nn, U_nm, C33 = perturb(U_nn, U_nm, C33, np.abs(logs).max(axis=1) * perturbed, random)
+    X, y = _bond_force(law, U_nn, U_nm, J, C33, 1 - length)
+    design = {
+        "name": "wide",
+        "n_samples": n_samples,
+        "stretch_range": [low, high],
+        "near_rest": near_rest,
+        "off_surface": off_surface,
+        "perturbation": PERTURBATION,
+        "random_state": random_state,
+        "nondimensional": True,
+    }
+    return BondSamples(X, y, design)
+
+
+PERTURBATION = {"log_stretch": 0.15, "rotation": 0.08, "log_C33": 0.35, "full_from_strain": 0.2}
+"""Greatest perturbations of a bond off the surface, and the log-strain from which they have their full size."""
+
+
+def perturb(U_nn, U_nm, C33, strain, random):
+    """Move bonds off the plane-stress surface; `strain` is their greatest log-strain, 0 for those that stay."""
+    scale = np.minimum(1, strain / PERTURBATION["full_from_strain"])
+    stretch = np.hypot(U_nn, U_nm) * np.exp(PERTURBATION["log_stretch"] * scale * random.uniform(-1, 1, scale.size))
+    rotation = np.arctan2(U_nm, U_nn) + PERTURBATION["rotation"] * scale * random.uniform(-1, 1, scale.size)
+    C33 = C33 * np.exp(PERTURBATION["log_C33"] * scale * random.uniform(-1, 1, scale.size))
+    return stretch * np.cos(rotation), stretch * np.sin(rotation), C33
+
+
+def states_of_strain(
+    law: Law, strains: tuple[float, float], stretch_range: tuple[float, float], n_samples: int, random_state: int
+) -> BondSamples:
+    """On-surface states whose greatest principal strain |lambda - 1| lies in a bin, even in its logarithm; for error reports."""
+    low, high = _checked_range(stretch_range)
+    random = np.random.default_rng(random_state)
+    greatest = np.exp(random.uniform(*np.log(strains), n_samples))
+    compressive = random.random(n_samples) < 0.5
+    first = np.where(compressive & (1 - greatest >= low), 1 - greatest, 1 + greatest)
+    second = random.uniform(np.maximum(1 - greatest, low), np.minimum(1 + greatest, high))
+    U_nn, U_nm, J, C33 = _on_surface(law, first, second, random.uniform(0, 2 * np.pi, n_samples))
+    X, y = _bond_force(law, U_nn, U_nm, J, C33, 1 - random.uniform(0, 1, n_samples))
+    return BondSamples(X, y, {"name": "strain bin", "strains": list(strains), "n_samples": n_samples, "random_state": random_state})
+
+
+def force_factor(length, horizon: float, weight: str, shear_modulus: float):
+    """W l mu/kappa: what a dimensionless bond force is multiplied by to give that of Eq. (2) on a full circular horizon."""
+    function = WEIGHT_FUNCTIONS[weight]
+    return function.function(length, horizon) * length * shear_modulus / (function.moment * horizon**4)
+
+
+def _checked_range(stretch_range):
+    low, high = (float(value) for value in stretch_range)
+    if not (np.isfinite(high) and 0 < low < high):
+        raise ValueError(f"a stretch range needs 0 < low < high, not {stretch_range}")
+    return low, high
+
+
+def _on_surface(law, stretch_1, stretch_2, angle):
+    """U_nn, U_nm, J and the plane-stress C33 of bonds at an angle to the principal axes."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    J = stretch_1 * stretch_2
+    C33 = plane_stress.thickness_stretch_squared(law, stretch_1**2 + stretch_2**2, J)
+    return stretch_1 * cos**2 + stretch_2 * sin**2, (stretch_2 - stretch_1) * sin * cos, J, C33
+
+
+def _bond_force(law, U_nn, U_nm, J, C33, length):
+    T_nn, T_nm, _ = plane_stress.bond_traction(law, U_nn, U_nm, J, C33)
+    stretch = np.hypot(U_nn, U_nm)
+    X = np.stack([stretch, np.arctan2(U_nm, U_nn), length, C33, J], axis=1)
+    return X, np.stack([T_nn * U_nn + T_nm * U_nm, T_nm * U_nn - T_nn * U_nm], axis=1) / stretch[:, None]

@@ -1,0 +1,90 @@
+"""A regressor whose target is transformed by functions that see the inputs."""
+
+from __future__ import annotations
+
+import numpy as np
+from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
+from sklearn.linear_model import LinearRegression
+from sklearn.utils import get_tags
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+
+class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
+    """Fit a regressor to ``func(X, y)`` and predict with ``inverse_func(X, ...)``.
+
+    As `sklearn.compose.TransformedTargetRegressor`, but for transformations that depend on the inputs, such as a known size that the
+    target is divided by.  On request the prediction of chosen outputs is made exactly zero at one input, by taking
+    off what the regressor gives there.
+
+    Parameters
+    ----------
+    regressor : estimator, default=None
+        Any regressor; LinearRegression if None.
+    func, inverse_func : callable, default=None
+        ``func(X, y)`` and its inverse ``inverse_func(X, z)``; the identity if None.
+    anchor : array-like, shape (n_features,), default=None
+        Input at which the transformed outputs named in `anchored_outputs` are zero.
+    anchored_outputs : tuple of int, default=()
+
+    Attributes
+    ----------
+    regressor_ : estimator
+    offsets_ : ndarray, shape (n_outputs,)
+        Taken off the transformed outputs.
+    n_features_in_ : int
+    """
+
+    def __init__(self, regressor=None, func=None, inverse_func=None, anchor=None, anchored_outputs=()):
+        self.regressor = regressor
+        self.func = func
+        self.inverse_func = inverse_func
+        self.anchor = anchor
+        self.anchored_outputs = anchored_outputs
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        inner = get_tags(self.regressor) if self.regressor is not None else get_tags(LinearRegression())
+        tags.target_tags.multi_output = inner.target_tags.multi_output
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    def fit(self, X, y):
+        """Fit the regressor to the transformed target.
+
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, n_features)
+        y : array-like, shape (n_samples,) or (n_samples, n_outputs)
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If only one of `func` and `inverse_func` is given, or the transformed target is not finite.
+        """
+        if (self.func is None) != (self.inverse_func is None):
+            raise ValueError("func and inverse_func are given together or not at all")
+        X, y = validate_data(self, X, y, multi_output=True, y_numeric=True)
+        z = y if self.func is None else np.asarray(self.func(X, y))
+        if not np.isfinite(z).all():
+            first = np.flatnonzero(~np.isfinite(z).reshape(len(X), -1).all(axis=1))[0]
+            raise ValueError(f"the transformed target of sample {first} is not finite: the transformation has no value at {X[first]}")
+        self.regressor_ = clone(self.regressor) if self.regressor is not None else LinearRegression()
+        self.regressor_.fit(X, z)
+        self.offsets_ = np.zeros(z.shape[1] if z.ndim == 2 else 1)
+        if self.anchor is not None:
+            at_anchor = np.ravel(self.regressor_.predict(np.asarray(self.anchor, dtype=float).reshape(1, -1)))
+            chosen = list(self.anchored_outputs)
+            self.offsets_[chosen] = at_anchor[chosen]
+        return self
+
+    def predict(self, X):
+        """Predict the target, shape as in training."""
+        check_is_fitted(self)
+        X = validate_data(self, X, reset=False)
+        z = self.regressor_.predict(X)
+        z = z - (self.offsets_ if z.ndim == 2 else self.offsets_[0])
+        return z if self.inverse_func is None else np.asarray(self.inverse_func(X, z))

@@ -1,0 +1,95 @@
+"""How far a bond force is from the exact one, on and off the plane-stress surface, by strain, and where it would be unstable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+
+from ..forces import AnalyticBondForce
+from ..materials import Law
+from .sampling import states_of_strain, wide_design
+
+STRAIN_BINS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 3.0)
+"""Bounds of the bins of greatest principal strain in error reports."""
+
+SLOPE_STEP = 1e-4
+"""Relative change of lambda_b by which the stiffness slope is read; single precision is never used here."""
+
+
+def relative_errors(force: Callable, samples) -> dict[str, float]:
+    """Errors of a bond force on samples.
+
+    Parameters
+    ----------
+    force : callable
+        ``force(stretch, rotation, length, C33, J)``, e.g. a model's `bond_force`.
+    samples : BondSamples
+        Nondimensional.
+
+    Returns
+    -------
+    dict
+        ``rms``: root mean square of the error over that of the force; ``max``: greatest error over the root mean square of the force.
+    """
+    error = np.linalg.norm(force(*samples.X.T) - samples.y, axis=1)
+    size = np.sqrt((samples.y**2).sum(axis=1).mean())
+    return {"rms": float(np.sqrt((error**2).mean()) / size), "max": float(error.max() / size)}
+
+
+def evaluate(
+    force: Callable, law: Law, stretch_range: tuple[float, float] = (0.5, 4.0), n_samples: int = 20_000, random_state: int = 1_000_003
+) -> dict:
+    """Report of a bond force against the exact one.
+
+    Parameters
+    ----------
+    force : callable
+        ``force(stretch, rotation, length, C33, J)``.
+    law : Law
+    stretch_range : tuple of float
+        Of the principal stretches.
+    n_samples : int
+        Of each set of states.
+    random_state : int
+        Seed; choose one that no training used.
+
+    Returns
+    -------
+    dict
+        ``on_surface``, ``off_surface``: see `relative_errors`; ``by_strain``: list of bins with their ``strain``
+        bounds, ``rms`` and ``max``; ``at_rest``: size of the force on an undeformed bond; ``least_slope``: least d
+        t_n / d lambda_b at fixed dtheta, J and C33 over both sets, with ``least_slope_exact``, that of the exact
+        force in the same states; the least value must be positive, or short waves are unstable.
+    """
+    on = wide_design(law, n_samples, stretch_range, near_rest=0.25, off_surface=0, random_state=random_state)
+    off = wide_design(law, n_samples, stretch_range, near_rest=0, off_surface=1, random_state=random_state + 1)
+    bins = []
+    least = abs(1 - stretch_range[0])
+    for number, strains in enumerate(pairwise(STRAIN_BINS)):
+        if strains[0] >= max(stretch_range[1] - 1, least):
+            continue
+        strains = (strains[0], min(strains[1], stretch_range[1] - 1))
+        samples = states_of_strain(law, strains, stretch_range, max(n_samples // 10, 100), random_state + 2 + number)
+        bins.append({"strain": list(strains), **relative_errors(force, samples)})
+    states = np.vstack([on.X, off.X])
+    exact = AnalyticBondForce(law).bond_force
+    return {
+        "stretch_range": list(stretch_range),
+        "n_samples": n_samples,
+        "random_state": random_state,
+        "on_surface": relative_errors(force, on),
+        "off_surface": relative_errors(force, off),
+        "by_strain": bins,
+        "at_rest": float(np.linalg.norm(force([1.0], [0.0], [1.0], [1.0], [1.0]))),
+        "least_slope": float(stiffness_slopes(force, states).min()),
+        "least_slope_exact": float(stiffness_slopes(exact, states).min()),
+    }
+
+
+def stiffness_slopes(force: Callable, states: np.ndarray) -> np.ndarray:
+    """D t_n / d lambda_b at fixed dtheta, length, C33 and J, by central differences, shape (n,)."""
+    stretch = states[:, 0]
+    low, high = (force(stretch * (1 + sign * SLOPE_STEP), *states[:, 1:].T)[:, 0] for sign in (-1, 1))
+    return (high - low) / (2 * SLOPE_STEP * stretch)

@@ -1,0 +1,85 @@
+"""Exact homogeneous plane-stress solutions of slightly compressible laws: what simulations are compared with.
+
+The textbook formulas of the paper's Table 1 are the incompressible limit, off by about 1 % in stress at K = 100 mu.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from . import plane_stress
+from .law import Law
+
+
+@dataclass(frozen=True)
+class HomogeneousState:
+    """A homogeneous state under plane stress.
+
+    Attributes
+    ----------
+    stretch, lateral_stretch, thickness_stretch : float
+        Principal stretches along x1, along x2, and through the thickness.
+    volume_ratio : float
+        J3.
+    nominal_stress, lateral_stress : float
+        P11 and P22, in the unit of the shear modulus.
+    energy_density : float
+        Per undeformed volume, same unit.
+    """
+
+    stretch: float
+    lateral_stretch: float
+    thickness_stretch: float
+    volume_ratio: float
+    nominal_stress: float
+    lateral_stress: float
+    energy_density: float
+
+
+def biaxial(law: Law, stretch: float, lateral_stretch: float) -> HomogeneousState:
+    """State at two given in-plane stretches."""
+    for value in (stretch, lateral_stretch):
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"a stretch must be positive and finite, not {value}")
+    F = np.diag([stretch, lateral_stretch])
+    trace, J = plane_stress.invariants(F)
+    J3 = float(plane_stress.volume_ratio(law, trace, J))
+    P = plane_stress.first_piola_stress(law, F)
+    return HomogeneousState(
+        float(stretch),
+        float(lateral_stretch),
+        J3 / (stretch * lateral_stretch),
+        J3,
+        float(P[0, 0]),
+        float(P[1, 1]),
+        float(plane_stress.energy_density(law, F)),
+    )
+
+
+def uniaxial(law: Law, stretch: float) -> HomogeneousState:
+    """Uniaxial tension or compression along x1: P22 = P33 = 0."""
+
+    def lateral_stress(lateral_stretch):
+        return biaxial(law, stretch, lateral_stretch).lateral_stress
+
+    # The incompressible lateral stretch, widened on either side until the root is enclosed; a bound past the law's limit is drawn in.
+    middle = stretch**-0.5
+    low, high = 0.9 * middle, 1.1 * middle
+    for _ in range(40):
+        if lateral_stress(low) < 0 < lateral_stress(high):
+            break
+        low, high = 0.9 * low, 1.1 * high
+    return biaxial(law, stretch, brentq(lateral_stress, low, high, xtol=1e-15, rtol=1e-15))
+
+
+def equibiaxial(law: Law, stretch: float) -> HomogeneousState:
+    """Equal stretches along x1 and x2."""
+    return biaxial(law, stretch, stretch)
+
+
+def pure_shear(law: Law, stretch: float) -> HomogeneousState:
+    """Stretch along x1 at a held width (lateral stretch 1)."""
+    return biaxial(law, stretch, 1.0)

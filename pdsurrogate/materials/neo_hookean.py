@@ -1,0 +1,49 @@
+"""Slightly compressible Neo-Hookean rubber, the paper's Eqs. (6)-(9)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from .law import InvariantLaw
+
+
+@dataclass(frozen=True)
+class NeoHookean(InvariantLaw):
+    """Psi = mu/2 (I1bar - 3) + K/8 (J3 - 1/J3)^2.
+
+    Parameters
+    ----------
+    shear_modulus : float
+        mu, any unit of stress.
+    bulk_modulus : float
+        K, same unit; the paper uses 100 mu throughout.
+
+    References
+    ----------
+    Chen, Yang, Liu, Int. J. Mech. Sci. 273 (2024) 109234, Eq. (6).  Treloar, Trans. Faraday Soc. 39 (1943) 241.
+    """
+
+    name: ClassVar[str] = "neo-hookean"
+    reference: ClassVar[str] = "Treloar 1943; Chen et al. 2024, Eq. (6)"
+    n_parameters: ClassVar[int] = 1
+
+    @property
+    def parameters(self) -> np.ndarray:
+        return np.array([self.bulk_modulus / self.shear_modulus])
+
+    @staticmethod
+    def isochoric(I1, I2, parameters):
+        zero = 0 * I1
+        return (I1 - 3) / 2, zero + 1 / 2, zero, zero, zero, zero
+
+    @staticmethod
+    def volumetric(J3, parameters):
+        K = parameters[0]
+        inverse = 1 / J3
+        square = inverse * inverse
+        return (
+            K / 8 * (J3 - inverse) * (J3 - inverse),
+            K / 4 * (J3 - inverse * square),
+            K / 4 * (1 + 3 * square * square),
+        )

@@ -1,0 +1,103 @@
+"""Plane-stress relations of any law, in NumPy: the checked, readable side of what the kernels compute.
+
+In-plane tensors have shape (..., 2, 2).  Stresses and energies carry the unit of the law's shear modulus; `bond_traction` is dimensionless.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .law import Law
+
+
+def invariants(F):
+    """Tr C and det F of in-plane deformation gradients, each of shape (...)."""
+    F = np.asarray(F, dtype=float)
+    return (F * F).sum(axis=(-2, -1)), F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0]
+
+
+def volume_ratio(law: Law, trace, area_ratio):
+    """J3 that makes P33 = 0 (paper, Eq. (9)), by Newton's iteration from 1.
+
+    Parameters
+    ----------
+    law : Law
+    trace, area_ratio : array_like, shape (...)
+        tr C and J = det F > 0 in the plane.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        J3; then C33 = (J3/J)**2.
+
+    Raises
+    ------
+    ValueError
+        Where J is not positive, or the law has no such state (past its limit).
+    """
+    trace, J = np.broadcast_arrays(np.asarray(trace, float), np.asarray(area_ratio, float))
+    if np.any(~(J > 0)):
+        raise ValueError(f"det F must be positive; the least given is {np.nanmin(J):g}")
+    J3 = np.ones_like(J)
+    with np.errstate(all="ignore"):
+        for _ in range(60):
+            _, _, residual, slope, _ = law.response(trace, J, J3)
+            step = np.where(slope > 0, residual / slope, np.sign(residual) * J3)
+            # J3 halves or doubles at the most in one step, so it stays positive from any start.
+            J3 = J3 - np.clip(step, -J3, 0.5 * J3)
+            if np.all(np.abs(step) <= 1e-15 * J3):
+                break
+        residual = law.response(trace, J, J3)[2]
+    # NaN and a residual that did not vanish both mean that the law ends before this state.
+    scale = law.bulk_modulus / law.shear_modulus
+    failed = ~(np.abs(residual) <= 1e-9 * scale)
+    if np.any(failed):
+        first = np.flatnonzero(failed.ravel())[0]
+        raise ValueError(
+            f"{law.name}: no plane-stress state at tr C = {trace.ravel()[first]:g}, det F = {J.ravel()[first]:g}: beyond the law's limit"
+        )
+    return J3
+
+
+def thickness_stretch_squared(law: Law, trace, area_ratio):
+    """C33 of the plane-stress state."""
+    return (volume_ratio(law, trace, area_ratio) / area_ratio) ** 2
+
+
+def first_piola_stress(law: Law, F):
+    """In-plane first Piola-Kirchhoff stress P (paper, Eq. (8)), shape (..., 2, 2), in the unit of the shear modulus."""
+    F = np.asarray(F, dtype=float)
+    trace, J = invariants(F)
+    p, q, *_ = law.response(trace, J, volume_ratio(law, trace, J))
+    cofactor = np.empty_like(F)
+    cofactor[..., 0, 0], cofactor[..., 0, 1] = F[..., 1, 1], -F[..., 1, 0]
+    cofactor[..., 1, 0], cofactor[..., 1, 1] = -F[..., 0, 1], F[..., 0, 0]
+    return law.shear_modulus * (p[..., None, None] * F + (q / J)[..., None, None] * cofactor)
+
+
+def energy_density(law: Law, F):
+    """Strain energy density of the plane-stress state, shape (...), in the unit of the shear modulus."""
+    trace, J = invariants(F)
+    return law.shear_modulus * law.response(trace, J, volume_ratio(law, trace, J))[4]
+
+
+def bond_traction(law: Law, normal_stretch, shear_stretch, area_ratio, C33):
+    """The exact bond force in the corotated frame (THEORY [3], [4]).
+
+    Parameters
+    ----------
+    law : Law
+    normal_stretch, shear_stretch : array_like
+        a = U_nn = lambda_b cos(dtheta) and b = U_nm = lambda_b sin(dtheta).
+    area_ratio, C33 : array_like
+        J and C33 given to the bond; not tied to (a, b) by plane stress.
+
+    Returns
+    -------
+    T_nn, T_nm, T_mm : ndarray
+        Components of R^T P / mu along and across the reference bond.
+    """
+    a, b, J, C33 = (np.asarray(value, dtype=float) for value in (normal_stretch, shear_stretch, area_ratio, C33))
+    U_mm = (J + b * b) / a
+    p, q, *_ = law.response(a * a + 2 * b * b + U_mm * U_mm, J, J * np.sqrt(C33))
+    return p * a + q * U_mm / J, (p - q / J) * b, p * U_mm + q * a / J

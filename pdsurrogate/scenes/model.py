@@ -1,0 +1,156 @@
+"""What a user describes: a body, its material, how it is held and pulled, and what is compared."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from ..body import WEIGHT_FUNCTIONS
+from ..materials import LAWS, Law
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+EDGES = {"left": (0, -1), "right": (0, +1), "bottom": (1, -1), "top": (1, +1)}
+"""Coordinate held by each edge of the bounding box, and the side of the body it lies on."""
+
+
+class Part(BaseModel):
+    """Base of all parts of a scene: unknown keys are errors, and nothing changes once read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Rectangle(Part):
+    """A rectangle with its lower left corner at `lower`."""
+
+    shape: Literal["rectangle"] = "rectangle"
+    size: tuple[Positive, Positive]
+    lower: tuple[Finite, Finite] = (0.0, 0.0)
+
+
+class MaterialSpec(BaseModel):
+    """A material law by name, with its parameters."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    law: str
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_name(cls, value: Any) -> Any:
+        return {"law": value} if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _build(self) -> MaterialSpec:
+        self.build()
+        return self
+
+    def build(self) -> Law:
+        """The law.
+
+        Raises
+        ------
+        ValueError
+            For an unknown law, an unknown or missing parameter, or a value that makes no sense.
+        """
+        if self.law not in LAWS:
+            raise ValueError(f"unknown law {self.law!r}; there are {', '.join(sorted(LAWS))}")
+        law = LAWS[self.law]
+        known = {field.name for field in dataclasses.fields(law)}
+        given = dict(self.model_extra or {})
+        for key, value in given.items():
+            if key not in known:
+                raise ValueError(f"{self.law} has no parameter {key!r}; it has {', '.join(sorted(known))}")
+            if isinstance(value, bool) or not isinstance(value, int | float | list | tuple):
+                raise ValueError(f"{key} must be a number, not {value!r}")
+            given[key] = tuple(map(float, value)) if isinstance(value, list | tuple) else float(value)
+        return law(**given)
+
+
+class Grip(Part):
+    """A grip or roller along one edge of the body.
+
+    ``travel`` is this grip's share of the elongation, outwards: two grips of 0.5 pull symmetrically.
+    """
+
+    edge: Literal["left", "right", "bottom", "top"]
+    holds: Literal["normal", "all"] = "all"
+    travel: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.0
+
+
+class SolverSpec(Part):
+    """How equilibrium is found."""
+
+    method: Literal["relaxation", "explicit"] = "relaxation"
+    tolerance: Positive = 1e-6
+    most_evaluations: Annotated[int, Field(gt=0)] = 50_000
+    largest_increment: Positive = 0.5
+
+
+class Units(Part):
+    """Names of the units in which a scene is written; nothing is converted."""
+
+    length: str = "cm"
+    stress: str = "kPa"
+
+
+class Scene(Part):
+    """A simulation, fully described.
+
+    Lengths and stresses are in the scene's own units throughout.  `stretches` are the levels of the loading
+    programme, in the order given: the distance of the two grips over its undeformed value.
+    """
+
+    name: Annotated[str, Field(min_length=1)]
+    title: str = ""
+    spacing: Positive
+    stretches: Annotated[tuple[Positive, ...], Field(min_length=1)]
+    body: Rectangle
+    material: MaterialSpec
+    grips: Annotated[tuple[Grip, ...], Field(min_length=2, max_length=2)]
+    support: Literal["reflected", "points"] = "reflected"
+    horizon_ratio: Annotated[float, Field(gt=1, allow_inf_nan=False)] = 3.15
+    weight: str = "inverse"
+    correction: Literal["tensor", "scalar", "none"] | None = None
+    rotation: Literal["polar", "convected"] = "polar"
+    precision: Literal["float32", "float64"] | None = None
+    outside: Literal["fallback", "warn", "raise", "extrapolate"] = "fallback"
+    solver: SolverSpec = SolverSpec()
+    units: Units = Units()
+    reference: Literal["uniaxial"] | None = None
+
+    @field_validator("stretches", mode="before")
+    @classmethod
+    def _one_or_many(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, int | float) else value
+
+    @field_validator("weight")
+    @classmethod
+    def _known_weight(cls, value: str) -> str:
+        if value not in WEIGHT_FUNCTIONS:
+            raise ValueError(f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}")
+        return value
+
+    @model_validator(mode="after")
+    def _opposite_grips(self) -> Scene:
+        edges = {grip.edge for grip in self.grips}
+        if edges not in ({"left", "right"}, {"bottom", "top"}):
+            raise ValueError("grips must hold two opposite edges, left and right or bottom and top")
+        travel = sum(grip.travel for grip in self.grips)
+        if not math.isclose(travel, 1.0):
+            raise ValueError(f"the travel of the two grips must add up to 1, not {travel:g}")
+        return self
+
+    @property
+    def loaded_axis(self) -> int:
+        """0 where the body is pulled along x1, 1 along x2."""
+        return EDGES[self.grips[0].edge][0]
+
+    @property
+    def horizon(self) -> float:
+        """Radius of the horizon."""
+        return self.horizon_ratio * self.spacing

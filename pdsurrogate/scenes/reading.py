@@ -1,0 +1,115 @@
+"""Reading scenes: built-in ones by name, users' own from TOML files, and changes to either."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from .model import Scene
+
+
+class SceneError(ValueError):
+    """A scene that cannot be run as described; the message names the key."""
+
+
+def scene_names() -> list[str]:
+    """Names of the built-in scenes."""
+    return sorted(path.name.removesuffix(".toml") for path in resources.files(__package__).iterdir() if path.name.endswith(".toml"))
+
+
+def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str] = (), **parameters: Any) -> Scene:
+    """Load a built-in scene by name, or a scene file.
+
+    Parameters
+    ----------
+    reference : str or path
+        Name of a built-in scene, or path of a TOML file.
+    changes : mapping or iterable of str
+        Changes by dotted key, e.g. ``{"material.shear_modulus": 2}`` or ``["material.shear_modulus=2"]``.
+    **parameters
+        Further changes of top-level keys.
+
+    Raises
+    ------
+    SceneError
+        If there is no such scene, the file is not valid TOML, or the description makes no sense.
+    """
+    text, source = _text_of(reference)
+    try:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise SceneError(f"{source}: not valid TOML: {error}") from None
+    if isinstance(changes, Mapping):
+        pairs = list(changes.items())
+    else:
+        pairs = [parse_change(change) for change in changes]
+    for key, value in [*pairs, *parameters.items()]:
+        _apply(data, key, value)
+    try:
+        return Scene.model_validate(data)
+    except ValidationError as error:
+        raise SceneError(f"{source}: {explain(error)}") from None
+
+
+def parse_change(change: str) -> tuple[str, Any]:
+    """Split ``key=value``; the value is read as TOML where it can be, as a list where it has commas, else as text."""
+    key, separator, value = change.partition("=")
+    key, value = key.strip(), value.strip()
+    if not separator or not key or not value:
+        raise SceneError(f"a change is written key=value, not {change!r}")
+    for candidate in (value, f"[{value}]" if "," in value else value):
+        try:
+            return key, tomllib.loads(f"value = {candidate}")["value"]
+        except (tomllib.TOMLDecodeError, RecursionError):
+            continue
+    return key, [item.strip() for item in value.split(",")] if "," in value else value
+
+
+def _apply(data: dict, key: str, value: Any) -> None:
+    *path, last = key.split(".")
+    place = data
+    for step in path:
+        inner = place.get(step) if isinstance(place, dict) else None
+        if isinstance(inner, str) and step == "material":
+            inner = {"law": inner}
+        if inner is None:
+            inner = {}
+        if not isinstance(inner, dict):
+            raise SceneError(f"{key}: {step} is not a table")
+        place[step] = inner
+        place = inner
+    place[last] = value
+
+
+def _text_of(reference: str | Path) -> tuple[str, str]:
+    name = str(reference)
+    if name in scene_names():
+        return (resources.files(__package__) / f"{name}.toml").read_text("utf-8"), f"scene {name}"
+    path = Path(reference)
+    if path.suffix != ".toml" and not path.exists():
+        raise SceneError(f"unknown scene {name!r}; built in are {', '.join(scene_names())}, anything else is the path of a .toml file")
+    try:
+        return path.read_text("utf-8"), str(path)
+    except OSError as error:
+        raise SceneError(f"cannot read scene file {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise SceneError(f"{path}: not valid TOML: it is not UTF-8 text") from None
+
+
+def explain(error: ValidationError) -> str:
+    """One line a problem, each with its dotted key."""
+    lines = []
+    for problem in error.errors():
+        key = ".".join(str(part) for part in problem["loc"])
+        message = problem["msg"].removeprefix("Value error, ")
+        if problem["type"] == "extra_forbidden":
+            message = "unknown key"
+        given = problem.get("input")
+        shown = f" (given {given!r})" if isinstance(given, str | int | float) and not message.endswith(repr(given)) else ""
+        lines.append(f"{key}: {message}{shown}" if key else message)
+    return "; ".join(lines)

@@ -1,0 +1,176 @@
+"""Equilibrium by stepping: adaptive dynamic relaxation, and the paper's damped central differences."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..forces import InternalForce, InvalidState
+from ..kernels.relaxation import central_difference_step, greatest_force_density, relaxation_step
+from .stability import FrequencyEstimate
+
+
+class NotConverged(RuntimeError):
+    """The residual did not fall below the tolerance."""
+
+
+class Diverging(RuntimeError):
+    """The iteration blows up."""
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """What a solver reached.
+
+    Attributes
+    ----------
+    residual : float
+        Largest force density over the free components, in units of shear modulus / spacing.
+    evaluations : int
+        Force evaluations it took.
+    """
+
+    residual: float
+    evaluations: int
+
+
+class SteppingSolver(ABC):
+    """A solver that steps towards equilibrium, one force evaluation a step.
+
+    Parameters
+    ----------
+    free : ndarray, shape (n, 2)
+        1 where a component may move, 0 where it is held.
+    volumes : ndarray, shape (n,)
+    tolerance : float
+        Of the residual, in units of shear modulus / spacing.
+    most_evaluations : int
+        Per call of `solve`.
+    """
+
+    # A residual beyond this many times its first value (or shear modulus / spacing) is not coming back.
+    MOST_GROWTH = 1e3
+
+    def __init__(self, free: np.ndarray, volumes: np.ndarray, tolerance: float = 1e-6, most_evaluations: int = 50_000) -> None:
+        self.free, self.volumes = free, volumes
+        self.tolerance, self.most_evaluations = tolerance, most_evaluations
+        self.frequency = FrequencyEstimate(volumes, free)
+
+    def solve(
+        self,
+        force: InternalForce,
+        positions: np.ndarray,
+        tolerance: float | None = None,
+        report: Callable[[int, float], None] = lambda evaluations, residual: None,
+    ) -> Equilibrium:
+        """Bring `positions` to equilibrium, in place.
+
+        Parameters
+        ----------
+        force : InternalForce
+        positions : ndarray, shape (n, 2)
+            A start; the equilibrium on return, and the last state reached if an error is raised.
+        tolerance : float, optional
+            Instead of the solver's own, for states on the way.
+        report : callable
+            Called with the evaluations so far and the residual, every few evaluations.
+
+        Raises
+        ------
+        NotConverged
+            After `most_evaluations`.
+        Diverging, InvalidState
+            Where the start has no force, or the iteration leaves the states that have one.
+        """
+        return self.iterate(force, positions, tolerance or self.tolerance, force.evaluations, report)
+
+    @abstractmethod
+    def prepare(self, force: InternalForce, positions: np.ndarray) -> Callable[[np.ndarray], None]:
+        """Set up for a start; returns a function that steps `positions`, given the forces there."""
+
+    def iterate(self, force, positions, tolerance, began, report) -> Equilibrium:
+        """Step until the residual is within the tolerance."""
+        unit = force.law.shear_modulus / force.body.spacing
+        step = self.prepare(force, positions)
+        forces = np.empty_like(positions)
+        force(positions, forces)
+        first = residual = greatest_force_density(forces, self.free, self.volumes) / unit
+        while not residual <= tolerance:
+            step(forces)
+            force(positions, forces)
+            residual = greatest_force_density(forces, self.free, self.volumes) / unit
+            evaluations = force.evaluations - began
+            if not residual < self.MOST_GROWTH * max(first, 1.0):
+                raise Diverging(f"the residual grew from {first:.2g} to {residual:.2g} shear modulus / spacing")
+            if evaluations >= self.most_evaluations:
+                reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations"
+                raise NotConverged(f"{reached}; asked for {tolerance:.2g}")
+            if evaluations % 10 == 0:
+                report(evaluations, residual)
+        evaluations = force.evaluations - began
+        report(evaluations, residual)
+        return Equilibrium(float(residual), evaluations)
+
+
+class DynamicRelaxation(SteppingSolver):
+    """Adaptive dynamic relaxation: fictitious masses for a unit time step, damping critical for the mode that moves.
+
+    Where a start turns out too rough for the step, the relaxation is begun again with larger masses.
+
+    References
+    ----------
+    Underwood, "Dynamic relaxation", in Computational Methods for Transient Analysis (1983) 245-265; Kilic and Madenci, Theor. Appl. Fract.
+    Mech. 53 (2010) 194-204.
+    """
+
+    # By how much the fictitious mass exceeds the least stable one: room for the tangent to stiffen on the way.
+    FIRST_MARGIN = 2.0
+    MOST_RESTARTS = 6
+
+    _margin = FIRST_MARGIN
+
+    def solve(self, force, positions, tolerance=None, report=lambda evaluations, residual: None) -> Equilibrium:
+        start, began = positions.copy(), force.evaluations
+        for restart in range(self.MOST_RESTARTS):
+            self._margin = self.FIRST_MARGIN * 2**restart
+            try:
+                return self.iterate(force, positions, tolerance or self.tolerance, began, report)
+            except (InvalidState, Diverging):
+                if restart == self.MOST_RESTARTS - 1:
+                    raise
+                positions[:] = start
+        raise AssertionError("unreachable")
+
+    def prepare(self, force, positions):
+        mass = self._margin / 4 * self.frequency(force, positions) * self.volumes
+        velocities, last_forces = np.zeros_like(positions), np.zeros_like(positions)
+
+        def step(forces):
+            relaxation_step(positions, velocities, forces, last_forces, self.free, mass, 0.0)
+
+        return step
+
+
+class DampedExplicit(SteppingSolver):
+    """Damped explicit stepping, the paper's: one fixed time step and one fixed damping rate.
+
+    Time is in units in which the density is one, which changes no equilibrium.
+    """
+
+    # Time step in units of the critical one at the start of a level.
+    SAFETY = 0.7
+
+    def prepare(self, force, positions):
+        step_length = self.SAFETY * 2 / np.sqrt(self.frequency(force, positions))
+        # Critical for the slowest longitudinal mode of a bar of the body's extent, held at both ends, with E = 3 mu.
+        extent = np.ptp(force.body.points, axis=0).max()
+        damping = 2 * np.pi / extent * np.sqrt(3 * force.law.shear_modulus)
+        velocities = np.zeros_like(positions)
+
+        def step(forces):
+            central_difference_step(positions, velocities, forces, self.free, self.volumes, damping, step_length)
+
+        return step
