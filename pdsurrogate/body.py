@@ -201,7 +201,7 @@ def grid(lower: tuple[float, float], upper: tuple[float, float], spacing: float)
     for low, high, axis in zip(lower, upper, ("x1", "x2"), strict=True):
         cells = (high - low) / spacing
         count = round(cells)
-        if count < 1:
+        if cells < 0.99:
             raise ValueError(f"spacing {spacing:g} is larger than the body, {high - low:g} along {axis}")
         if abs(cells - count) > 0.01:
             raise ValueError(f"spacing {spacing:g} does not divide the body's {high - low:g} along {axis}; {(high - low) / count:g} would")

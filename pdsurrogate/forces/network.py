@@ -9,8 +9,9 @@ import numpy as np
 
 from ..body import Body
 from ..kernels.activations import ACTIVATIONS
+from ..kernels.blocks import BLOCK, STATE_ROWS, TRACTION_ROWS
 from ..kernels.feature_sets import FEATURE_NAMES, FEATURE_SETS
-from ..kernels.network import MOST_HIDDEN, N_OUTPUTS, N_WORK_ROWS, network_block, pack
+from ..kernels.network import MOST_HIDDEN, N_OUTPUTS, N_WORK_ROWS, network_block, outputs_at_rest, pack
 from ..materials import Law
 from .analytic import bond_arrays
 from .bondwise import BondForceEvaluation
@@ -83,7 +84,14 @@ class NetworkForce:
     def compiled(self, dtype) -> CompiledBondForce:
         """Block function and packed weights in the given precision."""
         sizes, weights = pack(self.layers, self.at_rest, dtype)
-        return CompiledBondForce(network_block(self.feature_set, self.activation, dtype).address, sizes, weights, int(sizes[N_WORK_ROWS]))
+        address, work_rows = network_block(self.feature_set, self.activation, dtype).address, int(sizes[N_WORK_ROWS])
+        if self.feature_set == "symmetric" and np.abs(self.bond_force([1.0], [0.0], [1.0], [1.0], [1.0])).max() < 1e-9:
+            # Zero at rest is made zero as the kernel rounds it: take off what it gives there, beyond what is taken off already.
+            states = np.ones((STATE_ROWS, BLOCK), dtype=dtype)
+            states[1] = 0
+            work, traction = np.zeros((work_rows, BLOCK), dtype=dtype), np.zeros((TRACTION_ROWS, BLOCK), dtype=dtype)
+            weights[-N_OUTPUTS] += outputs_at_rest(address, sizes, weights, work, states, traction)
+        return CompiledBondForce(address, sizes, weights, work_rows)
 
     def check_material(self, law: Law) -> None:
         """Raise ValueError if the network was not trained for this material."""

@@ -12,7 +12,7 @@ from numba import carray
 
 from .activations import ACTIVATIONS
 from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows
-from .compile import bond_force_signature, compile_block_function, inlined, kernel, source_digest
+from .compile import bond_force_signature, call_block, compile_block_function, inlined, kernel, source_digest
 from .feature_sets import FEATURE_SETS
 
 GROUP = 4
@@ -79,6 +79,14 @@ def pack(layers, at_rest, dtype):
 
 def _padded(width):
     return -(-width // GROUP) * GROUP
+
+
+@kernel
+def outputs_at_rest(network, sizes, weights, work, states, traction):
+    """First output of a network of symmetric features on undeformed bonds, as its kernel rounds it."""
+    call_block(network, states, sizes, weights, 0, work, work, work, traction)
+    # At rest T_nn is twice the first output: U_nn + k U_mm = 2.
+    return traction[0, 0] / traction.dtype.type(2.0)
 
 
 @kernel

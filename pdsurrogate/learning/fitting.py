@@ -7,6 +7,8 @@ from importlib import metadata
 from pathlib import Path
 
 import numpy as np
+from joblib import Parallel, delayed
+from sklearn.base import clone
 from sklearn.model_selection import KFold
 
 from ..artifacts import load_surrogate, save_artifact
@@ -30,16 +32,17 @@ def domain_of(samples: BondSamples) -> Domain:
     return Domain(low, high, float(bulk.min()), float(bulk.max()))
 
 
-def cross_validate(model, samples: BondSamples, folds: int = 5, random_state: int = 0) -> list[dict]:
+def cross_validate(model, samples: BondSamples, folds: int = 5, random_state: int = 0, n_jobs: int = 1) -> list[dict]:
     """Fit clones of a pipeline to all but one fold of the samples each, and report the relative errors on the fold left out."""
-    from sklearn.base import clone
+    splits = KFold(folds, shuffle=True, random_state=random_state).split(samples.X)
+    errors = Parallel(n_jobs)(delayed(_error_left_out)(clone(model), samples, train, test) for train, test in splits)
+    return [{"fold": number, **error} for number, error in enumerate(errors)]
 
-    rows = []
-    for number, (train, test) in enumerate(KFold(folds, shuffle=True, random_state=random_state).split(samples.X)):
-        fitted = clone(model).fit(samples.X[train], samples.y[train])
-        left_out = BondSamples(samples.X[test], samples.y[test], samples.design)
-        rows.append({"fold": number, **relative_errors(lambda *bond, fitted=fitted: fitted.predict(np.stack(bond, axis=1)), left_out)})
-    return rows
+
+def _error_left_out(model, samples, train, test) -> dict[str, float]:
+    model.fit(samples.X[train], samples.y[train])
+    left_out = BondSamples(samples.X[test], samples.y[test], samples.design)
+    return relative_errors(lambda *bond: model.predict(np.stack(bond, axis=1)), left_out)
 
 
 def store(

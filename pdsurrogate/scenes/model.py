@@ -82,6 +82,24 @@ class Grip(Part):
     travel: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.0
 
 
+class Hold(Part):
+    """Points held by a plain Dirichlet condition, component by component.
+
+    The points are those in a box, or those listed.  They move with the loading by ``travel`` times the elongation of the body.
+    """
+
+    box: tuple[tuple[Finite, Finite], tuple[Finite, Finite]] | None = None
+    points: tuple[Annotated[int, Field(ge=0)], ...] | None = None
+    components: Annotated[tuple[Literal["x1", "x2"], ...], Field(min_length=1)] = ("x1", "x2")
+    travel: tuple[Finite, Finite] = (0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _one_region(self) -> Hold:
+        if (self.box is None) == (self.points is None):
+            raise ValueError("a hold needs either a box or a list of points")
+        return self
+
+
 class SolverSpec(Part):
     """How equilibrium is found."""
 
@@ -112,6 +130,7 @@ class Scene(Part):
     body: Rectangle
     material: MaterialSpec
     grips: Annotated[tuple[Grip, ...], Field(min_length=2, max_length=2)]
+    holds: tuple[Hold, ...] = ()
     support: Literal["reflected", "points"] = "reflected"
     horizon_ratio: Annotated[float, Field(gt=1, allow_inf_nan=False)] = 3.15
     weight: str = "inverse"

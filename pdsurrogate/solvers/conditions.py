@@ -1,12 +1,14 @@
-"""How a body is held and pulled: reflected grips, or held points."""
+"""How a body is held and pulled: reflected grips, and points held component by component."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..body import Body, ReflectionPlane
 from ..forces import InternalForce
-from ..scenes.model import EDGES, Scene
+from ..scenes.model import EDGES, Hold, Scene
 
 
 def reflection_planes(scene: Scene, lower, upper) -> tuple[ReflectionPlane, ...]:
@@ -23,65 +25,92 @@ def reflection_planes(scene: Scene, lower, upper) -> tuple[ReflectionPlane, ...]
     return tuple(planes)
 
 
+@dataclass(frozen=True)
+class _HeldPoints:
+    """Points of which some components move with the loading: ``displacement = travel * elongation``."""
+
+    points: np.ndarray
+    components: tuple[int, ...]
+    travel: np.ndarray
+
+
 class Loading:
-    """The grips of a scene on a body: what they hold, and where they are at a given stretch.
+    """The conditions of a scene on a body: what is held, and where it is at a given stretch.
 
     Parameters
     ----------
     scene : Scene
     body : Body
-    lower, upper : pair of float
+    lower, upper : ndarray, shape (2,)
         Bounding box of the body.
 
     Attributes
     ----------
+    axis : int
+        Loaded direction.
     free : ndarray, shape (n, 2)
-        1 where a component may move.
+        1 where a component may move, 0 where it is held.
+
+    Raises
+    ------
+    ValueError
+        If a condition holds no point; names it.
     """
 
     def __init__(self, scene: Scene, body: Body, lower, upper) -> None:
         self.scene, self.body = scene, body
         self.axis = scene.loaded_axis
         self.lower, self.length = lower[self.axis], upper[self.axis] - lower[self.axis]
-        self.free = np.ones((len(body), 2))
-        self._held: list[np.ndarray] = []
+        self._held = [self._region(number, hold) for number, hold in enumerate(scene.holds)]
         if scene.support == "points":
-            for grip in scene.grips:
-                axis, side = EDGES[grip.edge]
-                distance = -side * (body.points[:, axis] - (lower, upper)[side > 0][axis])
-                held = np.flatnonzero(distance < body.spacing * 0.99)
-                if len(held) == 0:
-                    raise ValueError(f"no point lies within one spacing of the {grip.edge} edge, so its grip would hold nothing")
-                self.free[held, axis] = 0
-                if grip.holds == "all":
-                    self.free[held, 1 - axis] = 0
-                self._held.append(held)
+            self._held += [self._edge(grip, lower, upper) for grip in scene.grips]
+        self.free = np.ones((len(body), 2))
+        for held in self._held:
+            for component in held.components:
+                self.free[held.points, component] = 0
 
-    def grip_displacements(self, stretch: float) -> list[np.ndarray]:
-        """Displacement of each grip."""
-        displacements = []
-        for grip in self.scene.grips:
-            axis, side = EDGES[grip.edge]
-            displacement = np.zeros(2)
-            displacement[axis] = side * grip.travel * (stretch - 1) * self.length
-            displacements.append(displacement)
-        return displacements
+    def _region(self, number: int, hold: Hold) -> _HeldPoints:
+        if hold.points is not None:
+            points = np.array(hold.points)
+            if points.size and points.max() >= len(self.body):
+                raise ValueError(f"holds.{number}: there is no point {points.max()}; the body has {len(self.body)}")
+        else:
+            low, high = np.array(hold.box)
+            points = np.flatnonzero(((self.body.points >= low) & (self.body.points <= high)).all(axis=1))
+        if len(points) == 0:
+            raise ValueError(f"holds.{number}: no point of the body lies in its region")
+        return _HeldPoints(points, tuple(int(name == "x2") for name in hold.components), np.array(hold.travel))
+
+    def _edge(self, grip, lower, upper) -> _HeldPoints:
+        axis, side = EDGES[grip.edge]
+        distance = -side * (self.body.points[:, axis] - (lower, upper)[side > 0][axis])
+        points = np.flatnonzero(distance < 0.99 * self.body.spacing)
+        if len(points) == 0:
+            raise ValueError(f"grips: no point lies within one spacing of the {grip.edge} edge")
+        return _HeldPoints(points, (axis,) if grip.holds == "normal" else (0, 1), self._travel(grip))
+
+    @staticmethod
+    def _travel(grip) -> np.ndarray:
+        axis, side = EDGES[grip.edge]
+        travel = np.zeros(2)
+        travel[axis] = side * grip.travel
+        return travel
 
     def apply(self, stretch: float, force: InternalForce, positions: np.ndarray) -> None:
-        """Move the grips to a stretch."""
-        for number, displacement in enumerate(self.grip_displacements(stretch)):
-            if self._held:
-                held, axis = self._held[number], EDGES[self.scene.grips[number].edge][0]
-                positions[held, axis] = self.body.points[held, axis] + displacement[axis]
-                if self.scene.grips[number].holds == "all":
-                    positions[held, 1 - axis] = self.body.points[held, 1 - axis] + displacement[1 - axis]
-            else:
-                force.move_plane(number, displacement)
+        """Move everything that is held to where it is at a stretch."""
+        elongation = (stretch - 1) * self.length
+        for held in self._held:
+            for component in held.components:
+                positions[held.points, component] = self.body.points[held.points, component] + held.travel[component] * elongation
+        if self.scene.support == "reflected":
+            for number, grip in enumerate(self.scene.grips):
+                force.move_plane(number, self._travel(grip) * elongation)
 
     def stretched(self, positions: np.ndarray, before: float, after: float) -> np.ndarray:
-        """A first guess: positions stretched along the loaded axis between the grips."""
-        lower_grip = next(number for number, grip in enumerate(self.scene.grips) if EDGES[grip.edge][1] < 0)
-        old, new = (self.lower + self.grip_displacements(stretch)[lower_grip][self.axis] for stretch in (before, after))
+        """First guess: positions stretched along the loaded axis between the grips."""
+        lower_grip = next(grip for grip in self.scene.grips if EDGES[grip.edge][1] < 0)
+        travel = self._travel(lower_grip)[self.axis]
+        old, new = (self.lower + travel * (stretch - 1) * self.length for stretch in (before, after))
         guess = positions.copy()
         guess[:, self.axis] = new + (positions[:, self.axis] - old) * after / before
         return guess

@@ -53,6 +53,7 @@ class SteppingSolver(ABC):
 
     # A residual beyond this many times its first value (or shear modulus / spacing) is not coming back.
     MOST_GROWTH = 1e3
+    MOST_RESTARTS = 6
 
     def __init__(self, free: np.ndarray, volumes: np.ndarray, tolerance: float = 1e-6, most_evaluations: int = 50_000) -> None:
         self.free, self.volumes = free, volumes
@@ -83,18 +84,29 @@ class SteppingSolver(ABC):
         NotConverged
             After `most_evaluations`.
         Diverging, InvalidState
-            Where the start has no force, or the iteration leaves the states that have one.
+            Where the start has no force, or the iteration leaves the states that have one even with small steps.
         """
-        return self.iterate(force, positions, tolerance or self.tolerance, force.evaluations, report)
+        start, began = positions.copy(), force.evaluations
+        for restart in range(self.MOST_RESTARTS):
+            try:
+                return self._iterate(force, positions, tolerance or self.tolerance, 2.0**restart, began, report)
+            except (InvalidState, Diverging):
+                # The tangent may stiffen on the way beyond what the step allows: begin again, with more caution.
+                if restart == self.MOST_RESTARTS - 1:
+                    raise
+                positions[:] = start
+        raise AssertionError("unreachable")
 
     @abstractmethod
-    def prepare(self, force: InternalForce, positions: np.ndarray) -> Callable[[np.ndarray], None]:
-        """Set up for a start; returns a function that steps `positions`, given the forces there."""
+    def prepare(self, force: InternalForce, positions: np.ndarray, caution: float) -> Callable[[np.ndarray], None]:
+        """Set up for a start; returns a function that steps `positions`, given the forces there.
 
-    def iterate(self, force, positions, tolerance, began, report) -> Equilibrium:
-        """Step until the residual is within the tolerance."""
+        `caution` multiplies the squared frequency for which the step must be stable.
+        """
+
+    def _iterate(self, force, positions, tolerance, caution, began, report) -> Equilibrium:
         unit = force.law.shear_modulus / force.body.spacing
-        step = self.prepare(force, positions)
+        step = self.prepare(force, positions, caution)
         forces = np.empty_like(positions)
         force(positions, forces)
         first = residual = greatest_force_density(forces, self.free, self.volumes) / unit
@@ -118,8 +130,6 @@ class SteppingSolver(ABC):
 class DynamicRelaxation(SteppingSolver):
     """Adaptive dynamic relaxation: fictitious masses for a unit time step, damping critical for the mode that moves.
 
-    Where a start turns out too rough for the step, the relaxation is begun again with larger masses.
-
     References
     ----------
     Underwood, "Dynamic relaxation", in Computational Methods for Transient Analysis (1983) 245-265; Kilic and Madenci, Theor. Appl. Fract.
@@ -127,25 +137,10 @@ class DynamicRelaxation(SteppingSolver):
     """
 
     # By how much the fictitious mass exceeds the least stable one: room for the tangent to stiffen on the way.
-    FIRST_MARGIN = 2.0
-    MOST_RESTARTS = 6
+    MARGIN = 2.0
 
-    _margin = FIRST_MARGIN
-
-    def solve(self, force, positions, tolerance=None, report=lambda evaluations, residual: None) -> Equilibrium:
-        start, began = positions.copy(), force.evaluations
-        for restart in range(self.MOST_RESTARTS):
-            self._margin = self.FIRST_MARGIN * 2**restart
-            try:
-                return self.iterate(force, positions, tolerance or self.tolerance, began, report)
-            except (InvalidState, Diverging):
-                if restart == self.MOST_RESTARTS - 1:
-                    raise
-                positions[:] = start
-        raise AssertionError("unreachable")
-
-    def prepare(self, force, positions):
-        mass = self._margin / 4 * self.frequency(force, positions) * self.volumes
+    def prepare(self, force, positions, caution):
+        mass = caution * self.MARGIN / 4 * self.frequency(force, positions) * self.volumes
         velocities, last_forces = np.zeros_like(positions), np.zeros_like(positions)
 
         def step(forces):
@@ -160,11 +155,11 @@ class DampedExplicit(SteppingSolver):
     Time is in units in which the density is one, which changes no equilibrium.
     """
 
-    # Time step in units of the critical one at the start of a level.
-    SAFETY = 0.7
+    # Squared time step in units of the critical one at the start, whose tangent may be half as stiff as a later one.
+    SAFETY = 0.4
 
-    def prepare(self, force, positions):
-        step_length = self.SAFETY * 2 / np.sqrt(self.frequency(force, positions))
+    def prepare(self, force, positions, caution):
+        step_length = 2 * np.sqrt(self.SAFETY / caution / self.frequency(force, positions))
         # Critical for the slowest longitudinal mode of a bar of the body's extent, held at both ends, with E = 3 mu.
         extent = np.ptp(force.body.points, axis=0).max()
         damping = 2 * np.pi / extent * np.sqrt(3 * force.law.shear_modulus)

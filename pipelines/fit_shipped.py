@@ -1,0 +1,128 @@
+"""Make the artefacts that pdsurrogate ships, from nothing: sample, search, cross-validate, fit, store.
+
+    python pipelines/fit_shipped.py --out DIR      write them to DIR
+    python pipelines/fit_shipped.py --check        write them to a temporary folder and compare every byte with those shipped
+
+The search and the cross-validation are printed, and kept on the cards.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from sklearn.base import clone
+from sklearn.metrics import make_scorer
+from sklearn.model_selection import GridSearchCV
+
+import pdsurrogate as pd
+
+SHIPPED = Path(__file__).resolve().parents[1] / "artifacts"
+VERSION = "1"
+console = Console()
+
+NETWORK = "regressor__network__regressor"
+"""Where the network stands in a bond-force pipeline."""
+
+
+def relative_rms(truth, predicted) -> float:
+    """Root mean square error of the force over the root mean square of the force."""
+    return float((((predicted - truth) ** 2).sum() / (truth**2).sum()) ** 0.5)
+
+
+def search(model, samples, grid, rounds) -> list[dict]:
+    """Cross-validated relative error over a small grid of network parameters, each trained for fewer rounds than the final one."""
+    model = clone(model).set_params(**{f"{NETWORK}__max_iter": rounds})
+    scorer = make_scorer(relative_rms, greater_is_better=False)
+    found = GridSearchCV(model, {f"{NETWORK}__{key}": values for key, values in grid.items()}, scoring=scorer, cv=3, refit=False, n_jobs=2)
+    found.fit(samples.X, samples.y)
+    rows = []
+    for parameters, mean, spread in zip(
+        found.cv_results_["params"], found.cv_results_["mean_test_score"], found.cv_results_["std_test_score"], strict=True
+    ):
+        shown = {key.removeprefix(f"{NETWORK}__"): value for key, value in parameters.items()}
+        rows.append(
+            {**{key: list(value) if isinstance(value, tuple) else value for key, value in shown.items()}, "rms": -mean, "spread": spread}
+        )
+    return rows
+
+
+def show(title: str, rows: list[dict]) -> None:
+    """Print rows as a table."""
+    table = Table(title=title, title_justify="left")
+    for key in rows[0]:
+        table.add_column(key, justify="right")
+    for row in rows:
+        table.add_row(*(f"{value:.1e}" if isinstance(value, float) else str(value) for value in row.values()))
+    console.print(table)
+
+
+def make(name, description, samples, model, grid, folder) -> None:
+    """One artefact."""
+    console.rule(name)
+    law = pd.NeoHookean()
+    searched = search(model, samples, grid, rounds=200)
+    show("Search: relative RMS force error on the folds left out, 200 iterations", searched)
+    folds = pd.cross_validate(model, samples, folds=5, n_jobs=2)
+    show("Cross-validation of the final settings", folds)
+    model.fit(samples.X, samples.y)
+    path = pd.store(model, samples, law, folder, name, VERSION, description, folds, searched)
+    errors = pd.load_card(path).errors["box"]
+    console.print(f"{path}: on the surface {errors['on_surface']['rms']:.1e}, off it {errors['off_surface']['rms']:.1e}\n", soft_wrap=True)
+
+
+def make_all(folder: Path) -> None:
+    """Both artefacts."""
+    law = pd.NeoHookean()
+    make(
+        "neo-hookean",
+        "Bond force of slightly compressible Neo-Hookean rubber: symmetric features, wide design; the default force.",
+        pd.wide_design(law, 8000, random_state=0),
+        pd.bond_force_pipeline(
+            "symmetric", pd.LevenbergMarquardtRegressor((20,), "algebraic", max_iter=1000, n_iter_no_change=100, random_state=0)
+        ),
+        {"hidden_layer_sizes": [(8,), (12,), (20,)], "activation": ["algebraic", "logistic", "tanh"]},
+        folder,
+    )
+    make(
+        "neo-hookean-paper",
+        "The paper's own network: its five features, Algorithm 1 on its box of stretches, 20 logistic units.",
+        pd.algorithm_1(law, random_state=0),
+        pd.bond_force_pipeline(
+            "paper", pd.LevenbergMarquardtRegressor((20,), "logistic", max_iter=1000, n_iter_no_change=100, n_init=2, random_state=0)
+        ),
+        {"hidden_layer_sizes": [(10,), (20,)], "activation": ["logistic", "tanh"]},
+        folder,
+    )
+
+
+def differences(made: Path, shipped: Path) -> list[str]:
+    """Files that are not the same, byte for byte, in two folders."""
+    names = {path.relative_to(made) for path in made.rglob("*") if path.is_file()}
+    return [
+        str(name) for name in sorted(names) if not (shipped / name).is_file() or (shipped / name).read_bytes() != (made / name).read_bytes()
+    ]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    group = parser.add_mutually_exclusive_group(required=True)
+    group.add_argument("--out", type=Path, metavar="DIR", help="folder to write the artefacts to")
+    group.add_argument("--check", action="store_true", help="compare with the shipped artefacts instead")
+    arguments = parser.parse_args()
+    if arguments.out is not None:
+        make_all(arguments.out)
+        return 0
+    with tempfile.TemporaryDirectory() as folder:
+        make_all(Path(folder))
+        changed = differences(Path(folder), SHIPPED)
+    console.print("The shipped artefacts are what this pipeline makes." if not changed else f"Different: {', '.join(changed)}")
+    return 1 if changed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

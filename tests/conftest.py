@@ -1,0 +1,42 @@
+"""Shared by all tests: threads are bounded before numba starts, and seeds are fixed."""
+
+import os
+
+# Threads beyond the free cores spin; two are enough to test that their number changes nothing.
+os.environ.setdefault("NUMBA_NUM_THREADS", "2")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from pdsurrogate.materials import NeoHookean
+
+# Kernels compile in the first example of a test; no deadline, and the same examples in every run.
+settings.register_profile("project", deadline=None, derandomize=True, max_examples=50)
+settings.load_profile("project")
+
+DATA = Path(__file__).parent / "data"
+SHIPPED = Path(__file__).parents[1] / "artifacts"
+
+
+@pytest.fixture
+def random():
+    return np.random.default_rng(20240109)
+
+
+@pytest.fixture
+def fem_uniaxial():
+    return json.loads((DATA / "fem_uniaxial.json").read_text())
+
+
+LAWS = [NeoHookean(), NeoHookean(2.5, 25.0), NeoHookean(0.3, 3000.0)]
+"""Every property test of materials runs over these."""
+
+
+@pytest.fixture(params=LAWS, ids=lambda law: f"{law.name}-K/mu={law.bulk_modulus / law.shear_modulus:g}")
+def law(request):
+    return request.param

@@ -1,0 +1,340 @@
+"""Artefacts: what is written, what is refused, and that nothing in a file runs."""
+
+import hashlib
+import io
+import json
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+
+import joblib
+import numpy as np
+import pytest
+from conftest import SHIPPED
+from hypothesis import given
+from hypothesis import strategies as st
+
+import pdsurrogate as pd
+from pdsurrogate.artifacts import ArtifactError, find_artifact, list_artifacts, load_card, load_pipeline, load_surrogate
+from pdsurrogate.artifacts.plain import UnsafePayload, dump_plain, load_plain
+
+LAW = pd.NeoHookean()
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    samples = pd.wide_design(LAW, 800, random_state=0)
+    network = pd.LevenbergMarquardtRegressor((8,), "algebraic", max_iter=30, random_state=0)
+    return pd.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y), samples
+
+
+@pytest.fixture
+def stored(fitted, tmp_path):
+    model, samples = fitted
+    return pd.store(model, samples, LAW, tmp_path, "rubber", "1.2", "a test")
+
+
+def rewrite(folder, payload: bytes, name="surrogate.joblib"):
+    """Exchange a payload and make the card match it."""
+    (folder / name).write_bytes(payload)
+    card = json.loads((folder / "card.json").read_text())
+    card["payloads"][name].update(sha256=hashlib.sha256(payload).hexdigest(), bytes=len(payload))
+    (folder / "card.json").write_text(json.dumps(card))
+
+
+def plain_bytes(value) -> bytes:
+    file = io.BytesIO()
+    joblib.dump(value, file, protocol=4)
+    return file.getvalue()
+
+
+def test_round_trip(stored, fitted):
+    model, samples = fitted
+    assert sorted(path.name for path in stored.iterdir()) == ["card.json", "pipeline.joblib", "surrogate.joblib"]
+    force = load_surrogate(stored)
+    assert force.name == "rubber@1.2"
+    np.testing.assert_allclose(force.bond_force(*samples.X.T), model.predict(samples.X), rtol=1e-11, atol=1e-12)
+    again = load_pipeline(stored, trust=True)
+    np.testing.assert_array_equal(again.predict(samples.X), model.predict(samples.X))
+
+
+def test_card_says_what_one_needs_to_know(stored):
+    card = load_card(stored)
+    assert card.material.law == "neo-hookean"
+    assert card.material.trained_with["bulk_modulus"] == 100.0
+    assert card.features["names"] == ["log U_nn", "log U_mm", "log J", "log J3^2"]
+    assert card.training["design"]["random_state"] == 0
+    assert card.training["parameters"]["hidden_layer_sizes"] == [8]
+    assert card.domain.least_stretch == 0.5
+    assert {"on_surface", "off_surface", "by_strain", "least_slope"} <= set(card.errors["box"])
+    assert {"numpy", "scikit-learn", "joblib", "python"} <= set(card.made_with)
+    for name, payload in card.payloads.items():
+        assert hashlib.sha256((stored / name).read_bytes()).hexdigest() == payload.sha256
+
+
+def test_versions_never_change(stored, fitted):
+    model, samples = fitted
+    before = {path.name: path.read_bytes() for path in stored.iterdir()}
+    with pytest.raises(ArtifactError, match="exists already"):
+        pd.store(model, samples, LAW, stored.parents[1], "rubber", "1.2", "again")
+    assert {path.name: path.read_bytes() for path in stored.iterdir()} == before
+    assert sorted(path.name for path in stored.parent.iterdir()) == ["1.2"]  # no temporary folder is left
+
+
+@pytest.mark.parametrize(
+    ("name", "version"), [("../evil", "1"), ("Rubber", "1"), ("", "1"), ("rubber", "one"), ("rubber", "1/2"), ("rubber", "../1")]
+)
+def test_names_and_versions_that_are_not_allowed(fitted, tmp_path, name, version):
+    model, samples = fitted
+    with pytest.raises(ArtifactError, match="not allowed"):
+        pd.store(model, samples, LAW, tmp_path, name, version, "x")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_finding(stored, fitted, monkeypatch):
+    model, samples = fitted
+    root = stored.parents[1]
+    pd.store(model, samples, LAW, root, "rubber", "1.10", "newer")
+    monkeypatch.setenv("PDSURROGATE_ARTIFACTS", str(root))
+    assert find_artifact("rubber").name == "1.10"  # versions are compared as numbers
+    assert find_artifact("rubber@1.2") == stored
+    assert find_artifact(stored) == stored
+    assert find_artifact(str(stored.parent)).name == "1.10"
+    assert [f"{path.parent.name}@{path.name}" for path in list_artifacts()][-2:] == ["rubber@1.2", "rubber@1.10"]
+    with pytest.raises(ArtifactError, match=r"unknown force 'robber'.*rubber@1\.10"):
+        find_artifact("robber")
+    with pytest.raises(ArtifactError, match="unknown force 'rubber@7'"):
+        find_artifact("rubber@7")
+
+
+def test_shipped_artifacts_are_small_and_complete():
+    for name in ("neo-hookean", "neo-hookean-paper"):
+        folder = find_artifact(SHIPPED / name)
+        assert sum(path.stat().st_size for path in folder.iterdir()) < 2**20
+        assert load_card(folder).training["cross_validation"]
+    assert isinstance(load_surrogate("neo-hookean"), pd.NetworkForce)
+
+
+class Malice:
+    """Unpickling this touches a file."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return os.mkdir, (str(self.path),)
+
+
+@pytest.mark.parametrize("place", ["alone", "in a dict", "in a list", "array of objects"])
+def test_malicious_payload_with_a_matching_digest_does_not_run(stored, tmp_path, place):
+    trap = tmp_path / "trap"
+    content = {
+        "alone": lambda: Malice(trap),
+        "in a dict": lambda: {**load_plain((stored / "surrogate.joblib").read_bytes()), "more": Malice(trap)},
+        "in a list": lambda: [1, Malice(trap)],
+        "array of objects": lambda: {"layers": np.array([Malice(trap)], dtype=object)},
+    }[place]()
+    rewrite(stored, plain_bytes(content))
+    with pytest.raises(ArtifactError, match=r"not plain|asks for|damaged"):
+        load_surrogate(stored)
+    assert not trap.exists()
+    # The same file does run where one trusts it: the trap is a real one.
+    joblib.load(stored / "surrogate.joblib")
+    assert trap.exists()
+
+
+@pytest.mark.parametrize(
+    "stream",
+    [
+        b"cos\nsystem\n(S'touch trap'\ntR.",  # protocol 0, GLOBAL and REDUCE
+        b"\x80\x04\x8c\x08builtins\x8c\x04eval\x93\x8c\x011\x85R.",
+        b"\x80\x02c__builtin__\neval\n(X\x01\x00\x00\x001tR.",
+        b"\x80\x04\x8c\x05numpy\x8c\x07ndarray\x93J\xff\xff\xff\x7f\x85R.",  # numpy.ndarray(2**31 - 1)
+        b"\x80\x04\x8c\x05numpy\x8c\x05dtype\x93\x8c\x01O\x89\x88\x87R.",  # dtype of objects
+        b"\x80\x04(i" + b"os\nsystem\n.",  # INST
+        b"\x80\x04\x95\xff\xff\xff\xff\xff\xff\xff\x7f.",  # a frame of 2**63 bytes
+        b"\x82\x01.",  # EXT1
+        b"Pid\n.",  # persistent id
+        b"",
+        b"\x80\x04",
+        b"\x80\x09}.",
+        b"not a pickle",
+        b"(" * 100_000 + b".",
+        b"\x80\x04" + b"]" * 5000 + b"a" * 4999 + b".",  # nested a thousand deep
+    ],
+)
+def test_hostile_streams_are_refused(stream):
+    with pytest.raises(UnsafePayload):
+        load_plain(stream)
+
+
+def test_a_huge_memo_index_costs_no_memory():
+    assert load_plain(b"\x80\x04}r\xff\xff\xff\xffN.") is None  # LONG_BINPUT 2**32 - 1: C pickle would allocate the memo
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_are_refused_or_plain(data):
+    try:
+        value = load_plain(data)
+    except UnsafePayload:
+        return
+    assert value is None or isinstance(value, bool | int | float | str | list | dict | np.ndarray)
+
+
+plain_values = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**62), 2**62) | st.floats(allow_nan=False) | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner, max_size=4),
+    max_leaves=12,
+)
+
+
+@given(value=plain_values, shape=st.lists(st.integers(0, 4), min_size=1, max_size=3), dtype=st.sampled_from(["f4", "f8", "i4", "i8"]))
+def test_plain_data_survives(tmp_path_factory, value, shape, dtype):
+    array = np.random.default_rng(0).uniform(-9, 9, shape).astype(dtype)
+    path = tmp_path_factory.mktemp("plain") / "x.joblib"
+    dump_plain({"value": value, "array": array}, path)
+    back = load_plain(path.read_bytes())
+    assert back["value"] == value
+    assert back["array"].dtype == array.dtype
+    np.testing.assert_array_equal(back["array"], array)
+
+
+@pytest.mark.parametrize("bad", [object(), {1: 2}, {"x": np.array([None])}, {"x": {1, 2}}, b"bytes", np.zeros(2, complex)])
+def test_only_plain_data_is_written(bad, tmp_path):
+    with pytest.raises(UnsafePayload):
+        dump_plain(bad, tmp_path / "x.joblib")
+
+
+def test_truncated_payload(stored):
+    payload = (stored / "surrogate.joblib").read_bytes()
+    for size in range(0, len(payload), 37):
+        (stored / "surrogate.joblib").write_bytes(payload[:size])
+        with pytest.raises(ArtifactError, match="not the one that the card describes"):
+            load_surrogate(stored)
+        rewritten = payload[:size]
+        with pytest.raises(UnsafePayload):
+            load_plain(rewritten)
+
+
+def test_payload_that_is_not_the_cards(stored, fitted):
+    other = {**load_plain((stored / "surrogate.joblib").read_bytes()), "at_rest": np.array([0.5, 0.0])}
+    (stored / "surrogate.joblib").write_bytes(plain_bytes(other))
+    with pytest.raises(ArtifactError, match="SHA-256 differs"):
+        load_surrogate(stored)
+    (stored / "surrogate.joblib").unlink()
+    with pytest.raises(ArtifactError, match="cannot be read"):
+        load_surrogate(stored)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"feature_set": "secret"},
+        {"activation": "sin"},
+        {"at_rest": np.zeros(3)},
+        {"at_rest": np.array([np.nan, 0.0])},
+        {"at_rest": [0.0, 0.0]},
+        {"layers": []},
+        {"layers": [{"weights": np.zeros((4, 2)), "biases": np.zeros(2)}]},
+        {"layers": [{"weights": np.zeros((3, 5)), "biases": np.zeros(5)}, {"weights": np.zeros((5, 2)), "biases": np.zeros(2)}]},
+        {"layers": [{"weights": np.zeros((4, 5)), "biases": np.zeros(5)}, {"weights": np.zeros((5, 3)), "biases": np.zeros(3)}]},
+        {
+            "layers": [
+                {"weights": np.zeros((4, 5), np.float32), "biases": np.zeros(5)},
+                {"weights": np.zeros((5, 2)), "biases": np.zeros(2)},
+            ]
+        },
+        {"extra": 1},
+    ],
+)
+def test_plain_payloads_that_are_no_network(stored, change):
+    rewrite(stored, plain_bytes({**load_plain((stored / "surrogate.joblib").read_bytes()), **change}))
+    with pytest.raises(ArtifactError, match=r"surrogate\.joblib"):
+        load_surrogate(stored)
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda text: "", "not valid JSON"),
+        (lambda text: text[:200], "not valid JSON"),
+        (lambda text: "[1, 2]", "not the card"),
+        (lambda text: text.replace("pdsurrogate artefact", "something else"), "not the card"),
+        (lambda text: text.replace('"schema_version": 1', '"schema_version": 99'), "upgrade pdsurrogate"),
+        (lambda text: text.replace('"schema_version": 1', '"schema_version": 0'), "fit it again"),
+        (lambda text: text.replace('"schema_version": 1', '"schema_version": "1"'), "no schema_version"),
+        (lambda text: text.replace('"least_stretch": 0.5', '"least_stretch": NaN'), "not a number"),
+        (lambda text: text.replace('"least_stretch": 0.5', '"least_stretch": -1'), "domain.least_stretch"),
+        (lambda text: text.replace('"least_stretch"', '"lowest_stretch"'), "domain.least_stretch"),
+        (lambda text: text.replace('"name": "rubber"', '"name": "../rubber"'), "name"),
+        (lambda text: text.replace('"kind": "bond-force-network"', '"kind": "oracle"'), "unknown kind 'oracle'"),
+        (lambda text: "[" * 100_000, "not valid JSON"),
+        (lambda text: "{" + '"a":' * 50_000, "not valid JSON"),
+        (lambda text: " " * (2**20 + 10), "not a card"),
+    ],
+)
+def test_damaged_cards(stored, damage, message):
+    card = stored / "card.json"
+    card.write_text(damage(card.read_text()))
+    with pytest.raises(ArtifactError, match=message):
+        load_surrogate(stored)
+
+
+def test_card_that_is_not_text(stored):
+    (stored / "card.json").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ArtifactError, match="not valid JSON"):
+        load_card(stored)
+
+
+def test_pipeline_needs_trust_and_its_digest(stored, tmp_path):
+    with pytest.raises(ArtifactError, match="trust=True"):
+        load_pipeline(stored)
+    trap = tmp_path / "trap"
+    (stored / "pipeline.joblib").write_bytes(pickle.dumps(Malice(trap)))
+    with pytest.raises(ArtifactError, match="SHA-256 differs"):
+        load_pipeline(stored, trust=True)
+    assert not trap.exists()
+
+
+def test_bytes_are_reproduced_in_another_process(tmp_path):
+    code = """
+import sys, pdsurrogate as pd
+law = pd.NeoHookean()
+samples = pd.wide_design(law, 600, random_state=0)
+network = pd.LevenbergMarquardtRegressor((6,), "algebraic", max_iter=25, random_state=0)
+model = pd.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
+pd.store(model, samples, law, sys.argv[1], "rubber", "1", "reproduced", pd.cross_validate(model, samples, 2))
+"""
+    folders = [tmp_path / "a", tmp_path / "b"]
+    for number, folder in enumerate(folders):
+        environment = {**os.environ, "PYTHONHASHSEED": str(number), "OPENBLAS_NUM_THREADS": str(number + 1)}
+        subprocess.run([sys.executable, "-c", code, str(folder)], check=True, env=environment)
+    for name in ("card.json", "surrogate.joblib", "pipeline.joblib"):
+        assert (folders[0] / "rubber/1" / name).read_bytes() == (folders[1] / "rubber/1" / name).read_bytes(), name
+
+
+def test_material_must_be_the_surrogates(stored):
+    from pdsurrogate.forces import NetworkForce
+
+    force = load_surrogate(stored)
+    force.check_material(pd.NeoHookean(7.0, 70.0))  # every modulus: the force is dimensionless
+    other = NetworkForce("other", force.feature_set, force.activation, force.layers, force.at_rest, force.domain, "gent", {})
+    with pytest.raises(ValueError, match="describes the law gent, not neo-hookean"):
+        other.check_material(LAW)
+
+
+def test_saving_leaves_nothing_behind_when_it_fails(fitted, tmp_path, monkeypatch):
+    model, samples = fitted
+    from pdsurrogate.artifacts import store as module
+
+    def full(*arguments, **options):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(module, "dump_plain", full)
+    with pytest.raises(OSError, match="No space left"):
+        pd.store(model, samples, LAW, tmp_path, "rubber", "1", "x")
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+    assert not (tmp_path / "rubber" / "1").exists()
+    shutil.rmtree(tmp_path / "rubber")

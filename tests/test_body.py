@@ -1,0 +1,90 @@
+"""Bodies, bonds and images."""
+
+import numpy as np
+import pytest
+
+from pdsurrogate.body import WEIGHT_FUNCTIONS, Body, ReflectionPlane, grid
+
+
+def test_bonds_are_all_pairs_within_the_horizon(random):
+    points = random.uniform(0, 1, (60, 2))
+    body = Body(points, np.full(60, 1 / 60), 0.3)
+    distance = np.linalg.norm(points[:, None] - points[None], axis=2)
+    expected = {(i, j) for i in range(60) for j in range(60) if i != j and distance[i, j] <= 0.3}
+    bonds = body.bonds
+    owners = np.repeat(np.arange(60), np.diff(bonds.pointers).astype(int))
+    assert set(zip(owners.tolist(), bonds.neighbours.tolist(), strict=True)) == expected
+    assert bonds.n_directed == len(expected)
+    assert set(zip(bonds.first.tolist(), bonds.second.tolist(), strict=True)) == {pair for pair in expected if pair[0] < pair[1]}
+    # Every entry of a list knows its pair, and every pair its two ends.
+    ends = np.stack([owners, bonds.neighbours], axis=1)
+    pairs = np.stack([bonds.first, bonds.second], axis=1)[bonds.pair_of]
+    assert (np.sort(ends, axis=1) == np.sort(pairs, axis=1)).all()
+    for i in range(60):
+        listed = bonds.incidence[int(bonds.incidence_pointers[i]) : int(bonds.incidence_pointers[i + 1])]
+        assert (bonds.second[listed] == i).all()
+        own = slice(int(bonds.pair_pointers[i]), int(bonds.pair_pointers[i + 1]))
+        assert (bonds.first[own] == i).all()
+
+
+def test_the_papers_sheet_has_the_papers_bonds():
+    body = Body.rectangle(3, 1, 0.02, 3.15 * 0.02)
+    assert len(body) == 7500
+    assert body.bonds.n_directed == 202_836  # 150 x 50 grid, delta = 3.15 dx
+
+
+def test_images_mirror_the_points_near_a_plane():
+    body = Body.rectangle(1, 1, 0.1, 0.25, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1)), ReflectionPlane(0, 1.0, 1, (-1, -1))))
+    images = body.images
+    assert len(images) == 2 * 3 * 10  # three columns on either side lie within the horizon of the edge
+    mirrored = body.points[images.mirror]
+    position = np.where(images.plane == 0, 0.0, 1.0)
+    np.testing.assert_allclose(images.points[:, 0] + mirrored[:, 0], 2 * position)
+    np.testing.assert_allclose(images.points[:, 1], mirrored[:, 1])
+    bonds = body.bonds
+    assert (bonds.first < len(body)).all()
+    assert bonds.n_directed < len(bonds.neighbours)
+
+
+@pytest.mark.parametrize("name", sorted(WEIGHT_FUNCTIONS))
+def test_kappa_is_the_shape_tensor_of_a_full_horizon(name):
+    """Against a fine sum; the sum's error is that of the circle's edge, of order spacing/horizon."""
+    points = grid((-1.1, -1.1), (1.1, 1.1), 0.01)
+    body = Body(points, np.full(len(points), 1e-4), 1.0, weight=name)
+    length = np.linalg.norm(points, axis=1)
+    inside = (length <= 1) & (length > 0)
+    K11 = (body.weigh(length[inside]) * points[inside, 0] ** 2).sum() * 1e-4
+    assert body.kappa == pytest.approx(K11, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"points": np.zeros((3, 3))}, "shape"),
+        ({"points": np.array([[0.0, 0.0], [np.nan, 1.0]]), "volumes": np.ones(2)}, "point 1 has a position that is not finite"),
+        ({"volumes": np.array([1.0, -1.0, 1.0])}, "volumes must be positive"),
+        ({"volumes": np.ones(2)}, "volumes must have shape"),
+        ({"horizon": -1.0}, "horizon must be positive"),
+        ({"horizon": np.nan}, "horizon must be positive"),
+        ({"weight": "cubic"}, "unknown weight function 'cubic'"),
+    ],
+)
+def test_bad_bodies_are_refused(change, message):
+    good = {"points": np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), "volumes": np.ones(3), "horizon": 1.5}
+    with pytest.raises(ValueError, match=message):
+        Body(**{**good, **change})
+
+
+def test_points_that_coincide_or_reach_nobody_are_refused():
+    with pytest.raises(ValueError, match="coincide"):
+        _ = Body(np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]]), np.ones(3), 1.5).bonds
+    with pytest.raises(ValueError, match="reaches no neighbour"):
+        _ = Body(np.array([[0.0, 0.0], [3.0, 0.0]]), np.ones(2), 1.5).bonds
+
+
+@pytest.mark.parametrize(
+    ("spacing", "message"), [(5.0, "larger than the body"), (0.3, "does not divide"), (0.0, "positive"), (np.inf, "positive")]
+)
+def test_spacings_that_do_not_fit_are_refused(spacing, message):
+    with pytest.raises(ValueError, match=message):
+        grid((0, 0), (1, 1), spacing)

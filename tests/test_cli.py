@@ -1,0 +1,133 @@
+"""The command line: words, files and exit statuses."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+from conftest import SHIPPED
+from typer.testing import CliRunner
+
+from pdsurrogate.cli import app
+
+FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def test_run_writes_results_and_a_table(tmp_path):
+    done = invoke("run", "uniaxial", *FAST, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert "exact" in done.output
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["converged"] is True
+    assert abs(summary["levels"][0]["nominal_stress_error"]) < 5e-4
+
+
+@pytest.mark.parametrize("force", ["analytic", "nosb", "neo-hookean", "neo-hookean@1", "neo-hookean-paper", SHIPPED / "neo-hookean" / "1"])
+def test_forces_by_every_kind_of_reference(force):
+    done = invoke("run", "uniaxial", *FAST, "--force", force)
+    assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "uniaxal"], "unknown scene 'uniaxal'"),
+        (["run", "uniaxial", "--force", "wizardry"], "unknown force 'wizardry'"),
+        (["run", "uniaxial", "--force", "neo-hookean@9"], "unknown force 'neo-hookean@9'"),
+        (["run", "uniaxial", "--set", "spcing=1"], "spcing: unknown key"),
+        (["run", "uniaxial", "--set", "spacing=5"], "larger than the body"),
+        (["run", "uniaxial", "--set", "stretches=0"], "stretches.0"),
+        (["run", "uniaxial", "--set", "stretches=nan"], "stretches.0"),
+        (["run", "uniaxial", "--set", "material.shear_modulus=inf"], "shear_modulus must be finite"),
+        (["run", "uniaxial", "--threads", "0"], "threads must be between"),
+        (["run", "missing.toml"], "cannot read scene file"),
+        (["evaluate", "nosb"], "no bond force of its own"),
+        (["evaluate", "nothing"], "unknown force 'nothing'"),
+        (["artifacts", "nothing"], "unknown force 'nothing'"),
+        (["fit", "Bad Name", "--samples", "300"], "not allowed"),
+        (["fit", "x", "--law", "granite"], "unknown law 'granite'"),
+        (["fit", "x", "--set", "shear_modulus=0"], "shear_modulus must be positive"),
+        (["fit", "x", "--features", "all"], "unknown features 'all'"),
+        (["fit", "x", "--least", "2", "--greatest", "1"], "0 < low < high"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_status_2(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = invoke(*arguments)
+    assert done.exit_code == 2, done.output
+    error = done.stderr.strip()
+    assert message in error
+    assert len([line for line in error.splitlines() if "Compiling" not in line]) == 1
+    assert "Traceback" not in done.output
+
+
+def test_output_that_cannot_be_written_is_refused_before_work(tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    done = invoke("run", "uniaxial", *FAST, "--out", blocked / "out")
+    assert done.exit_code == 2
+    assert "ns per directed bond" not in done.output
+
+
+def test_damaged_artefacts_are_refused(tmp_path):
+    copy = tmp_path / "a"
+    shutil.copytree(SHIPPED / "neo-hookean" / "1", copy)
+    payload = (copy / "surrogate.joblib").read_bytes()
+    (copy / "surrogate.joblib").write_bytes(payload[: len(payload) // 2])
+    done = invoke("run", "uniaxial", *FAST, "--force", copy)
+    assert done.exit_code == 2
+    assert "not the one that the card describes" in done.stderr
+    (copy / "card.json").write_text("{")
+    done = invoke("run", "uniaxial", *FAST, "--force", copy)
+    assert done.exit_code == 2
+    assert "not valid JSON" in done.stderr
+
+
+def test_failed_runs_say_so_and_save_what_they_reached(tmp_path):
+    done = invoke("run", "uniaxial", "--set", "spacing=0.1", "--set", "solver.most_evaluations=40", "--out", tmp_path / "out")
+    assert done.exit_code == 1
+    assert "the run failed: stretch" in done.stderr
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["converged"] is False
+    assert summary["failure"]
+
+
+def test_fit_evaluate_and_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    fitted = invoke("fit", "mine", "--samples", 1500, "--units", 10, "--iterations", 80, "--folds", 2, "--greatest", 2)
+    assert fitted.exit_code == 0, fitted.output
+    assert "fold 1" in fitted.output
+    again = invoke("fit", "mine", "--samples", 1500)
+    assert again.exit_code == 2
+    assert "exists already" in again.stderr
+    report = invoke("evaluate", "mine", "--samples", 500, "--json")
+    assert report.exit_code == 0
+    assert json.loads(report.stdout)["on_surface"]["rms"] < 5e-3
+    assert "least stiffness slope" in invoke("evaluate", "mine@1", "--samples", 500).output
+    assert "mine@1" in invoke("artifacts").output
+    assert json.loads(invoke("artifacts", "mine").stdout)["name"] == "mine"
+    assert invoke("run", "uniaxial", *FAST, "--force", "mine").exit_code == 0
+
+
+def test_lists():
+    assert "uniaxial" in invoke("scenes").output
+    assert "neo-hookean@1" in invoke("artifacts").output
+    assert "analytic" in invoke("evaluate", "--help").output
+
+
+def test_a_second_run_compiles_nothing(tmp_path):
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, "-m", "pdsurrogate", "run", "uniaxial", *FAST, "--out", str(tmp_path / "out")]
+    announced, seconds = [], []
+    for _ in range(2):
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        announced.append("Compiling kernels" in done.stderr)
+        seconds.append(json.loads((tmp_path / "out" / "summary.json").read_text())["seconds_compile"])
+    assert announced == [True, False]
+    assert seconds[1] == 0 < seconds[0]

@@ -1,0 +1,97 @@
+"""Vectorised elementary functions against NumPy in double precision, over the ranges their docstrings state."""
+
+import numpy as np
+import pytest
+
+from pdsurrogate.kernels import activations, elementary
+from pdsurrogate.kernels.compile import inlined, kernel
+
+
+def apply(function, x):
+    function = inlined(function)[0]
+
+    @kernel
+    def loop(x, y):
+        for k in range(x.shape[0]):
+            y[k] = function(x[k])
+
+    y = np.empty_like(x)
+    loop(x, y)
+    return y.astype(float)
+
+
+@pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 3e-7), (np.float64, 4e-16)])
+def test_inverse_cube_root(random, dtype, tolerance):
+    x = np.exp(random.uniform(-80, 80, 5000)).astype(dtype)
+    assert np.abs(apply(elementary.inverse_cube_root, x) * np.cbrt(x.astype(float)) - 1).max() < tolerance
+
+
+@pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 3e-7), (np.float64, 6e-16)])
+def test_logarithm(random, dtype, tolerance):
+    x = np.exp(random.uniform(-3, 3, 5000)).astype(dtype)
+    assert np.abs(apply(elementary.logarithm, x) - np.log(x.astype(float))).max() < tolerance
+    assert apply(elementary.logarithm, np.ones(4, dtype))[0] == 0.0
+
+
+@pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 3e-7), (np.float64, 4e-16)])
+def test_logarithm_is_relatively_accurate_near_one(random, dtype, tolerance):
+    x = (1 + np.exp(random.uniform(-9, -3, 2000)) * random.choice([-1, 1], 2000)).astype(dtype)
+    assert np.abs(apply(elementary.logarithm, x) / np.log(x.astype(float)) - 1).max() < tolerance
+
+
+@pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 3e-7), (np.float64, 2e-15)])
+def test_exponential(random, dtype, tolerance):
+    x = random.uniform(-30, 30, 5000).astype(dtype)
+    assert np.abs(apply(elementary.exponential, x) / np.exp(x.astype(float)) - 1).max() < tolerance
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_exponential_stays_finite(dtype):
+    y = apply(elementary.exponential, np.array([-1e4, -500, 500, 1e4], dtype=dtype))
+    assert np.isfinite(y).all()
+    assert y[0] < 1e-30
+
+
+@pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 4e-7), (np.float64, 1e-15)])
+def test_arctangent(random, dtype, tolerance):
+    angle = random.uniform(-1.57, 1.57, 5000)
+    y, x = (1.7 * np.sin(angle)).astype(dtype), (1.7 * np.cos(angle)).astype(dtype)
+
+    @kernel
+    def loop(y, x, out):
+        for k in range(x.shape[0]):
+            out[k] = elementary.arctangent(y[k], x[k])
+
+    out = np.empty_like(x)
+    loop(y, x, out)
+    assert np.abs(out.astype(float) - np.arctan2(y.astype(float), x.astype(float))).max() < tolerance
+
+
+EXACT = {
+    "algebraic": lambda x: x / np.sqrt(1 + x * x),
+    "logistic": lambda x: 1 / (1 + np.exp(-x)),
+    "tanh": np.tanh,
+    "relu": lambda x: np.maximum(x, 0),
+    "softplus": lambda x: np.logaddexp(0, x),
+}
+
+
+@pytest.mark.parametrize("name", sorted(activations.ACTIVATIONS))
+@pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 5e-7), (np.float64, 2e-15)])
+def test_activations(random, name, dtype, tolerance):
+    x = np.concatenate([random.uniform(-20, 20, 3000), random.uniform(-0.1, 0.1, 1000), [0.0, -60.0, 60.0]]).astype(dtype)
+    exact = EXACT[name](x.astype(float))
+    # Relative to the larger of 1 and the value: softplus and relu grow without bound.
+    assert (np.abs(apply(activations.ACTIVATIONS[name], x) - exact) / np.maximum(1, np.abs(exact))).max() < tolerance
+
+
+def test_training_activations_are_those_of_the_kernels(random):
+    from pdsurrogate.learning.activations import ACTIVATIONS
+
+    assert set(ACTIVATIONS) == set(activations.ACTIVATIONS)
+    x = random.uniform(-8, 8, 200)
+    for name, function in ACTIVATIONS.items():
+        value, slope = function(x)
+        np.testing.assert_allclose(value, EXACT[name](x), atol=1e-14)
+        numeric = (function(x + 1e-6)[0] - function(x - 1e-6)[0]) / 2e-6
+        np.testing.assert_allclose(slope, numeric, atol=1e-8)

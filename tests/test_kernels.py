@@ -1,0 +1,148 @@
+"""Kernels against plain twins written for reading."""
+
+import numpy as np
+import pytest
+from bodies import disc_with_hole, gripped_sheet, jittered, sheet
+
+from pdsurrogate.forces.kinematics import Kinematics
+from pdsurrogate.kernels import records
+from pdsurrogate.kernels.compile import CompilationClock, compilation_clock, kernel, source_digest
+from pdsurrogate.materials import NeoHookean, plane_stress
+
+
+def wavy(points, size=0.03):
+    """A smooth inhomogeneous deformation."""
+    x1, x2 = points.T
+    return np.stack([1.3 * x1 + size * np.sin(4 * x2), 0.9 * x2 + 0.2 * x1 + size * np.cos(5 * x1)], axis=1)
+
+
+@pytest.mark.parametrize("make", [sheet, disc_with_hole, gripped_sheet])
+def test_deformation_gradients_against_the_sum(make):
+    body = make()
+    kinematics = Kinematics(body, NeoHookean(), "polar", "float64")
+    kinematics.update(body.points + 0.1 * (wavy(body.points) - body.points))
+    bonds, x, y = body.bonds, body.all_points, kinematics.positions
+    for i in range(len(body)):
+        mine = slice(int(bonds.pointers[i]), int(bonds.pointers[i + 1]))
+        j = bonds.neighbours[mine]
+        bond = x[j] - x[i]
+        weight = body.weigh(np.linalg.norm(bond, axis=1)) * body.all_volumes[j]
+        K = np.einsum("b,bi,bj->ij", weight, bond, bond)
+        F = np.einsum("b,bi,bj->ij", weight, y[j] - y[i], bond) @ np.linalg.inv(K)
+        np.testing.assert_allclose(kinematics.deformation_gradients()[i], F, rtol=1e-11, atol=1e-11)
+
+
+def test_gradients_of_images_equal_the_sum_over_their_own_horizon():
+    """`reflect_gradients` against a body in which the far side is really there."""
+    for parity in ((-1, 1), (-1, -1)):
+        half = gripped_sheet(parity)
+        kinematics = Kinematics(half, NeoHookean(), "polar", "float64")
+        displacement = 0.05 * np.sin(3 * half.points) * half.points[:, ::-1]
+        kinematics.update(half.points + displacement)
+        images = half.images
+        # The whole neighbourhood of the left plane: the sheet and its full reflection.
+        reflected = half.points * [-1, 1]
+        both = np.vstack([half.points, reflected])
+        y = np.vstack([half.points + displacement, reflected + displacement * parity])
+        for number in np.flatnonzero(images.plane == 0):
+            bond = both - images.points[number]
+            length = np.linalg.norm(bond, axis=1)
+            near = (length > 1e-9) & (length <= half.horizon * (1 + 1e-9))
+            weight = half.weigh(length[near])
+            own = kinematics.positions[len(half) + number]
+            K = np.einsum("b,bi,bj->ij", weight, bond[near], bond[near])
+            F = np.einsum("b,bi,bj->ij", weight, y[near] - own, bond[near]) @ np.linalg.inv(K)
+            record = kinematics.gradients[len(half) + number].reshape(2, 2).T
+            np.testing.assert_allclose(record, F, atol=1e-11)
+
+
+def test_node_states_solve_plane_stress(random):
+    body, law = jittered(random), NeoHookean(1, 50)
+    kinematics = Kinematics(body, law, "polar", "float64")
+    kinematics.update(wavy(body.points))
+    F = kinematics.deformation_gradients()
+    trace, J = plane_stress.invariants(F)
+    np.testing.assert_allclose(kinematics.records[:, 2], J, rtol=1e-12)
+    np.testing.assert_allclose(kinematics.records[:, 3], plane_stress.thickness_stretch_squared(law, trace, J), rtol=1e-11)
+    W, _, Vt = np.linalg.svd(F)
+    R = W @ Vt
+    np.testing.assert_allclose(kinematics.records[:, 0], R[:, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(kinematics.records[:, 1], R[:, 1, 0], atol=1e-12)
+
+
+def test_plane_stress_from_far_starts():
+    """A cold start, strong compression and strong stretch converge to the same J3."""
+    body = sheet()
+    for F in (np.diag([4.0, 4.0]), np.diag([0.3, 0.4]), np.diag([6.0, 0.3]), np.array([[1, 3.0], [0, 1]])):
+        for law in (NeoHookean(1, 10), NeoHookean(1, 1e4)):
+            kinematics = Kinematics(body, law, "polar", "float64")
+            kinematics.update(body.points @ F.T)
+            expected = plane_stress.volume_ratio(law, *plane_stress.invariants(F))
+            np.testing.assert_allclose(kinematics.volume_ratios, expected, rtol=1e-11)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_record_loads(random, dtype):
+    n, pairs = 50, 64
+    table = random.standard_normal((n, 4)).astype(dtype)
+    positions = random.standard_normal((n, 2))
+    first, second = (random.integers(0, n, pairs).astype(np.uint32) for _ in range(2))
+
+    @kernel
+    def load(table, positions, first, second, sums, differences):
+        for k in range(0, first.shape[0], 4):
+            records.sum_records(table, first, second, k, sums, k)
+            records.subtract_positions(positions, first, second, k, differences, k)
+
+    sums, differences = np.zeros((4, pairs), dtype), np.zeros((2, pairs), dtype)
+    load(table, positions, first, second, sums, differences)
+    np.testing.assert_array_equal(sums, (table[first] + table[second]).T)
+    np.testing.assert_array_equal(differences, (positions[second] - positions[first]).T.astype(dtype))
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("count", [0, 1, 3, 4, 7, 29])
+def test_signed_sum(random, dtype, count):
+    """Sums of every length, so that the interleaved part and the rest are both taken."""
+    table = random.standard_normal((100, 2)).astype(dtype)
+    listed = random.integers(0, 100, count).astype(np.uint32)
+
+    @kernel
+    def total(table, count, listed, out):
+        records.sum_signed_records(
+            table, np.uint64(5), np.uint64(5 + count), listed, np.uint64(0), np.uint64(listed.shape[0]), 2.0, np.uint64(0), out
+        )
+
+    out = np.zeros((1, 2))
+    total(table, count, listed, out)
+    expected = 2 * (table[5 : 5 + count].astype(float).sum(axis=0) - table[listed].astype(float).sum(axis=0))
+    np.testing.assert_allclose(out[0], expected, atol=1e-13)
+
+
+def test_compiled_code_is_cached_and_compilation_is_announced():
+    """A kernel in a file is loaded by a second dispatcher; one that cannot be cached still works and is announced."""
+    from pdsurrogate.kernels import gradient
+
+    body = sheet()
+    Kinematics(body, NeoHookean(), "polar", "float64").update(body.points)
+    again = kernel(gradient.place_images.py_func)
+    announced = []
+    with compilation_clock(lambda: announced.append(1)) as clock:
+        args = (body.all_points.copy(), len(body), body.images.mirror, body.images.parity, body.images.parity)
+        again(*args)
+    assert isinstance(clock, CompilationClock)
+    assert sum(again.stats.cache_hits.values()) == 1
+    assert not announced
+    assert clock.seconds == 0
+
+    def fresh(x):
+        return x + 1
+
+    with compilation_clock(lambda: announced.append(1)) as clock:
+        assert kernel(eval("lambda x: x + 2"))(1.0) == 3.0
+    assert announced == [1]
+    assert clock.seconds > 0
+
+
+def test_cache_key_carries_the_sources():
+    assert len(source_digest()) == 64

@@ -1,0 +1,105 @@
+"""Result files, read back with the tools that users open them with."""
+
+import csv
+import json
+
+import meshio
+import numpy as np
+import pytest
+from bodies import sheet
+
+import pdsurrogate as pd
+from pdsurrogate.results import files, measures
+from pdsurrogate.simulation import simulate
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("out")
+    result = simulate(pd.load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.5]), "neo-hookean")
+    result.save(folder)
+    return result, folder
+
+
+def test_files(saved):
+    result, folder = saved
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "history.csv",
+        "summary.json",
+        "uniaxial-000.vtu",
+        "uniaxial-001.vtu",
+        "uniaxial.png",
+        "uniaxial.pvd",
+    ]
+    assert json.loads((folder / "summary.json").read_text()) == json.loads(json.dumps(result.summary))
+    rows = list(csv.DictReader((folder / "history.csv").open()))
+    assert {"stretch", "evaluation", "residual"} <= set(rows[0])
+    assert [float(row["stretch"]) for row in rows] == sorted(float(row["stretch"]) for row in rows)
+    assert float(rows[-1]["residual"]) <= 1e-6
+
+
+def test_vtu_with_meshio(saved):
+    result, folder = saved
+    mesh = meshio.read(folder / "uniaxial-001.vtu")
+    np.testing.assert_allclose(mesh.points[:, :2], result.body.points)
+    np.testing.assert_allclose(mesh.point_data["displacement"][:, :2], result.displacement())
+    stress = mesh.point_data["stress"].reshape(-1, 3, 3)
+    assert stress[:, 0, 0] == pytest.approx(result.levels[1]["nominal_stress"], rel=1e-3)
+    assert np.abs(stress[:, 1, 1]).max() < 1e-3
+    assert mesh.point_data["stretch"] == pytest.approx(1.5, rel=1e-3)
+    assert mesh.point_data["J"] == pytest.approx(1.00526, rel=1e-3)
+
+
+def test_series_with_pyvista(saved):
+    pyvista = pytest.importorskip("pyvista")
+    result, folder = saved
+    reader = pyvista.PVDReader(str(folder / "uniaxial.pvd"))
+    assert list(reader.time_values) == [1.2, 1.5]
+    reader.set_active_time_value(1.5)
+    block = reader.read()[0]
+    assert block.n_points == len(result.body)
+    warped = block.warp_by_vector("displacement")
+    assert warped.bounds[1] == pytest.approx(1.5 * 2.95, rel=1e-3)
+
+
+def test_figure_is_a_picture(saved):
+    from matplotlib import image
+
+    picture = image.imread(saved[1] / "uniaxial.png")
+    assert picture.shape[0] > 300
+    assert picture.std() > 0.05
+
+
+def test_interrupted_writing_leaves_the_old_file(tmp_path):
+    path = tmp_path / "x.json"
+    files.write_json(path, {"a": 1})
+    with pytest.raises(ValueError, match="JSON compliant"):
+        files.write_json(path, {"a": float("nan")})
+
+    def half_way(temporary):
+        temporary.write_text("half")
+        raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        files.write_with(path, half_way)
+    assert json.loads(path.read_text()) == {"a": 1}
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_edge_displacements_are_extrapolated_to_the_edge():
+    body = sheet(0.1, 1.2, 1.0)
+    displacements = np.stack([0 * body.points[:, 0], 0.3 * (body.points[:, 1] - 0.5) + 0.1 * body.points[:, 0]], axis=1)
+    along, low, high = measures.edge_displacements(body, displacements, 1)
+    np.testing.assert_allclose(along, 0.05 + 0.1 * np.arange(12))
+    np.testing.assert_allclose(low, -0.15 + 0.1 * along)
+    np.testing.assert_allclose(high, 0.15 + 0.1 * along)
+
+
+def test_roughness_tells_a_checkerboard_from_a_wave():
+    body = sheet(0.05, 3.0, 1.0)
+    x1 = body.points[:, 0]
+    smooth = np.stack([0 * x1, np.sin(2 * np.pi * x1 / 3)], axis=1)
+    jagged = np.stack([0 * x1, np.cos(np.pi * x1 / 0.05 - np.pi / 2)], axis=1)
+    # Second difference of a wave of length L: (2 pi spacing / L)^2, root mean square over its greatest value: / sqrt(2).
+    assert measures.roughness(body, smooth, 0) == pytest.approx((2 * np.pi * 0.05 / 3) ** 2 / np.sqrt(2), rel=0.05)
+    assert measures.roughness(body, jagged, 0) == pytest.approx(4, rel=0.01)
