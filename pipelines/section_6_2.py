@@ -1,0 +1,95 @@
+"""Section 6.2 of the paper: uniaxial tension with every force model, against the exact solution and the paper's Table 1.
+
+python pipelines/section_6_2.py            print the tables, draw the figures
+python pipelines/section_6_2.py --readme   and put both into the README
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import matplotlib
+from matplotlib.figure import Figure
+from readme import FIGURES, markdown_table, replace_block
+from rich.console import Console
+
+import pdsurrogate as pd
+from pdsurrogate.results.figures import STYLE, save
+
+console = Console()
+
+PAPERS_OPTIONS = ["support=points", "correction=scalar", "outside=extrapolate"]
+"""One held column of points at each end, the factor (24)-(25), and a network that is used wherever it is asked."""
+
+RUNS = [
+    ("analytic bond force", "analytic", []),
+    ("surrogate, symmetric features (default)", "neo-hookean", []),
+    ("surrogate, the paper's features and options", "neo-hookean-paper", PAPERS_OPTIONS),
+    ("NOSB, held columns", "nosb", ["support=points"]),
+    ("surrogate, held columns", "neo-hookean", ["support=points"]),
+]
+
+# Chen, Yang, Liu 2024, Table 1 and section 6.2: nominal stress (kPa) and u2 (cm) at stretches 1.5, 2.0, 2.5.
+PAPER = [
+    ("paper, its network (Table 1)", (1.09, 1.80, 2.40), (0.0915, 0.145, 0.182)),
+    ("paper, its BA-NOSB", (1.06, 1.75, 2.32), (0.091, 0.145, 0.181)),
+]
+
+
+def percent(value: float) -> str:
+    return f"{100 * value:+.4f}" if abs(value) < 5e-4 else f"{100 * value:+.2f}"
+
+
+def table(results, exact) -> str:
+    """Errors against the exact slightly compressible solution at the three stretches, and the roughness at the last."""
+    rows = []
+    for title, result in results:
+        stress = [percent(level["nominal_stress_error"]) for level in result.levels]
+        lateral = [percent(level["lateral_displacement_error"]) for level in result.levels]
+        rows.append([title, " / ".join(stress), " / ".join(lateral), f"{result.levels[-1]['roughness']:.1e}"])
+    for title, stresses, laterals in PAPER:
+        stress = [percent(value / level["nominal_stress_reference"] - 1) for value, level in zip(stresses, exact, strict=True)]
+        lateral = [percent(value / level["lateral_displacement_reference"] - 1) for value, level in zip(laterals, exact, strict=True)]
+        rows.append([title, " / ".join(stress), " / ".join(lateral), ""])
+    return markdown_table(["force", "nominal stress, error (%)", "lateral displacement, error (%)", "roughness of u2"], rows)
+
+
+def zero_energy_figure(smooth, rough) -> Figure:
+    """u2 along the upper edge and over the sheet, NOSB beside the surrogate, both with one held column of points."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 4.2), layout="constrained")
+        axes = figure.subplots(2, 2, gridspec_kw={"height_ratios": [1.3, 1]})
+        greatest = max(abs(result.displacement(0)[:, 1]).max() for result in (smooth, rough))
+        for column, (result, title) in enumerate(((rough, "NOSB"), (smooth, "surrogate"))):
+            points, moved = result.body.points, result.displacement(0)
+            x, y = (points + moved).T
+            sheet, line = axes[:, column]
+            drawn = sheet.scatter(x, y, c=moved[:, 1], s=1.2, marker="s", linewidths=0, cmap="turbo", vmin=-greatest, vmax=greatest)
+            sheet.set(aspect="equal", title=f"{title}, stretch 1.5: roughness {result.levels[0]['roughness']:.1e}")
+            sheet.set_axis_off()
+            upper = points[:, 1] > points[:, 1].max() - 1e-9
+            line.plot(points[upper, 0], moved[upper, 1], lw=0.8)
+            line.set(xlabel="x1 (cm)", ylabel="u2 of the uppermost row (cm)", ylim=(-greatest * 1.05, 0.01))
+        figure.colorbar(drawn, ax=axes[0, :], label="u2 (cm)", fraction=0.02)
+        return figure
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--readme", action="store_true", help="put the table and the figures into the README")
+    arguments = parser.parse_args()
+    results = []
+    for title, force, changes in RUNS:
+        with console.status(title):
+            results.append((title, pd.simulate(pd.load_scene("uniaxial", changes), force)))
+    text = table(results, results[0][1].levels)
+    console.print(text, soft_wrap=True)
+    named = dict(results)
+    save(named["surrogate, symmetric features (default)"].figure(), FIGURES / "uniaxial.png")
+    save(zero_energy_figure(named["surrogate, held columns"], named["NOSB, held columns"]), FIGURES / "zero-energy.png")
+    if arguments.readme:
+        replace_block("section 6.2", text)
+
+
+if __name__ == "__main__":
+    main()
