@@ -138,7 +138,7 @@ def _print_levels(result) -> None:
     compared = any("nominal_stress_reference" in level for level in summary["levels"])
     table = Table(title=f"{summary['scene']}, force {summary['force']}, {summary['n_points']} points", title_justify="left")
     table.add_column("stretch", justify="right")
-    for quantity, unit in (("lateral displacement", units["length"]), ("nominal stress", units["stress"])):
+    for quantity, unit in (("lateral", units["length"]), ("stress", units["stress"])):
         table.add_column(f"{quantity} ({unit})", justify="right")
         if compared:
             table.add_column("exact", justify="right")

@@ -14,7 +14,7 @@ from readme import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pd
-from pdsurrogate.results.figures import STYLE, save
+from pdsurrogate.results.figures import STYLE, deformed_cells, draw_cells, save
 
 console = Console()
 
@@ -57,19 +57,20 @@ def table(results, exact) -> str:
 def zero_energy_figure(smooth, rough) -> Figure:
     """u2 along the upper edge and over the sheet, NOSB beside the surrogate, both with one held column of points."""
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 4.2), layout="constrained")
-        axes = figure.subplots(2, 2, gridspec_kw={"height_ratios": [1.3, 1]})
+        figure = Figure(figsize=(7.2, 2.9), layout="constrained")
+        axes = figure.subplots(2, 2, gridspec_kw={"height_ratios": [1, 1.2]})
         greatest = max(abs(result.displacement(0)[:, 1]).max() for result in (smooth, rough))
         for column, (result, title) in enumerate(((rough, "NOSB"), (smooth, "surrogate"))):
             points, moved = result.body.points, result.displacement(0)
-            x, y = (points + moved).T
             sheet, line = axes[:, column]
-            drawn = sheet.scatter(x, y, c=moved[:, 1], s=1.2, marker="s", linewidths=0, cmap="turbo", vmin=-greatest, vmax=greatest)
-            sheet.set(aspect="equal", title=f"{title}, stretch 1.5: roughness {result.levels[0]['roughness']:.1e}")
-            sheet.set_axis_off()
+            drawn = draw_cells(
+                sheet, deformed_cells(points, result.states[0][1], result.body.spacing), moved[:, 1], clim=(-greatest, greatest)
+            )
+            sheet.set_title(f"{title}, stretch 1.5: roughness {result.levels[0]['roughness']:.1e}")
             upper = points[:, 1] > points[:, 1].max() - 1e-9
             line.plot(points[upper, 0], moved[upper, 1], lw=0.8)
-            line.set(xlabel="x1 (cm)", ylabel="u2 of the uppermost row (cm)", ylim=(-greatest * 1.05, 0.01))
+            line.set(xlabel="x1 (cm)", ylim=(-0.15, -0.04))
+        axes[1, 0].set_ylabel("u2 of the upper row (cm)")
         figure.colorbar(drawn, ax=axes[0, :], label="u2 (cm)", fraction=0.02)
         return figure
 

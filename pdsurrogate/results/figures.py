@@ -6,6 +6,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from .files import write_with
@@ -25,35 +26,56 @@ def save(figure: Figure, path: Path) -> None:
     write_with(path, lambda temporary: figure.savefig(temporary, format="png"))
 
 
-def contour_figure(points, states, component, label, titles, spacing) -> Figure:
-    """Deformed bodies coloured by one component of their displacement, one below the other and to one scale of length.
+def deformed_cells(points: np.ndarray, fields: dict[str, np.ndarray], spacing: float) -> np.ndarray:
+    """Corners of each point's cell, deformed by its own deformation gradient, shape (n, 4, 2)."""
+    F = fields["deformation_gradient"].reshape(-1, 3, 3)[:, :2, :2]
+    # A hair larger than the cell, so that neighbours leave no seam.
+    corners = 0.52 * spacing * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return (points + fields["displacement"][:, :2])[:, None] + np.einsum("nij,cj->nci", F, corners)
+
+
+def draw_cells(axis, cells: np.ndarray, values: np.ndarray, **limits):
+    """Fill deformed cells with colours, and fit the axis to them."""
+    drawn = PolyCollection(cells, array=values, cmap="turbo", edgecolors="none", linewidths=0, antialiased=False, rasterized=True, **limits)
+    axis.add_collection(drawn)
+    low, high = cells.min(axis=(0, 1)), cells.max(axis=(0, 1))
+    axis.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    axis.set_axis_off()
+    return drawn
+
+
+def contour_figure(cells: list[np.ndarray], values: list[np.ndarray], label: str, titles: list[str]) -> Figure:
+    """Deformed bodies, to one scale of length, side by side or one below the other, whichever fits a page.
 
     Parameters
     ----------
-    points : ndarray, shape (n, 2)
-    states : list of ndarray, shape (n, 2)
-        Displacements.
-    component : int
+    cells : list of ndarray, shape (n, 4, 2)
+        See `deformed_cells`.
+    values : list of ndarray, shape (n,)
+        What they are coloured by.
     label : str
         Of the colour bars.
     titles : list of str
-    spacing : float
-        Size of a point, in the body's unit of length.
     """
+    extents = np.array([corners.max(axis=(0, 1)) - corners.min(axis=(0, 1)) for corners in cells])
+    wide = extents[:, 0].max() > extents[:, 1].max()
     with matplotlib.rc_context(STYLE):
-        extents = [np.ptp(points + state, axis=0) for state in states]
-        width = max(extent[0] for extent in extents)
-        scale = 6.0 / width
-        heights = [max(extent[1] * scale, 0.8) + 0.5 for extent in extents]
-        figure = Figure(figsize=(7.2, sum(heights)), layout="constrained")
-        axes = figure.subplots(len(states), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
-        low = min((points + state)[:, 0].min() for state in states)
-        for axis, state, title in zip(axes, states, titles, strict=True):
-            deformed = points + state
-            drawn = axis.scatter(
-                *deformed.T, c=state[:, component], s=(spacing * scale * 72 * 1.25) ** 2, marker="s", linewidths=0, cmap="turbo"
-            )
-            axis.set(aspect="equal", xlim=(low - 0.02 * width, low + 1.02 * width), title=title)
-            axis.set_axis_off()
-            figure.colorbar(drawn, ax=axis, label=label, fraction=0.03, pad=0.01)
+        if wide:
+            scale = 6.0 / extents[:, 0].max()
+            figure = Figure(figsize=(7.2, (extents[:, 1] * scale + 0.35).sum()), layout="constrained")
+            axes = figure.subplots(len(cells), 1, squeeze=False, gridspec_kw={"height_ratios": extents[:, 1]})[:, 0]
+        else:
+            scale = 7.2 / (extents[:, 0].sum() * 1.3)
+            figure = Figure(figsize=(7.2, extents[:, 1].max() * scale + 0.5), layout="constrained")
+            axes = figure.subplots(1, len(cells), squeeze=False, gridspec_kw={"width_ratios": extents[:, 0]})[0]
+        for axis, corners, value, title in zip(axes, cells, values, titles, strict=True):
+            drawn = draw_cells(axis, corners, value)
+            axis.set_title(title, pad=2)
+            # One scale of length for all: every axis shows as much as the largest body needs along its common side.
+            middle = corners.mean(axis=(0, 1))
+            if wide:
+                axis.set_xlim(middle[0] - 0.5 * extents[:, 0].max(), middle[0] + 0.5 * extents[:, 0].max())
+            else:
+                axis.set_ylim(middle[1] - 0.5 * extents[:, 1].max(), middle[1] + 0.5 * extents[:, 1].max())
+            figure.colorbar(drawn, ax=axis, label=label, fraction=0.05, pad=0.01)
         return figure

@@ -79,8 +79,9 @@ def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
 def point_fields(force: InternalForce, positions: np.ndarray) -> dict[str, np.ndarray]:
     """Fields on the points in the state last evaluated, for result files.
 
-    ``displacement`` (n, 3), ``stretch`` (greatest principal stretch), ``J`` (three-dimensional volume ratio) and ``stress`` (first
-    Piola-Kirchhoff, 3 x 3 row by row, in the scene's unit).
+    ``displacement`` (n, 3), ``stretch`` (greatest principal stretch), ``J`` (three-dimensional volume ratio),
+    ``stress`` (first Piola-Kirchhoff, in the scene's unit) and ``deformation_gradient``, the last two 3 x 3 row by
+    row.
     """
     kinematics, law, n = force.kinematics, force.law, len(force.body)
     F = kinematics.deformation_gradients()
@@ -90,6 +91,9 @@ def point_fields(force: InternalForce, positions: np.ndarray) -> dict[str, np.nd
     cofactor = np.stack([F[:, 1, 1], -F[:, 1, 0], -F[:, 0, 1], F[:, 0, 0]], axis=1).reshape(n, 2, 2)
     stress = np.zeros((n, 3, 3))
     stress[:, :2, :2] = law.shear_modulus * (p[:, None, None] * F + (q / area)[:, None, None] * cofactor)
+    gradient = np.zeros((n, 3, 3))
+    gradient[:, :2, :2] = F
+    gradient[:, 2, 2] = J3 / area
     displacement = np.zeros((n, 3))
     displacement[:, :2] = positions - force.body.points
     return {
@@ -97,4 +101,5 @@ def point_fields(force: InternalForce, positions: np.ndarray) -> dict[str, np.nd
         "stretch": np.sqrt((trace + np.sqrt(np.maximum(trace**2 - 4 * area**2, 0))) / 2),
         "J": J3.copy(),
         "stress": stress.reshape(n, 9),
+        "deformation_gradient": gradient.reshape(n, 9),
     }

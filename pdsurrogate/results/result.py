@@ -65,12 +65,10 @@ class Result:
 
         lateral = 1 - self.scene.loaded_axis
         return figures.contour_figure(
-            self.body.points,
-            [fields["displacement"][:, :2] for _, fields in self.states],
-            lateral,
+            [figures.deformed_cells(self.body.points, fields, self.body.spacing) for _, fields in self.states],
+            [fields["displacement"][:, lateral] for _, fields in self.states],
             f"u{lateral + 1} ({self.scene.units.length})",
-            [f"stretch {stretch:g}, force {self.summary['force']}" for stretch, _ in self.states],
-            self.body.spacing,
+            [f"stretch {stretch:g}" for stretch, _ in self.states],
         )
 
 
