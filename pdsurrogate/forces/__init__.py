@@ -1,17 +1,19 @@
 """Force models: what turns a deformed body into forces."""
 
 from .analytic import AnalyticBondForce
+from .bond_associated import BondAssociatedForce
 from .network import NetworkForce
 from .nosb import CorrespondenceForce
 from .protocol import Domain, ForceModel, ForceSurrogate, InternalForce, InvalidState, OutsideDomain
 from .settings import ForceSettings
 
-FORCES = {model.name: model for model in (AnalyticBondForce, CorrespondenceForce)}
+FORCES = {model.name: model for model in (AnalyticBondForce, BondAssociatedForce, CorrespondenceForce)}
 """Force models that need no artefact, by the name under which scenes and the command line know them."""
 
 __all__ = [
     "FORCES",
     "AnalyticBondForce",
+    "BondAssociatedForce",
     "CorrespondenceForce",
     "Domain",
     "ForceModel",

@@ -9,7 +9,7 @@ from ..kernels import bond_pass, reference
 from ..kernels.blocks import BLOCK
 from ..kernels.exact import exact_bond_force
 from ..materials import Law
-from .kinematics import Kinematics
+from .kinematics import Kinematics, locate
 from .protocol import ForceSurrogate, InvalidState, OutsideDomain
 from .settings import OUTSIDE_POLICIES, ForceSettings
 
@@ -103,9 +103,7 @@ class BondForceEvaluation:
                 "outside=fallback would use the exact bond force for them"
             )
         if not np.isfinite(out).all():
-            i = int(np.flatnonzero(~np.isfinite(out).all(axis=1))[0])
-            x1, x2 = self.body.points[i]
-            raise InvalidState(f"point {i} at ({x1:.4g}, {x2:.4g}): the force on it is not finite")
+            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""

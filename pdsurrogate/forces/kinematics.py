@@ -8,7 +8,7 @@ import numpy as np
 from ..body import Body
 from ..kernels import gradient, node_state, reference
 from ..kernels.blocks import BLOCK, SCRATCH_ROWS
-from ..materials import Law
+from ..materials import Law, plane_stress
 from .protocol import InvalidState
 
 
@@ -84,6 +84,12 @@ class Kinematics:
         chosen = images.plane == plane
         self._shift[chosen] = self._shift_at_rest[chosen] + (1 - images.parity[chosen]) * np.asarray(displacement, dtype=float)
 
+    def place(self, positions: np.ndarray) -> None:
+        """Take new positions of the body's points, and move the images with them; nothing else."""
+        n, images = len(self.body), self.body.images
+        self.positions[:n] = positions
+        gradient.place_images(self.positions, n, images.mirror, images.parity, self._shift)
+
     def update(self, positions: np.ndarray) -> None:
         """Take new positions of the body's points, and bring everything else up to date.
 
@@ -92,10 +98,9 @@ class Kinematics:
         InvalidState
             Where det F <= 0, the law ends, or numbers are not finite; names the point.
         """
+        self.place(positions)
         body, bonds, images = self.body, self.body.bonds, self.body.images
         n = len(body)
-        self.positions[:n] = positions
-        gradient.place_images(self.positions, n, images.mirror, images.parity, self._shift)
         gradient.deformation_gradients(self.positions, bonds.pointers, bonds.neighbours, self.gradient_weights, self.gradients)
         if len(self.unsupported):
             gradient.hold_unsupported(self.gradients, self.unsupported)
@@ -124,20 +129,25 @@ class Kinematics:
         F = self.deformation_gradients()
         broken = ~np.isfinite(F).all(axis=(1, 2))
         if broken.any():
-            return self._where(np.flatnonzero(broken)[0], "its deformation gradient is not finite")
+            return locate(self.body, F, "its deformation gradient is not finite")
         J = np.linalg.det(F)
         if J.min() <= 0:
-            return self._where(J.argmin(), f"det F = {J.min():.3g}: the material is turned inside out there")
-        from ..materials import plane_stress
-
+            return at_point(self.body, int(J.argmin()), f"det F = {J.min():.3g}: the material is turned inside out there")
         trace, _ = plane_stress.invariants(F)
         for i in np.argsort(-trace)[: min(n, 100)]:
             try:
                 plane_stress.volume_ratio(self.law, trace[i], J[i])
             except ValueError as error:
-                return self._where(i, str(error))
+                return at_point(self.body, int(i), str(error))
         return "a point has no plane-stress state"
 
-    def _where(self, i: int, what: str) -> str:
-        x1, x2 = self.body.points[i]
-        return f"point {i} at ({x1:.4g}, {x2:.4g}): {what}"
+
+def at_point(body: Body, i: int, what: str) -> str:
+    """Say where something is."""
+    x1, x2 = body.points[i]
+    return f"point {i} at ({x1:.4g}, {x2:.4g}): {what}"
+
+
+def locate(body: Body, values: np.ndarray, what: str) -> str:
+    """Say at which point values are not finite."""
+    return at_point(body, int(np.flatnonzero(~np.isfinite(values.reshape(len(body), -1)).all(axis=1))[0]), what)

@@ -7,7 +7,7 @@ import numpy as np
 from ..body import Body
 from ..kernels import correspondence
 from ..materials import Law
-from .kinematics import Kinematics
+from .kinematics import Kinematics, locate
 from .protocol import InvalidState
 from .settings import ForceSettings
 
@@ -55,8 +55,7 @@ class CorrespondenceEvaluation:
             self._stresses, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, self.body.volumes, out
         )
         if not np.isfinite(out).all():
-            i = int(np.flatnonzero(~np.isfinite(out).all(axis=1))[0])
-            raise InvalidState(f"point {i} at {self.body.points[i]}: the force on it is not finite")
+            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""

@@ -51,5 +51,5 @@ def _with_row_length(length):
 block_rows = _with_row_length(BLOCK)
 """The same two-dimensional array, stated to have rows of exactly `BLOCK` values."""
 
-pair_records = _with_row_length(2)
-"""The same two-dimensional array, stated to have records of exactly two values."""
+pair_records, triple_records, quad_records = (_with_row_length(length) for length in (2, 3, 4))
+"""The same two-dimensional array, stated to have records of exactly two, three or four values."""

@@ -81,7 +81,6 @@ def pair_forces(
     """
     n_blocks = geometry.shape[0]
     chunks = buffers.shape[0]
-    forces = pair_records(forces)
     for chunk in prange(chunks):
         buffer = buffers[chunk]
         states = block_rows(buffer[0:6])
@@ -137,6 +136,7 @@ def pair_forces(
                                 traction[0, k] = exact[0, k]
                                 traction[1, k] = exact[1, k]
                                 traction[2, k] = exact[2, k]
+            pair = pair_records(forces[at : at + BLOCK])
             for k in range(BLOCK):
                 r1 = bond[0, k]
                 r2 = bond[1, k]
@@ -144,8 +144,8 @@ def pair_forces(
                 beta = reference[3, k]
                 along = alpha * traction[0, k] + beta * traction[1, k]
                 across = alpha * traction[1, k] + beta * traction[2, k]
-                forces[at + k, 0] = r1 * along - r2 * across
-                forces[at + k, 1] = r2 * along + r1 * across
+                pair[k, 0] = r1 * along - r2 * across
+                pair[k, 1] = r2 * along + r1 * across
         outside[chunk] = count
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import prange
 
-from .blocks import BLOCK, block_rows
+from .blocks import BLOCK, block_rows, quad_records, triple_records
 from .compile import call_block, parallel_kernel
 from .records import sum_matrix_products
 
@@ -20,30 +20,30 @@ def weighted_stresses(gradients, volume_ratios, inverse_shape, unit, response, p
         for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
             at = block * BLOCK
             size = min(BLOCK, n - at)
+            F = quad_records(gradients[at : at + size])
+            J3 = volume_ratios[at : at + size]
+            Z = triple_records(inverse_shape[at : at + size])
+            stress = quad_records(stresses[at : at + size])
             for k in range(size):
-                F11 = gradients[at + k, 0]
-                F21 = gradients[at + k, 1]
-                F12 = gradients[at + k, 2]
-                F22 = gradients[at + k, 3]
-                states[0, k] = F11 * F11 + F21 * F21 + F12 * F12 + F22 * F22
-                states[1, k] = F11 * F22 - F12 * F21
-                states[2, k] = volume_ratios[at + k]
+                states[0, k] = F[k, 0] * F[k, 0] + F[k, 1] * F[k, 1] + F[k, 2] * F[k, 2] + F[k, 3] * F[k, 3]
+                states[1, k] = F[k, 0] * F[k, 3] - F[k, 1] * F[k, 2]
+                states[2, k] = J3[k]
             call_block(response, states, parameters, result)
             for k in range(size):
                 # P = p F + q F^-T
                 p = result[0, k] * unit
                 q = result[1, k] / states[1, k] * unit
-                P11 = p * gradients[at + k, 0] + q * gradients[at + k, 3]
-                P21 = p * gradients[at + k, 1] - q * gradients[at + k, 2]
-                P12 = p * gradients[at + k, 2] - q * gradients[at + k, 1]
-                P22 = p * gradients[at + k, 3] + q * gradients[at + k, 0]
-                Z11 = inverse_shape[at + k, 0]
-                Z12 = inverse_shape[at + k, 1]
-                Z22 = inverse_shape[at + k, 2]
-                stresses[at + k, 0] = P11 * Z11 + P12 * Z12
-                stresses[at + k, 1] = P21 * Z11 + P22 * Z12
-                stresses[at + k, 2] = P11 * Z12 + P12 * Z22
-                stresses[at + k, 3] = P21 * Z12 + P22 * Z22
+                P11 = p * F[k, 0] + q * F[k, 3]
+                P21 = p * F[k, 1] - q * F[k, 2]
+                P12 = p * F[k, 2] - q * F[k, 1]
+                P22 = p * F[k, 3] + q * F[k, 0]
+                Z11 = Z[k, 0]
+                Z12 = Z[k, 1]
+                Z22 = Z[k, 2]
+                stress[k, 0] = P11 * Z11 + P12 * Z12
+                stress[k, 1] = P21 * Z11 + P22 * Z12
+                stress[k, 2] = P11 * Z12 + P12 * Z22
+                stress[k, 3] = P21 * Z12 + P22 * Z22
 
 
 @parallel_kernel

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import prange
 
-from .blocks import BLOCK, block_rows
+from .blocks import BLOCK, block_rows, quad_records
 from .compile import call_block, kernel, parallel_kernel
 
 MOST_ITERATIONS = 40
@@ -66,33 +66,32 @@ def node_states(gradients, volume_ratios, rotation, response, parameters, scratc
         for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
             at = block * BLOCK
             size = min(BLOCK, n - at)
+            # Slices, since an index at + k might be negative for all the compiler knows, and that test would keep the loops scalar.
+            F = quad_records(gradients[at : at + size])
+            J3 = volume_ratios[at : at + size]
+            record = quad_records(records[at : at + size])
             for k in range(size):
-                F11 = gradients[at + k, 0]
-                F21 = gradients[at + k, 1]
-                F12 = gradients[at + k, 2]
-                F22 = gradients[at + k, 3]
-                states[0, k] = F11 * F11 + F21 * F21 + F12 * F12 + F22 * F22
-                states[1, k] = F11 * F22 - F12 * F21
-                states[2, k] = volume_ratios[at + k]
+                states[0, k] = F[k, 0] * F[k, 0] + F[k, 1] * F[k, 1] + F[k, 2] * F[k, 2] + F[k, 3] * F[k, 3]
+                states[1, k] = F[k, 0] * F[k, 3] - F[k, 1] * F[k, 2]
+                states[2, k] = J3[k]
             count += solve_volume_ratios(size, states, result, response, parameters)
             for k in range(size):
-                J = states[1, k]
-                J3 = states[2, k]
-                volume_ratios[at + k] = J3
-                records[at + k, 2] = J
-                records[at + k, 3] = (J3 / J) * (J3 / J)
+                thickness = states[2, k] / states[1, k]
+                J3[k] = states[2, k]
+                record[k, 2] = states[1, k]
+                record[k, 3] = thickness * thickness
             if rotation == POLAR:
                 for k in range(size):
-                    c = gradients[at + k, 0] + gradients[at + k, 3]
-                    s = gradients[at + k, 1] - gradients[at + k, 2]
+                    c = F[k, 0] + F[k, 3]
+                    s = F[k, 1] - F[k, 2]
                     norm = 1.0 / np.sqrt(c * c + s * s)
-                    records[at + k, 0] = c * norm
-                    records[at + k, 1] = s * norm
+                    record[k, 0] = c * norm
+                    record[k, 1] = s * norm
             else:
                 for k in range(size):
-                    angle = convected_rotation(gradients[at + k, 0], gradients[at + k, 1], gradients[at + k, 2], gradients[at + k, 3])
-                    records[at + k, 0] = np.cos(angle)
-                    records[at + k, 1] = np.sin(angle)
+                    angle = convected_rotation(F[k, 0], F[k, 1], F[k, 2], F[k, 3])
+                    record[k, 0] = np.cos(angle)
+                    record[k, 1] = np.sin(angle)
         unsolved[chunk] = count
 
 

@@ -213,3 +213,44 @@ def _accumulate(builder, start, stop, add, vector_type):
         add(builder.add(rest, loop.index), accumulators[0])
     values = [builder.load(accumulator) for accumulator in accumulators]
     return builder.fadd(builder.fadd(values[0], values[1]), builder.fadd(values[2], values[3]))
+
+
+@intrinsic
+def outer_products(typingctx, positions, neighbours, weights, start, stop, point, out):
+    """``out[b - start] = (positions[neighbours[b]] - positions[point]) (x) weights[b]`` for b in start … stop, by columns."""
+    signature = types.void(positions, neighbours, weights, types.uint64, types.uint64, types.uint64, out)
+
+    def codegen(context, builder, signature, arguments):
+        source, indices, factors, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 1, 2, 6))
+        own = _load(builder, _element(builder, source, arguments[5], 2), 2)
+        own = _shuffle(builder, own, own, [0, 1, 0, 1])
+        with cgutils.for_range(builder, builder.sub(arguments[4], arguments[3])) as loop:
+            position = builder.add(arguments[3], loop.index)
+            j = builder.load(_element(builder, indices, position))
+            other = _load(builder, _element(builder, source, j, 2), 2)
+            factor = _load(builder, _element(builder, factors, position, 2), 2)
+            difference = builder.fsub(_shuffle(builder, other, other, [0, 1, 0, 1]), own)
+            product = builder.fmul(difference, _shuffle(builder, factor, factor, [0, 0, 1, 1]))
+            _store(builder, product, _element(builder, target, loop.index, 4))
+        return context.get_dummy_value()
+
+    return signature, codegen
+
+
+@intrinsic
+def sum_listed_records(typingctx, records, listed, start, stop, out, at):
+    """``out[at] = sum of records[listed[b]] for b in start … stop``, records of four doubles."""
+    signature = types.void(records, listed, types.uint64, types.uint64, out, types.uint64)
+
+    def codegen(context, builder, signature, arguments):
+        source, indices, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 1, 4))
+
+        def add_listed(position, accumulator):
+            place = builder.load(_element(builder, indices, position))
+            builder.store(builder.fadd(builder.load(accumulator), _load(builder, _element(builder, source, place, 4), 4)), accumulator)
+
+        total = _accumulate(builder, arguments[2], arguments[3], add_listed, ir.VectorType(ir.DoubleType(), 4))
+        _store(builder, total, _element(builder, target, arguments[5], 4))
+        return context.get_dummy_value()
+
+    return signature, codegen

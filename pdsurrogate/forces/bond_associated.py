@@ -1,0 +1,165 @@
+"""Bond-associated correspondence (11)-(15): the stable method that the paper races against."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..body import Body
+from ..kernels import bond_associated
+from ..kernels.blocks import BLOCK, SCRATCH_ROWS
+from ..materials import Law
+from .kinematics import Kinematics, locate
+from .protocol import InvalidState
+from .settings import ForceSettings
+
+
+class BondAssociatedForce:
+    """BA-NOSB PD: one deformation gradient a bond, over the points that both its ends' horizons share.  No zero-energy modes."""
+
+    name = "ba-nosb"
+
+    def bind(self, body: Body, law: Law, settings: ForceSettings) -> BondAssociatedEvaluation:
+        """Prepare the evaluation on a body; it is always double, and needs no correction."""
+        if settings.precision == "float32":
+            raise ValueError("ba-nosb is evaluated in float64 only")
+        return BondAssociatedEvaluation(body, law, settings)
+
+
+class BondAssociatedEvaluation:
+    """BA-NOSB bound to a body."""
+
+    precision = "float64"
+    correction = "none"
+    fraction_outside = 0.0
+
+    def __init__(self, body: Body, law: Law, settings: ForceSettings) -> None:
+        self.body, self.law = body, law
+        self.evaluations = 0
+        # The points' own deformation gradients are not part of the method: they are formed for output alone, on request.
+        self.kinematics = Kinematics(body, law, settings.rotation, "float64")
+        bonds, points, volumes = body.bonds, body.all_points, body.all_volumes
+        n, total = len(body), len(points)
+
+        # Directed bonds by owner: a point's own, then those of images towards points of the body.
+        outer = np.flatnonzero(bonds.second >= n)
+        from_image = outer[np.argsort(bonds.second[outer], kind="stable")]
+        owners = np.concatenate([np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64)), bonds.second[from_image]]).astype(
+            np.uint32
+        )
+        self._targets = np.concatenate([bonds.neighbours, bonds.first[from_image]])
+        self._bond_pointers = np.zeros(total + 1, dtype=np.uint64)
+        self._bond_pointers[1:] = np.cumsum(np.bincount(owners, minlength=total))
+        self._reverse = _reverse_bonds(owners, self._targets)
+
+        # Tables: all points within the horizon; of an image, those that exist.
+        pairs = [
+            [i, j]
+            for i, near in enumerate(cKDTree(points).query_ball_point(points[n:], body.horizon * (1 + 1e-9)))
+            for j in near
+            if j != n + i
+        ]
+        around_images = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        self._table = np.concatenate([bonds.neighbours, around_images[:, 1].astype(np.uint32)])
+        table_owners = np.concatenate([owners[: len(bonds.neighbours)], n + around_images[:, 0]])
+        self._table_pointers = np.zeros(total + 1, dtype=np.uint64)
+        self._table_pointers[1:] = np.cumsum(np.bincount(table_owners, minlength=total))
+        bond = points[self._table] - points[table_owners]
+        weights = body.weigh(np.linalg.norm(bond, axis=1))
+        self._table_weights = np.ascontiguousarray(bond * (weights * volumes[self._table])[:, None])
+        disc_volumes = volumes + np.bincount(table_owners, volumes[self._table], total)
+
+        self._common_pointers = np.zeros(len(owners) + 1, dtype=np.uint64)
+        self._common = np.empty(0, dtype=np.uint16)
+        for count in (True, False):
+            bond_associated.list_common_points(
+                points,
+                self._table_pointers,
+                self._table,
+                self._bond_pointers,
+                self._targets,
+                body.horizon,
+                count,
+                self._common_pointers,
+                self._common,
+            )
+            if count:
+                self._common = np.empty(int(self._common_pointers[-1]), dtype=np.uint16)
+        direction = points[self._targets] - points[owners]
+        self._vectors = np.ascontiguousarray(direction * body.weigh(np.linalg.norm(direction, axis=1))[:, None])
+        self._inverse_shapes = np.empty((len(owners), 3))
+        bond_associated.bond_references(
+            points,
+            volumes,
+            self._table_pointers,
+            self._table,
+            self._table_weights,
+            owners,
+            self._targets,
+            self._common_pointers,
+            self._common,
+            disc_volumes,
+            self._inverse_shapes,
+            self._vectors,
+        )
+        chunks = self.kinematics.chunks
+        longest = int(np.diff(self._table_pointers).max())
+        self._volume_ratios = np.ones(len(owners))
+        self._tables = np.empty((chunks, longest, 4))
+        self._sums = np.ones((chunks, BLOCK, 4))
+        self._scratch = np.ones((chunks, SCRATCH_ROWS + 4, BLOCK))
+        self._unsolved = np.zeros(chunks, dtype=np.int64)
+        self._forces = np.empty((len(owners), 2))
+
+    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
+        self.evaluations += 1
+        kinematics = self.kinematics
+        kinematics.place(positions)
+        bond_associated.bond_associated_forces(
+            kinematics.positions,
+            self._table_pointers,
+            self._table,
+            self._table_weights,
+            self._bond_pointers,
+            self._common_pointers,
+            self._common,
+            self._inverse_shapes,
+            self._vectors,
+            self._volume_ratios,
+            kinematics.response.address,
+            kinematics.parameters,
+            self._tables,
+            self._sums,
+            self._scratch,
+            self._unsolved,
+            self._forces,
+        )
+        if self._unsolved.any():
+            self._volume_ratios[:] = 1.0
+            kinematics.update(positions)  # names the point, if one of them is at fault
+            raise InvalidState("the deformation gradient of a bond is turned inside out or has no plane-stress state")
+        bond_associated.sum_bond_forces(self._forces, self._bond_pointers, self._reverse, self.law.shear_modulus, out)
+        if not np.isfinite(out).all():
+            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
+
+    def move_plane(self, plane: int, displacement) -> None:
+        """Displace a reflection plane of the body."""
+        self.kinematics.move_plane(plane, displacement)
+
+    def pair_forces(self) -> np.ndarray:
+        """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2)."""
+        bonds, n = self.body.bonds, len(self.body)
+        owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
+        forward = np.flatnonzero(owners == bonds.first[bonds.pair_of])
+        forces = np.empty((len(bonds.first), 2))
+        forces[bonds.pair_of[forward]] = self._forces[forward] - self._forces[self._reverse[forward]]
+        return self.law.shear_modulus * forces
+
+
+def _reverse_bonds(owners: np.ndarray, targets: np.ndarray) -> np.ndarray:
+    """Number of the bond (j, i) for every bond (i, j)."""
+    size = int(max(owners.max(), targets.max())) + 1
+    forward = owners.astype(np.int64) * size + targets
+    backward = targets.astype(np.int64) * size + owners
+    order = np.argsort(forward)
+    return order[np.searchsorted(forward[order], backward)].astype(np.uint32)
