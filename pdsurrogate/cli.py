@@ -90,7 +90,9 @@ def run(
     outside = result.summary["fraction_outside_domain"]
     if outside:
         what = "the exact bond force stood in for the surrogate" if described.outside == "fallback" else "the surrogate was extrapolated"
-        err.print(f"[yellow]{outside:.2%} of the bond evaluations were outside the surrogate's domain; {what} there.[/]", soft_wrap=True)
+        err.print(
+            f"[yellow]{100 * outside:.2g} % of the bond evaluations were outside the surrogate's domain; {what} there.[/]", soft_wrap=True
+        )
     if failure is not None:
         err.print(f"[red]pdsurrogate: the run failed:[/] {escape(str(failure))}", soft_wrap=True)
         raise typer.Exit(1)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from . import artifacts
 from .body import Body, grid
@@ -103,7 +104,8 @@ def simulate(
     began = time.perf_counter()
     model = artifacts.load_surrogate(force) if isinstance(force, str | Path) else force
     progress = progress or Silent()
-    with thread_count(threads) as count, compilation_clock(progress.compiling) as clock:
+    # BLAS threads spin for a while after each call, on the cores that the kernels want next.
+    with thread_count(threads) as count, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
         run = _Run(scene, model, progress)
         run.warm_up()
         try:
@@ -219,6 +221,7 @@ class _Run:
             "roughness": measures.roughness(self.body, displacements, axis),
             "residual": equilibrium.residual,
             "evaluations": equilibrium.evaluations,
+            "method": equilibrium.method,
         }
         if self.scene.reference == "uniaxial":
             exact = homogeneous.uniaxial(self.law, stretch)

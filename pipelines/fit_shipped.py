@@ -25,7 +25,7 @@ SHIPPED = Path(__file__).resolve().parents[1] / "artifacts"
 VERSION = "1"
 console = Console()
 
-NETWORK = "regressor__network__regressor"
+NETWORK = "regressor__regressor__regressor"
 """Where the network stands in a bond-force pipeline."""
 
 

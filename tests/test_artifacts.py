@@ -255,6 +255,27 @@ def test_plain_payloads_that_are_no_network(stored, change):
         load_surrogate(stored)
 
 
+def test_polynomials_are_stored_too(tmp_path):
+    samples = pd.wide_design(LAW, 500, random_state=0)
+    model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(3)).fit(samples.X, samples.y)
+    path = pd.store(model, samples, LAW, tmp_path, "poly", "1", "a polynomial")
+    force = load_surrogate(path)
+    assert isinstance(force, pd.PolynomialForce)
+    np.testing.assert_allclose(force.bond_force(*samples.X.T), model.predict(samples.X), rtol=1e-11, atol=1e-12)
+    payload = load_plain((path / "surrogate.joblib").read_bytes())
+    for change in (
+        {"half_width": np.array([1.0, 0.0])},
+        {"coefficients": np.zeros((2, 3, 4))},
+        {"coefficients": np.zeros((2, 40, 40))},
+        {"coefficients": np.ones((2, 3, 3))},
+        {"feature_set": "symmetric"},
+        {"centre": np.zeros(3)},
+    ):
+        rewrite(path, plain_bytes({**payload, **change}))
+        with pytest.raises(ArtifactError, match=r"surrogate\.joblib"):
+            load_surrogate(path)
+
+
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
@@ -320,7 +341,7 @@ def test_material_must_be_the_surrogates(stored):
 
     force = load_surrogate(stored)
     force.check_material(pd.NeoHookean(7.0, 70.0))  # every modulus: the force is dimensionless
-    other = NetworkForce("other", force.feature_set, force.activation, force.layers, force.at_rest, force.domain, "gent", {})
+    other = NetworkForce("other", force.feature_set, force.at_rest, force.domain, "gent", {}, force.activation, force.layers)
     with pytest.raises(ValueError, match="describes the law gent, not neo-hookean"):
         other.check_material(LAW)
 

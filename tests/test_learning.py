@@ -16,7 +16,8 @@ import pdsurrogate as pd
 from pdsurrogate.artifacts import load_pipeline, load_surrogate
 from pdsurrogate.forces import AnalyticBondForce
 from pdsurrogate.kernels.activations import ACTIVATIONS
-from pdsurrogate.learning import network_force, validation
+from pdsurrogate.kernels.feature_sets import FEATURE_SETS
+from pdsurrogate.learning import surrogate_of, validation
 from pdsurrogate.learning.fitting import domain_of
 from pdsurrogate.learning.pipeline import feature_transformer, outputs_of_force
 from pdsurrogate.learning.sampling import force_factor, states_of_strain
@@ -31,6 +32,7 @@ LAW = pd.NeoHookean()
         pd.LevenbergMarquardtRegressor((8, 6), activation="tanh", max_iter=100, n_init=2, random_state=0),
         pd.TorchMLPRegressor((20,), max_epochs=60, learning_rate=0.02, random_state=0),
         pd.InputAwareTargetRegressor(),
+        pd.ChebyshevRegressor(3),
         feature_transformer("symmetric").set_params(func=None, kw_args=None, feature_names_out="one-to-one"),
     ]
 )
@@ -119,11 +121,11 @@ def fitted():
 def test_the_pipeline_is_scikit_learns(fitted):
     model, samples = fitted
     assert isinstance(model.regressor_, Pipeline)
-    assert [name for name, _ in model.regressor_.steps] == ["features", "scaling", "network"]
+    assert [name for name, _ in model.regressor_.steps] == ["features", "scaling", "regressor"]
     assert model.regressor_["features"].get_feature_names_out().tolist() == ["log U_nn", "log U_mm", "log J", "log J3^2"]
     again = clone(model).fit(samples.X, samples.y)
     np.testing.assert_array_equal(again.predict(samples.X), model.predict(samples.X))
-    rows = pd.cross_validate(clone(model).set_params(regressor__network__regressor__max_iter=40), samples, folds=3)
+    rows = pd.cross_validate(clone(model).set_params(regressor__regressor__regressor__max_iter=40), samples, folds=3)
     assert [row["fold"] for row in rows] == [0, 1, 2]
     assert all(row["rms"] < 0.05 for row in rows)
 
@@ -152,7 +154,7 @@ def test_dimensional_training_gives_the_dimensionless_network():
         samples = pd.algorithm_1(law, nondimensional=nondimensional, **options)
         units = {} if nondimensional else {"horizon": 0.063, "weight": "inverse", "shear_modulus": 2.0}
         models.append(pd.bond_force_pipeline("paper", network, **units).fit(samples.X, samples.y))
-    plain = [network_force(model, law, domain_of(samples)) for model in models]
+    plain = [surrogate_of(model, law, domain_of(samples)) for model in models]
     X = pd.algorithm_1(law, 200, random_state=9).X
     np.testing.assert_allclose(plain[0].bond_force(*X.T), plain[1].bond_force(*X.T), rtol=1e-6, atol=1e-8)
 
@@ -179,7 +181,7 @@ def test_transformed_outputs_invert(random):
     samples = pd.wide_design(LAW, 500, random_state=8)
     from pdsurrogate.learning.pipeline import force_of_outputs
 
-    for features in ("symmetric", "paper"):
+    for features in FEATURE_SETS:
         z = outputs_of_force(samples.X, samples.y, features)
         np.testing.assert_allclose(force_of_outputs(samples.X, z, features), samples.y, rtol=1e-9, atol=1e-11)
 
@@ -198,17 +200,17 @@ def test_kernel_numpy_face_and_pipeline_agree_to_rounding(reference, dtype):
 
 
 @pytest.mark.parametrize("hidden", [(5,), (20,), (7, 9), (20, 20)])
-@pytest.mark.parametrize("features", ["symmetric", "paper"])
+@pytest.mark.parametrize("features", ["symmetric", "isochoric", "paper"])
 @pytest.mark.parametrize("activation", sorted(ACTIVATIONS))
 def test_kernels_of_every_size_and_activation(random, hidden, features, activation):
     """Random networks of one and two layers, widths that fill no vector, in both precisions."""
     from pdsurrogate.forces import Domain, NetworkForce
 
-    widths = [len(pd.bond_force_pipeline(features).regressor["features"].get_feature_names_out()), *hidden, 2]
+    widths = [len(FEATURE_SETS[features].names), *hidden, 2]
     layers = tuple(
         (random.standard_normal((n_in, n_out)) / np.sqrt(n_in), random.standard_normal(n_out)) for n_in, n_out in pairwise(widths)
     )
-    model = NetworkForce("random", features, activation, layers, np.array([0.1, -0.2]), Domain(0.5, 4, 0.7, 1.4), "neo-hookean", {})
+    model = NetworkForce("random", features, np.array([0.1, -0.2]), Domain(0.5, 4, 0.7, 1.4), "neo-hookean", {}, activation, layers)
     X = pd.wide_design(LAW, 600, random_state=1).X
     exact = model.bond_force(*X.T)
     for dtype in (np.float32, np.float64):
@@ -277,11 +279,45 @@ def test_strain_bins_hold_the_strain_they_say():
     assert greatest.max() < 0.1 + 1e-12
 
 
+@pytest.mark.parametrize("degree", [0, 1, 2, 5, 8])
+def test_polynomial_kernels_of_every_degree(random, degree):
+    """Random coefficients on the features' own range, in both precisions, against NumPy's Chebyshev series."""
+    from pdsurrogate.forces import Domain, PolynomialForce
+
+    i, j = np.indices((degree + 1, degree + 1))
+    coefficients = random.standard_normal((2, degree + 1, degree + 1)) * (i + j <= degree)
+    domain = Domain(0.5, 4, 0.7, 1.4)
+    centre, half_width = np.array([0.7, 1.5]), np.array([2.2, 1.6])
+    model = PolynomialForce("random", "isochoric", np.array([0.1, -0.2]), domain, "neo-hookean", {}, centre, half_width, coefficients)
+    X = pd.wide_design(LAW, 600, random_state=1).X
+    exact = model.bond_force(*X.T)
+    for dtype in (np.float32, np.float64):
+        compiled, _ = compiled_bond_force(model, LAW, X, dtype)
+        # The recurrence for T_j loses about j^2 roundings at the ends of the range.
+        assert np.abs(compiled - exact).max() < 100 * (1 + degree**2) * np.finfo(dtype).eps * np.abs(exact).max()
+
+
+def test_isochoric_features_lose_nothing():
+    """Two features are enough for Neo-Hookean rubber on and off the surface, where the response is a constant of them."""
+    samples = pd.wide_design(LAW, 1500, random_state=0)
+    model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(2)).fit(samples.X, samples.y)
+    fresh = pd.wide_design(LAW, 1500, random_state=1)
+    np.testing.assert_allclose(model.predict(fresh.X), fresh.y, rtol=1e-9, atol=1e-9)
+    surrogate = surrogate_of(model, LAW, domain_of(samples))
+    np.testing.assert_allclose(surrogate.bond_force(*fresh.X.T), fresh.y, rtol=1e-9, atol=1e-9)
+    for dtype in (np.float32, np.float64):
+        traction, _ = compiled_bond_force(surrogate, LAW, [[1.0, 0.0, 0.5, 1.0, 1.0]], dtype)
+        assert (traction == 0).all()
+    other = pd.bond_force_pipeline("symmetric", pd.ChebyshevRegressor(2)).fit(samples.X, samples.y)
+    with pytest.raises(ValueError, match="polynomials in two features"):
+        surrogate_of(other, LAW, domain_of(samples))
+
+
 def test_torch_network_becomes_a_surrogate():
     samples = pd.wide_design(LAW, 1500, random_state=0)
     network = pd.TorchMLPRegressor((16, 16), max_epochs=60, random_state=0)
     model = pd.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
-    surrogate = network_force(model, LAW, domain_of(samples))
+    surrogate = surrogate_of(model, LAW, domain_of(samples))
     np.testing.assert_allclose(surrogate.bond_force(*samples.X.T), model.predict(samples.X), rtol=1e-10, atol=1e-12)
     compiled, _ = compiled_bond_force(surrogate, LAW, samples.X, np.float64)
     np.testing.assert_allclose(compiled, model.predict(samples.X), rtol=1e-9, atol=1e-11)
@@ -292,7 +328,7 @@ def test_only_the_pipeline_can_be_exported():
 
     samples = pd.wide_design(LAW, 300)
     with pytest.raises(ValueError, match="fitted bond_force_pipeline"):
-        network_force(LinearRegression().fit(samples.X, samples.y), LAW, domain_of(samples))
+        surrogate_of(LinearRegression().fit(samples.X, samples.y), LAW, domain_of(samples))
     linear = pd.bond_force_pipeline("symmetric", LinearRegression()).fit(samples.X, samples.y)
     with pytest.raises(ValueError, match="no layers to export"):
-        network_force(linear, LAW, domain_of(samples))
+        surrogate_of(linear, LAW, domain_of(samples))

@@ -63,9 +63,34 @@ def test_zero_energy_modes_show_in_nosb_and_not_in_the_surrogate():
 
 
 def test_solvers_agree():
-    relaxed, stepped = (run("analytic", f"solver.method={method}", "stretches=1.5").levels[0] for method in ("relaxation", "explicit"))
-    assert relaxed["nominal_stress"] == pytest.approx(stepped["nominal_stress"], rel=1e-4)
-    assert relaxed["lateral_displacement"] == pytest.approx(stepped["lateral_displacement"], rel=1e-4)
+    methods = ("automatic", "quasi-newton", "relaxation", "explicit")
+    found = [run("neo-hookean", f"solver.method={method}", "stretches=1.5", "support=points").levels[0] for method in methods]
+    assert [level["method"] for level in found] == ["quasi-newton", "quasi-newton", "relaxation", "explicit"]
+    for level in found[1:]:
+        assert level["nominal_stress"] == pytest.approx(found[0]["nominal_stress"], rel=1e-4)
+        assert level["lateral_displacement"] == pytest.approx(found[0]["lateral_displacement"], rel=1e-4)
+
+
+def test_the_default_method_needs_a_fifth_of_the_evaluations_of_explicit_stepping():
+    default, explicit = (
+        run("neo-hookean", f"solver.method={method}").summary["n_force_evaluations"] for method in ("automatic", "explicit")
+    )
+    assert 5 * default < explicit
+
+
+def test_the_default_method_falls_back_on_relaxation():
+    """NOSB has modes that no stiffness of nearest bonds knows: the quasi-Newton method gives up, and says so if asked for alone."""
+    level = run("nosb", "support=points", "stretches=1.5").levels[0]
+    assert level["method"] == "relaxation"
+    with pytest.raises(SimulationFailed, match="stretch 1"):
+        run("nosb", "support=points", "stretches=1.5", "solver.method=quasi-newton")
+
+
+def test_bond_associated_stress_is_within_its_known_error():
+    """1.5 % at dx = 0.02, and more at 0.05 since the error is that of the horizons along the edges."""
+    for level in run("ba-nosb").levels:
+        assert abs(level["nominal_stress_error"]) < 0.015 * 2.5
+        assert level["roughness"] < 1e-2  # the edges differ from the interior; NOSB, with the same grips held by points, has 0.7
 
 
 def test_threads_change_no_bit():
@@ -114,8 +139,8 @@ def test_surrogate_beyond_its_domain_falls_back(tmp_path):
 
 
 def test_failed_runs_keep_what_they_reached(tmp_path):
-    with pytest.raises(SimulationFailed, match=r"stretch 1\.5: the residual is .* after 60 force evaluations"):
-        run("analytic", "stretches=1.5", "solver.most_evaluations=60")
+    with pytest.raises(SimulationFailed, match=r"stretch 1\.5: the residual is .* after 5 force evaluations"):
+        run("analytic", "stretches=1.5", "solver.most_evaluations=5")
     with pytest.raises(SimulationFailed, match=r"stretch 5: .* outside the domain") as caught:
         run("neo-hookean", "stretches=1.5,5", "outside=raise")
     result = caught.value.result

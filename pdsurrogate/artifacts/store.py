@@ -12,13 +12,13 @@ from pathlib import Path
 
 import joblib
 
-from ..forces import FORCES, ForceModel, NetworkForce
+from ..forces import FORCES, ForceModel, LearntBondForce, NetworkForce, PolynomialForce
 from .card import FORMAT, NAME_PATTERN, SCHEMA_VERSION, VERSION_PATTERN, Card, CardError, read_card
 from .plain import UnsafePayload, dump_plain, load_plain
 
 CARD, SURROGATE, PIPELINE = "card.json", "surrogate.joblib", "pipeline.joblib"
 
-KINDS = {NetworkForce.kind: NetworkForce}
+KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce)}
 """Force models that can be stored, by the kind their card states."""
 
 
@@ -139,7 +139,7 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
     return joblib.load(io.BytesIO(_checked_payload(reference, card, PIPELINE)))
 
 
-def save_artifact(folder: str | Path, card: dict, surrogate: NetworkForce, pipeline=None) -> Path:
+def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce, pipeline=None) -> Path:
     """Write an artefact, whole or not at all.
 
     Parameters
@@ -148,7 +148,7 @@ def save_artifact(folder: str | Path, card: dict, surrogate: NetworkForce, pipel
         The folder that holds artefacts; this one becomes ``folder/NAME/VERSION``.
     card : dict
         All of `Card` but the format, schema version and payloads.
-    surrogate : NetworkForce
+    surrogate : LearntBondForce
     pipeline : estimator, optional
         The fitted pipeline.
 
@@ -172,7 +172,7 @@ def save_artifact(folder: str | Path, card: dict, surrogate: NetworkForce, pipel
     temporary = Path(tempfile.mkdtemp(prefix=f".{card['version']}-", dir=target.parent))
     try:
         dump_plain(surrogate.payload(), temporary / SURROGATE)
-        contents = {SURROGATE: "weights of the network: plain containers and arrays, all that a simulation needs"}
+        contents = {SURROGATE: "the surrogate's constants: plain containers and arrays, all that a simulation needs"}
         if pipeline is not None:
             joblib.dump(pipeline, temporary / PIPELINE, compress=0, protocol=4)
             contents[PIPELINE] = "fitted scikit-learn pipeline: a pickle of Python objects, loaded only on explicit trust"

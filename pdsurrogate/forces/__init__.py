@@ -2,8 +2,10 @@
 
 from .analytic import AnalyticBondForce
 from .bond_associated import BondAssociatedForce
+from .learnt import LearntBondForce
 from .network import NetworkForce
 from .nosb import CorrespondenceForce
+from .polynomial import PolynomialForce
 from .protocol import Domain, ForceModel, ForceSurrogate, InternalForce, InvalidState, OutsideDomain
 from .settings import ForceSettings
 
@@ -21,6 +23,8 @@ __all__ = [
     "ForceSurrogate",
     "InternalForce",
     "InvalidState",
+    "LearntBondForce",
     "NetworkForce",
     "OutsideDomain",
+    "PolynomialForce",
 ]

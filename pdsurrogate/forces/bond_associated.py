@@ -67,7 +67,7 @@ class BondAssociatedEvaluation:
         bond = points[self._table] - points[table_owners]
         weights = body.weigh(np.linalg.norm(bond, axis=1))
         self._table_weights = np.ascontiguousarray(bond * (weights * volumes[self._table])[:, None])
-        disc_volumes = volumes + np.bincount(table_owners, volumes[self._table], total)
+        horizon_volumes = np.bincount(table_owners, volumes[self._table], total)
 
         self._common_pointers = np.zeros(len(owners) + 1, dtype=np.uint64)
         self._common = np.empty(0, dtype=np.uint16)
@@ -98,7 +98,7 @@ class BondAssociatedEvaluation:
             self._targets,
             self._common_pointers,
             self._common,
-            disc_volumes,
+            horizon_volumes,
             self._inverse_shapes,
             self._vectors,
         )

@@ -41,16 +41,28 @@ def list_common_points(points, table_pointers, table, bond_pointers, targets, ho
 
 @kernel
 def bond_references(
-    points, volumes, table_pointers, table, table_weights, owners, targets, common_pointers, common, disc_volumes, inverse_shapes, vectors
+    points,
+    volumes,
+    table_pointers,
+    table,
+    table_weights,
+    owners,
+    targets,
+    common_pointers,
+    common,
+    horizon_volumes,
+    inverse_shapes,
+    vectors,
 ):
     """Inverse shape tensors (12) of every directed bond, and the vector by which its stress gives its force (13)-(15).
 
-    Both discs contain both ends of the bond, so the shared volume counts them; the vector is phi_xi/(2 phi) w K_xi^-1 x V_i V_j.
+    Volumes are sums over the lists themselves: a point is not its own neighbour, but a bond's far end is one of the
+    points it shares.  The vector is phi_xi/(2 phi) w K_xi^-1 x V_i V_j.
 
     Parameters
     ----------
     table_weights : (n_table, 2) w x V of every table entry.
-    disc_volumes : (n,) volume within the horizon of every point.
+    horizon_volumes : (n,) volume of every point's neighbours.
     inverse_shapes : (n_bonds, 3) out: (11, 12, 22); zero where the shared points do not span the plane.
     vectors : (n_bonds, 2) in: w x; out: the vector.
     """
@@ -60,7 +72,7 @@ def bond_references(
         K11 = 0.0
         K12 = 0.0
         K22 = 0.0
-        shared = volumes[i]
+        shared = 0.0
         for c in range(common_pointers[b], common_pointers[b + 1]):
             place = table_pointers[i] + common[c]
             k = table[place]
@@ -77,8 +89,8 @@ def bond_references(
             inverse_shapes[b, 0] = K22 / determinant
             inverse_shapes[b, 1] = -K12 / determinant
             inverse_shapes[b, 2] = K11 / determinant
-            phi_bond = shared / disc_volumes[i]
-            phi = disc_volumes[i] / (disc_volumes[i] + disc_volumes[j])
+            phi_bond = shared / horizon_volumes[i]
+            phi = horizon_volumes[i] / (horizon_volumes[i] + horizon_volumes[j])
             factor = 0.5 * phi_bond / phi * volumes[i] * volumes[j]
         else:
             inverse_shapes[b, :] = 0.0

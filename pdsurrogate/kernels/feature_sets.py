@@ -1,15 +1,51 @@
-"""What a network sees of a bond and what its outputs mean, as elementwise expressions.
+"""What a learnt bond force sees of a bond and what its outputs mean, as elementwise expressions.
 
-Each feature set is a pair of functions that work on NumPy arrays (where regressors are trained and checked) and,
-compiled, on the lanes of a block. ``like`` gives constants the precision of the lane.
+Each feature set is a group of functions that work on NumPy arrays (where regressors are trained and checked) and, compiled, on the lanes of
+a block.  ``like`` gives constants the precision of the lane.
 """
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numba import types
 from numba.extending import overload
 
 from .compile import INLINE_OPTIONS
-from .elementary import arctangent, logarithm
+from .elementary import arctangent, inverse_cube_root, logarithm
+
+
+@dataclass(frozen=True)
+class FeatureSet:
+    """A choice of features and outputs.
+
+    Attributes
+    ----------
+    name : str
+    names : tuple of str
+        Of the features.
+    inputs : callable
+        ``inputs(a, b, U_mm, J, C33, length)`` gives the features; a = U_nn, b = U_nm, length in horizons.
+    traction : callable
+        ``traction(o1, o2, a, b, U_mm, J, C33)`` gives T_nn, T_nm, T_mm from the two outputs.
+    outputs : callable
+        ``outputs(T_nn, T_nm, a, b, U_mm, J, C33)`` inverts it, for training (NumPy only).
+    anchored : int or None
+        The output that must vanish at rest for the force to vanish there; there T_nn is `rest_factor` times it.
+    gives_transverse : bool
+        Whether T_mm is known.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    inputs: Callable
+    traction: Callable
+    outputs: Callable
+    anchored: int | None
+    rest_factor: float
+    gives_transverse: bool
 
 
 def like(x, value):
@@ -41,13 +77,41 @@ def symmetric_traction(o1, o2, a, b, U_mm, J, C33):
 
 
 def symmetric_outputs(T_nn, T_nm, a, b, U_mm, J, C33):
-    """The inverse of `symmetric_traction`, for training (NumPy only)."""
+    """Inverse of `symmetric_traction`."""
     k = C33 / J
     return T_nn / (a + k * U_mm), T_nm / (b * (1 + k))
 
 
+def isochoric_inputs(a, b, U_mm, J, C33, length):
+    """Log Jbar and tr Cbar/(2 Jbar) - 1 of the isochoric stretch in the plane, Ubar = J3^(-1/3) U.
+
+    For a law W_iso + U(J3) the traction is J3^(-1/3) times a function of Ubar alone, and an isotropic function of it
+    has two arguments: with these features nothing is lost, and isotropy and the split are exact.  The second is cosh
+    log(lambda_1/lambda_2) - 1.
+    """
+    c = inverse_cube_root(J * J * C33)
+    trace = a * a + like(a, 2.0) * b * b + U_mm * U_mm
+    return logarithm(c * J), trace / (like(a, 2.0) * J) - like(a, 1.0)
+
+
+def isochoric_traction(o1, o2, a, b, U_mm, J, C33):
+    """T = o1 (U - C33 U^-1) + (o2 Jbar^-2) U^-1, times J3^(-2/3) and in the isochoric measure; zero at rest if o2 is."""
+    c = inverse_cube_root(J * J * C33)
+    p = c * o1
+    q = c * C33 * (o2 - o1) / J
+    return p * a + q * U_mm, (p - q) * b, p * U_mm + q * a
+
+
+def isochoric_outputs(T_nn, T_nm, a, b, U_mm, J, C33):
+    """Inverse of `isochoric_traction`."""
+    c = inverse_cube_root(J * J * C33)
+    q = (T_nn - a * T_nm / b) / (a + U_mm)
+    o1 = (T_nm / b + q) / c
+    return o1, o1 + q * J / (c * C33)
+
+
 def paper_inputs(a, b, U_mm, J, C33, length):
-    """The paper's five: lambda_b, dtheta, l_b/delta, C33, det F."""
+    """lambda_b, dtheta, l_b/delta, C33, det F: the paper's five."""
     return np.sqrt(a * a + b * b), arctangent(b, a), length, C33, J
 
 
@@ -58,17 +122,34 @@ def paper_traction(o1, o2, a, b, U_mm, J, C33):
 
 
 def paper_outputs(T_nn, T_nm, a, b, U_mm, J, C33):
-    """The inverse of `paper_traction`, for training (NumPy only)."""
+    """Inverse of `paper_traction`."""
     norm = 1 / np.sqrt(a * a + b * b)
     return (T_nn * a + T_nm * b) * norm, (T_nm * a - T_nn * b) * norm
 
 
 FEATURE_SETS = {
-    "symmetric": (symmetric_inputs, symmetric_traction, symmetric_outputs),
-    "paper": (paper_inputs, paper_traction, paper_outputs),
-}
-
-FEATURE_NAMES = {
-    "symmetric": ("log U_nn", "log U_mm", "log J", "log J3^2"),
-    "paper": ("stretch", "rotation", "length", "C33", "J"),
+    features.name: features
+    for features in (
+        FeatureSet(
+            "symmetric",
+            ("log U_nn", "log U_mm", "log J", "log J3^2"),
+            symmetric_inputs,
+            symmetric_traction,
+            symmetric_outputs,
+            0,
+            2.0,
+            True,
+        ),
+        FeatureSet(
+            "isochoric",
+            ("log Jbar", "tr Cbar/(2 Jbar) - 1"),
+            isochoric_inputs,
+            isochoric_traction,
+            isochoric_outputs,
+            1,
+            1.0,
+            True,
+        ),
+        FeatureSet("paper", ("stretch", "rotation", "length", "C33", "J"), paper_inputs, paper_traction, paper_outputs, None, 1.0, False),
+    )
 }

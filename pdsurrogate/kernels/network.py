@@ -12,7 +12,7 @@ from numba import carray
 
 from .activations import ACTIVATIONS
 from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows
-from .compile import bond_force_signature, call_block, compile_block_function, inlined, kernel, source_digest
+from .compile import bond_force_signature, compile_block_function, inlined, kernel, source_digest
 from .feature_sets import FEATURE_SETS
 
 GROUP = 4
@@ -82,14 +82,6 @@ def _padded(width):
 
 
 @kernel
-def outputs_at_rest(network, sizes, weights, work, states, traction):
-    """First output of a network of symmetric features on undeformed bonds, as its kernel rounds it."""
-    call_block(network, states, sizes, weights, 0, work, work, work, traction)
-    # At rest T_nn is twice the first output: U_nn + k U_mm = 2.
-    return traction[0, 0] / traction.dtype.type(2.0)
-
-
-@kernel
 def _pre_activations(rows, n_rows, weights, z):
     """Four units of a layer before their activation: z = biases + rows @ weights."""
     rows = block_rows(rows)
@@ -130,8 +122,8 @@ def network_block(features, activation, dtype):
         One of `pdsurrogate.kernels.activations.ACTIVATIONS`.
     dtype : float32 or float64
     """
-    inputs = inlined(FEATURE_SETS[features][0])[0]
-    traction_of = inlined(FEATURE_SETS[features][1])[0]
+    inputs = inlined(FEATURE_SETS[features].inputs)[0]
+    traction_of = inlined(FEATURE_SETS[features].traction)[0]
     activate = inlined(ACTIVATIONS[activation])[0]
     digest = source_digest()
 

@@ -1,6 +1,7 @@
 """Learning bond forces: scikit-learn's world.  Never imported to simulate."""
 
-from .export import network_force
+from .chebyshev import ChebyshevRegressor
+from .export import surrogate_of
 from .fitting import cross_validate, domain_of, store
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .pipeline import bond_force_pipeline
@@ -11,6 +12,7 @@ from .validation import evaluate
 
 __all__ = [
     "BondSamples",
+    "ChebyshevRegressor",
     "InputAwareTargetRegressor",
     "LevenbergMarquardtRegressor",
     "TorchMLPRegressor",
@@ -19,7 +21,7 @@ __all__ = [
     "cross_validate",
     "domain_of",
     "evaluate",
-    "network_force",
     "store",
+    "surrogate_of",
     "wide_design",
 ]

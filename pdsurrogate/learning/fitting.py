@@ -14,9 +14,8 @@ from sklearn.model_selection import KFold
 from ..artifacts import load_surrogate, save_artifact
 from ..body import WEIGHT_FUNCTIONS
 from ..forces import Domain
-from ..kernels.feature_sets import FEATURE_NAMES
 from ..materials import Law
-from .export import network_force
+from .export import surrogate_of
 from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples
 from .validation import evaluate, relative_errors
 
@@ -77,10 +76,10 @@ def store(
     Path
         Of the artefact.
     """
-    surrogate = network_force(model, law, domain_of(samples), f"{name}@{version}")
+    surrogate = surrogate_of(model, law, domain_of(samples), f"{name}@{version}")
     pipeline = model.regressor_
-    network = pipeline["network"].regressor_
-    scaling, target = pipeline["scaling"], pipeline["network"].transformer_
+    regressor = pipeline["regressor"].regressor_
+    scaling, target = pipeline["scaling"], pipeline["regressor"].transformer_
     low, high = samples.design["stretch_range"]
     errors = {"box": evaluate(surrogate.bond_force, law, (low, high))}
     if low > 0.5:
@@ -94,7 +93,7 @@ def store(
         "weight_function": "any: the force learnt is dimensionless, t kappa / (w l mu); known are " + ", ".join(WEIGHT_FUNCTIONS),
         "features": {
             "set": surrogate.feature_set,
-            "names": list(FEATURE_NAMES[surrogate.feature_set]),
+            "names": list(surrogate.features),
             "from": list(COLUMNS),
             "targets": list(TARGETS),
             "units": "dimensionless; rotation in radians; length in horizons; force in w l mu / kappa",
@@ -104,16 +103,17 @@ def store(
             "feature_scale": scaling.scale_.tolist(),
             "output_mean": target.mean_.tolist(),
             "output_scale": target.scale_.tolist(),
-            "folded": "into the first and last layer of the network in the payload",
+            "folded": "into the constants of the payload",
         },
         "training": {
             "design": samples.design,
-            "regressor": type(network).__name__,
-            "parameters": {key: list(value) if isinstance(value, tuple) else value for key, value in network.get_params().items()},
-            "n_iter": network.n_iter_,
-            "loss": network.loss_,
-            "validation_loss": network.validation_loss_,
-            "test_score": network.test_score_,
+            "regressor": type(regressor).__name__,
+            "parameters": {key: list(value) if isinstance(value, tuple) else value for key, value in regressor.get_params().items()},
+            "outcome": {
+                key.removesuffix("_"): value
+                for key in ("n_iter_", "loss_", "validation_loss_", "test_score_")
+                if np.isfinite(value := getattr(regressor, key, np.nan))
+            },
             "cross_validation": cross_validation or [],
             "search": search or [],
         },

@@ -9,7 +9,7 @@ from sklearn.compose import TransformedTargetRegressor
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
-from ..kernels.feature_sets import FEATURE_NAMES, FEATURE_SETS
+from ..kernels.feature_sets import FEATURE_SETS
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .sampling import COLUMNS, force_factor
 from .target import InputAwareTargetRegressor
@@ -25,8 +25,8 @@ def bond_force_pipeline(
 
     Parameters
     ----------
-    features : {"symmetric", "paper"}
-        What the network sees.  With "symmetric" the force is isotropic, mirror symmetric, and zero at rest by construction.
+    features : {"symmetric", "isochoric", "paper"}
+        What the regressor sees.  With the first two the force is isotropic, mirror symmetric, and zero at rest by construction.
     regressor : estimator, optional
         Regressor of the scaled outputs by the scaled features; a Levenberg-Marquardt network of 20 units by default.
     horizon : float
@@ -43,18 +43,19 @@ def bond_force_pipeline(
     if features not in FEATURE_SETS:
         raise ValueError(f"unknown features {features!r}; there are {', '.join(FEATURE_SETS)}")
     factor = None if weight is None else partial(force_factor, horizon=horizon, weight=weight, shear_modulus=shear_modulus)
-    network = LevenbergMarquardtRegressor(random_state=0) if regressor is None else regressor
+    anchored = FEATURE_SETS[features].anchored
+    inner = LevenbergMarquardtRegressor(random_state=0) if regressor is None else regressor
     steps = [
         ("features", feature_transformer(features, horizon)),
         ("scaling", StandardScaler()),
-        ("network", TransformedTargetRegressor(network, transformer=StandardScaler())),
+        ("regressor", TransformedTargetRegressor(inner, transformer=StandardScaler())),
     ]
     return InputAwareTargetRegressor(
         Pipeline(steps),
         func=partial(outputs_of_force, features=features, factor=factor),
         inverse_func=partial(force_of_outputs, features=features, factor=factor),
-        anchor=(AT_REST[0], AT_REST[1], horizon, *AT_REST[3:]) if features == "symmetric" else None,
-        anchored_outputs=(0,) if features == "symmetric" else (),
+        anchor=(AT_REST[0], AT_REST[1], horizon, *AT_REST[3:]) if anchored is not None else None,
+        anchored_outputs=(anchored,) if anchored is not None else (),
     )
 
 
@@ -71,7 +72,7 @@ def feature_transformer(features: str, horizon: float = 1.0) -> FunctionTransfor
 def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.ndarray:
     """Values of a feature set, shape (n, n_features)."""
     a, b, U_mm, J, C33, length = _bond_state(X)
-    return np.stack(FEATURE_SETS[features][0](a, b, U_mm, J, C33, length / horizon), axis=1)
+    return np.stack(FEATURE_SETS[features].inputs(a, b, U_mm, J, C33, length / horizon), axis=1)
 
 
 def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
@@ -80,13 +81,13 @@ def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
     force = np.asarray(y) if factor is None else y / factor(length)[:, None]
     stretch = X[:, 0]
     T_nn, T_nm = ((force[:, 0] * a - force[:, 1] * b) / stretch, (force[:, 0] * b + force[:, 1] * a) / stretch)
-    return np.stack(FEATURE_SETS[features][2](T_nn, T_nm, a, b, U_mm, J, C33), axis=1)
+    return np.stack(FEATURE_SETS[features].outputs(T_nn, T_nm, a, b, U_mm, J, C33), axis=1)
 
 
 def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
     """The inverse of `outputs_of_force`."""
     a, b, U_mm, J, C33, length = _bond_state(X)
-    T_nn, T_nm, _ = FEATURE_SETS[features][1](z[:, 0], z[:, 1], a, b, U_mm, J, C33)
+    T_nn, T_nm, _ = FEATURE_SETS[features].traction(z[:, 0], z[:, 1], a, b, U_mm, J, C33)
     force = np.stack([T_nn * a + T_nm * b, T_nm * a - T_nn * b], axis=1) / X[:, :1]
     return force if factor is None else force * factor(length)[:, None]
 
@@ -106,4 +107,4 @@ def _bond_state(X):
 
 
 def _names(transformer, input_features, features):
-    return np.asarray(FEATURE_NAMES[features], dtype=object)
+    return np.asarray(FEATURE_SETS[features].names, dtype=object)

@@ -77,13 +77,14 @@ def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
 
 
 def point_fields(force: InternalForce, positions: np.ndarray) -> dict[str, np.ndarray]:
-    """Fields on the points in the state last evaluated, for result files.
+    """Fields on the points, for result files.
 
     ``displacement`` (n, 3), ``stretch`` (greatest principal stretch), ``J`` (three-dimensional volume ratio),
     ``stress`` (first Piola-Kirchhoff, in the scene's unit) and ``deformation_gradient``, the last two 3 x 3 row by
     row.
     """
     kinematics, law, n = force.kinematics, force.law, len(force.body)
+    kinematics.update(positions)  # a model may have no use for the points' own gradients
     F = kinematics.deformation_gradients()
     trace, area = (F * F).sum(axis=(1, 2)), np.linalg.det(F)
     J3 = kinematics.volume_ratios[:n]

@@ -1,8 +1,21 @@
 """Solvers: they know forces by their protocol alone."""
 
-from .quasi_static import DampedExplicit, Diverging, DynamicRelaxation, Equilibrium, NotConverged
+from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged
+from .quasi_newton import Automatic, QuasiNewton
 from .stability import FrequencyEstimate
+from .stepping import DampedExplicit, DynamicRelaxation
 
-SOLVERS = {"relaxation": DynamicRelaxation, "explicit": DampedExplicit}
+SOLVERS = {solver.name: solver for solver in (Automatic, QuasiNewton, DynamicRelaxation, DampedExplicit)}
 
-__all__ = ["SOLVERS", "DampedExplicit", "Diverging", "DynamicRelaxation", "Equilibrium", "FrequencyEstimate", "NotConverged"]
+__all__ = [
+    "SOLVERS",
+    "Automatic",
+    "DampedExplicit",
+    "Diverging",
+    "DynamicRelaxation",
+    "Equilibrium",
+    "EquilibriumSolver",
+    "FrequencyEstimate",
+    "NotConverged",
+    "QuasiNewton",
+]

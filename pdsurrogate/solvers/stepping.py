@@ -2,90 +2,29 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..forces import InternalForce, InvalidState
-from ..kernels.relaxation import central_difference_step, greatest_force_density, relaxation_step
+from ..kernels.relaxation import central_difference_step, relaxation_step
+from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, no_report
 from .stability import FrequencyEstimate
 
 
-class NotConverged(RuntimeError):
-    """The residual did not fall below the tolerance."""
-
-
-class Diverging(RuntimeError):
-    """The iteration blows up."""
-
-
-@dataclass(frozen=True)
-class Equilibrium:
-    """What a solver reached.
-
-    Attributes
-    ----------
-    residual : float
-        Largest force density over the free components, in units of shear modulus / spacing.
-    evaluations : int
-        Force evaluations it took.
-    """
-
-    residual: float
-    evaluations: int
-
-
-class SteppingSolver(ABC):
-    """A solver that steps towards equilibrium, one force evaluation a step.
-
-    Parameters
-    ----------
-    free : ndarray, shape (n, 2)
-        1 where a component may move, 0 where it is held.
-    volumes : ndarray, shape (n,)
-    tolerance : float
-        Of the residual, in units of shear modulus / spacing.
-    most_evaluations : int
-        Per call of `solve`.
-    """
+class SteppingSolver(EquilibriumSolver):
+    """A solver that steps towards equilibrium, one force evaluation a step."""
 
     # A residual beyond this many times its first value (or shear modulus / spacing) is not coming back.
     MOST_GROWTH = 1e3
     MOST_RESTARTS = 6
 
-    def __init__(self, free: np.ndarray, volumes: np.ndarray, tolerance: float = 1e-6, most_evaluations: int = 50_000) -> None:
-        self.free, self.volumes = free, volumes
-        self.tolerance, self.most_evaluations = tolerance, most_evaluations
+    def __init__(self, free, volumes, tolerance=1e-6, most_evaluations=50_000) -> None:
+        super().__init__(free, volumes, tolerance, most_evaluations)
         self.frequency = FrequencyEstimate(volumes, free)
 
-    def solve(
-        self,
-        force: InternalForce,
-        positions: np.ndarray,
-        tolerance: float | None = None,
-        report: Callable[[int, float], None] = lambda evaluations, residual: None,
-    ) -> Equilibrium:
-        """Bring `positions` to equilibrium, in place.
-
-        Parameters
-        ----------
-        force : InternalForce
-        positions : ndarray, shape (n, 2)
-            A start; the equilibrium on return, and the last state reached if an error is raised.
-        tolerance : float, optional
-            Instead of the solver's own, for states on the way.
-        report : callable
-            Called with the evaluations so far and the residual, every few evaluations.
-
-        Raises
-        ------
-        NotConverged
-            After `most_evaluations`.
-        Diverging, InvalidState
-            Where the start has no force, or the iteration leaves the states that have one even with small steps.
-        """
+    def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
         start, began = positions.copy(), force.evaluations
         for restart in range(self.MOST_RESTARTS):
             try:
@@ -105,26 +44,24 @@ class SteppingSolver(ABC):
         """
 
     def _iterate(self, force, positions, tolerance, caution, began, report) -> Equilibrium:
-        unit = force.law.shear_modulus / force.body.spacing
         step = self.prepare(force, positions, caution)
         forces = np.empty_like(positions)
         force(positions, forces)
-        first = residual = greatest_force_density(forces, self.free, self.volumes) / unit
+        first = residual = self.residual(force, forces)
         while not residual <= tolerance:
             step(forces)
             force(positions, forces)
-            residual = greatest_force_density(forces, self.free, self.volumes) / unit
+            residual = self.residual(force, forces)
             evaluations = force.evaluations - began
             if not residual < self.MOST_GROWTH * max(first, 1.0):
                 raise Diverging(f"the residual grew from {first:.2g} to {residual:.2g} shear modulus / spacing")
             if evaluations >= self.most_evaluations:
-                reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations"
-                raise NotConverged(f"{reached}; asked for {tolerance:.2g}")
+                raise self.not_converged(residual, evaluations, tolerance)
             if evaluations % 10 == 0:
                 report(evaluations, residual)
         evaluations = force.evaluations - began
         report(evaluations, residual)
-        return Equilibrium(float(residual), evaluations)
+        return Equilibrium(residual, evaluations, self.name)
 
 
 class DynamicRelaxation(SteppingSolver):
@@ -135,6 +72,8 @@ class DynamicRelaxation(SteppingSolver):
     Underwood, "Dynamic relaxation", in Computational Methods for Transient Analysis (1983) 245-265; Kilic and Madenci, Theor. Appl. Fract.
     Mech. 53 (2010) 194-204.
     """
+
+    name = "relaxation"
 
     # By how much the fictitious mass exceeds the least stable one: room for the tangent to stiffen on the way.
     MARGIN = 2.0
@@ -154,6 +93,8 @@ class DampedExplicit(SteppingSolver):
 
     Time is in units in which the density is one, which changes no equilibrium.
     """
+
+    name = "explicit"
 
     # Squared time step in units of the critical one at the start, whose tangent may be half as stiff as a later one.
     SAFETY = 0.4

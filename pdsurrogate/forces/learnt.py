@@ -1,0 +1,167 @@
+"""What all learnt bond forces share: features in, outputs made into a force, a domain, a material."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..body import Body
+from ..kernels.blocks import BLOCK, STATE_ROWS, TRACTION_ROWS
+from ..kernels.compile import call_block, kernel
+from ..kernels.feature_sets import FEATURE_SETS
+from ..materials import Law
+from .analytic import bond_arrays
+from .bondwise import BondForceEvaluation
+from .protocol import CompiledBondForce, Domain
+from .settings import ForceSettings
+
+N_OUTPUTS = 2
+"""Outputs of every learnt bond force; its feature set says what they mean."""
+
+
+@dataclass(frozen=True)
+class LearntBondForce(ABC):
+    """A learnt map from features of a bond to its dimensionless force.
+
+    Parameters
+    ----------
+    name : str
+    feature_set : str
+        One of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`.
+    at_rest : ndarray, shape (2,)
+        Taken off the outputs.
+    domain : Domain
+        Where it was trained.
+    law : str
+        Name of the law that it describes.
+    shape : mapping
+        Those dimensionless parameters of the law that its bond force depends on.
+    """
+
+    name: str
+    feature_set: str
+    at_rest: np.ndarray
+    domain: Domain
+    law: str
+    shape: Mapping[str, float]
+
+    kind: ClassVar[str]
+    default_precision: ClassVar[str] = "float32"
+
+    @abstractmethod
+    def outputs(self, features: np.ndarray) -> np.ndarray:
+        """Outputs, before `at_rest` is taken off, for features of shape (n, n_features); shape (n, 2)."""
+
+    @abstractmethod
+    def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
+        """Address of the block function, its sizes and weights, and the rows of working memory it needs.
+
+        The last `N_OUTPUTS` weights are `at_rest`.
+        """
+
+    @abstractmethod
+    def payload(self) -> dict:
+        """Plain containers and arrays that `from_payload` builds the same model from."""
+
+    @classmethod
+    @abstractmethod
+    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> LearntBondForce:
+        """Build a model from what `payload` gave.
+
+        Raises
+        ------
+        ValueError
+            If anything is missing, of the wrong shape, or not finite.
+        """
+
+    @property
+    @abstractmethod
+    def size(self) -> str:
+        """The model's size in words, for tables."""
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """Names of the features."""
+        return FEATURE_SETS[self.feature_set].names
+
+    @property
+    def gives_transverse(self) -> bool:
+        """Whether T_mm is known: from coaxiality, or not at all with the paper's features."""
+        return FEATURE_SETS[self.feature_set].gives_transverse
+
+    def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
+        """Dimensionless (t_n, t_tau) of [1]; see `ForceSurrogate.bond_force`."""
+        stretch, rotation, length, C33, J = bond_arrays(stretch, rotation, length, C33, J)
+        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+        U_mm = (J + b * b) / a
+        features = FEATURE_SETS[self.feature_set]
+        with np.errstate(invalid="ignore"):  # a bond turned past a right angle has no stretch tensor: NaN
+            outputs = self.outputs(np.stack(features.inputs(a, b, U_mm, J, C33, length), axis=1)) - self.at_rest
+            T_nn, T_nm, _ = features.traction(outputs[:, 0], outputs[:, 1], a, b, U_mm, J, C33)
+        return np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
+
+    def compiled(self, dtype) -> CompiledBondForce:
+        """Block function and packed weights in the given precision."""
+        address, sizes, weights, work_rows = self.packed(dtype)
+        features = FEATURE_SETS[self.feature_set]
+        if features.anchored is not None and np.abs(self.bond_force([1.0], [0.0], [1.0], [1.0], [1.0])).max() < 1e-9:
+            # Zero at rest is made zero as the kernel rounds it: take off what it gives there, beyond what is taken off already.
+            states = np.ones((STATE_ROWS, BLOCK), dtype=dtype)
+            states[1] = 0
+            work, traction = np.zeros((work_rows, BLOCK), dtype=dtype), np.zeros((TRACTION_ROWS, BLOCK), dtype=dtype)
+            _evaluate(address, states, sizes, weights, work, traction)
+            weights[features.anchored - N_OUTPUTS] += traction[0, 0] / traction.dtype.type(features.rest_factor)
+        return CompiledBondForce(address, sizes, weights, work_rows)
+
+    def check_material(self, law: Law) -> None:
+        """Raise ValueError if the model was not trained for this material."""
+        if law.name != self.law:
+            raise ValueError(f"{self.name} describes the law {self.law}, not {law.name}; force=analytic serves every law")
+        for key, value in law.shape.items():
+            if not np.isclose(value, self.shape[key], rtol=1e-9, atol=0):
+                raise ValueError(
+                    f"{self.name} describes {self.law} with {key} = {self.shape[key]:g}, not {value:g}; "
+                    "fit another, or use force=analytic, which serves every law"
+                )
+
+    def bind(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
+        """Prepare the evaluation on a body."""
+        return BondForceEvaluation(self, body, law, settings)
+
+
+@kernel
+def _evaluate(bond_force, states, sizes, weights, work, traction):
+    """Evaluate a block; learnt forces ask nothing of the material law, so none is handed over."""
+    call_block(bond_force, states, sizes, weights, 0, work, work, work, traction)
+
+
+def checked_feature_set(payload: dict) -> str:
+    """The feature set named by a payload.
+
+    Raises
+    ------
+    ValueError
+        If it is unknown.
+    """
+    if payload["feature_set"] not in FEATURE_SETS:
+        raise ValueError(f"unknown feature set {payload['feature_set']!r}")
+    return payload["feature_set"]
+
+
+def checked_array(value, what: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
+    """An array of finite doubles.
+
+    Raises
+    ------
+    ValueError
+        If it is anything else, or of another shape.
+    """
+    if not isinstance(value, np.ndarray) or value.dtype != np.float64 or not np.isfinite(value).all():
+        raise ValueError(f"{what} is not an array of finite doubles")
+    if shape is not None and value.shape != shape:
+        raise ValueError(f"{what} has shape {value.shape}, not {shape}")
+    return value

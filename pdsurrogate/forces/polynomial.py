@@ -1,0 +1,77 @@
+"""Learnt bond forces: polynomials in two features, cheaper than a network where the law's response is smooth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.polynomial import N_WORK_ROWS, pack, polynomial_block
+from .learnt import N_OUTPUTS, LearntBondForce, checked_array, checked_feature_set
+from .protocol import Domain
+
+MOST_DEGREE = 24
+
+
+@dataclass(frozen=True)
+class PolynomialForce(LearntBondForce):
+    """A sum of products of Chebyshev polynomials in two features, up to a total degree.
+
+    Parameters
+    ----------
+    centre, half_width : ndarray, shape (2,)
+        Features are mapped to (x - centre)/half_width, [-1, 1] where it was trained.
+    coefficients : ndarray, shape (2, degree + 1, degree + 1)
+        Of T_i(x1) T_j(x2), by output; zero where i + j > degree.
+    """
+
+    centre: np.ndarray
+    half_width: np.ndarray
+    coefficients: np.ndarray
+
+    kind: ClassVar[str] = "bond-force-polynomial"
+
+    @property
+    def size(self) -> str:
+        return f"degree {self.coefficients.shape[1] - 1}"
+
+    def outputs(self, features: np.ndarray) -> np.ndarray:
+        scaled = (features - self.centre) / self.half_width
+        return np.stack([np.polynomial.chebyshev.chebval2d(*scaled.T, coefficients) for coefficients in self.coefficients], axis=1)
+
+    def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
+        sizes, weights = pack(self.centre, self.half_width, self.coefficients, self.at_rest, dtype)
+        return polynomial_block(self.feature_set, dtype).address, sizes, weights, int(sizes[N_WORK_ROWS])
+
+    def payload(self) -> dict:
+        return {
+            "feature_set": self.feature_set,
+            "centre": self.centre,
+            "half_width": self.half_width,
+            "coefficients": self.coefficients,
+            "at_rest": self.at_rest,
+        }
+
+    @classmethod
+    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> PolynomialForce:
+        if not isinstance(payload, dict) or set(payload) != {"feature_set", "centre", "half_width", "coefficients", "at_rest"}:
+            raise ValueError("a polynomial's payload has feature_set, centre, half_width, coefficients and at_rest")
+        feature_set = checked_feature_set(payload)
+        if len(FEATURE_SETS[feature_set].names) != 2:
+            raise ValueError(f"a polynomial takes two features, {feature_set} are {len(FEATURE_SETS[feature_set].names)}")
+        centre, half_width = (checked_array(payload[key], key, (2,)) for key in ("centre", "half_width"))
+        if not (half_width > 0).all():
+            raise ValueError("half_width must be positive")
+        coefficients = checked_array(payload["coefficients"], "coefficients")
+        if coefficients.ndim != 3 or coefficients.shape[0] != N_OUTPUTS or coefficients.shape[1] != coefficients.shape[2]:
+            raise ValueError(f"coefficients have shape {coefficients.shape}, not ({N_OUTPUTS}, degree + 1, degree + 1)")
+        if not 1 <= coefficients.shape[1] <= MOST_DEGREE + 1:
+            raise ValueError(f"the degree must be 0 to {MOST_DEGREE}")
+        i, j = np.indices(coefficients.shape[1:])
+        if coefficients[:, i + j >= coefficients.shape[1]].any():
+            raise ValueError("coefficients beyond the total degree must be zero")
+        at_rest = checked_array(payload["at_rest"], "at_rest", (N_OUTPUTS,))
+        return cls(name, feature_set, at_rest, domain, law, dict(shape), centre, half_width, coefficients)

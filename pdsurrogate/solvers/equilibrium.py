@@ -1,0 +1,98 @@
+"""What every solver for equilibrium takes, gives and raises."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..forces import InternalForce
+from ..kernels.relaxation import greatest_force_density
+
+Report = Callable[[int, float], None]
+"""Called with the force evaluations so far and the residual."""
+
+
+def no_report(evaluations: int, residual: float) -> None:
+    """Report to nobody."""
+
+
+class NotConverged(RuntimeError):
+    """The residual did not fall below the tolerance."""
+
+
+class Diverging(RuntimeError):
+    """The iteration blows up."""
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """What a solver reached.
+
+    Attributes
+    ----------
+    residual : float
+        Largest force density over the free components, in units of shear modulus / spacing.
+    evaluations : int
+        Force evaluations it took.
+    method : str
+        Name of the method that found it.
+    """
+
+    residual: float
+    evaluations: int
+    method: str
+
+
+class EquilibriumSolver(ABC):
+    """A solver for equilibrium.
+
+    Parameters
+    ----------
+    free : ndarray, shape (n, 2)
+        1 where a component may move, 0 where it is held.
+    volumes : ndarray, shape (n,)
+    tolerance : float
+        Of the residual, in units of shear modulus / spacing.
+    most_evaluations : int
+        Per call of `solve`.
+    """
+
+    name: str
+
+    def __init__(self, free: np.ndarray, volumes: np.ndarray, tolerance: float = 1e-6, most_evaluations: int = 50_000) -> None:
+        self.free, self.volumes = free, volumes
+        self.tolerance, self.most_evaluations = tolerance, most_evaluations
+
+    @abstractmethod
+    def solve(self, force: InternalForce, positions: np.ndarray, tolerance: float | None = None, report: Report = no_report) -> Equilibrium:
+        """Bring `positions` to equilibrium, in place.
+
+        Parameters
+        ----------
+        force : InternalForce
+        positions : ndarray, shape (n, 2)
+            A start; the equilibrium on return, and the last state reached if an error is raised.
+        tolerance : float, optional
+            Instead of the solver's own, for states on the way.
+        report : callable
+            Called every few evaluations.
+
+        Raises
+        ------
+        NotConverged
+            After `most_evaluations`.
+        Diverging, InvalidState
+            Where the start has no force, or the iteration leaves the states that have one even with small steps.
+        """
+
+    def residual(self, force: InternalForce, forces: np.ndarray) -> float:
+        """Largest force density in units of shear modulus / spacing."""
+        return float(greatest_force_density(forces, self.free, self.volumes)) * force.body.spacing / force.law.shear_modulus
+
+    def not_converged(self, residual: float, evaluations: int, tolerance: float) -> NotConverged:
+        """The error for a residual that is still too large."""
+        reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations"
+        return NotConverged(f"{reached}; asked for {tolerance:.2g}")

@@ -1,0 +1,139 @@
+"""Equilibrium by a preconditioned quasi-Newton method, with dynamic relaxation to fall back on."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from ..forces import InvalidState
+from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, no_report
+from .preconditioner import NearestBondStiffness
+from .stepping import DynamicRelaxation
+
+
+class QuasiNewton(EquilibriumSolver):
+    """L-BFGS on the residual force, from the factorised stiffness of the nearest bonds.
+
+    The force map is not the gradient of an energy, so there is no line search on one: steps are bounded by the stretch they cause and
+    shortened where the residual grows.  Where the tangent is far from symmetric, or has modes that the stiffness of
+    the nearest bonds does not (NOSB), it fails within a bounded number of evaluations, and says so.
+
+    References
+    ----------
+    Nocedal, Math. Comput. 35 (1980) 773-782.
+    """
+
+    name = "quasi-newton"
+
+    MEMORY = 6
+    # Change of a bond's stretch in one step: beyond it the tangent has little to do with the next one.
+    LARGEST_STRAIN = 0.25
+    # Growth of the residual's norm that is still let pass: on the way from a rough start it need not fall at every step.
+    MOST_GROWTH = 2.0
+    LEAST_STEP = 1e-4
+    # Evaluations after which a method that converges at all would have done so: it takes 20 to 60 where it suits.
+    PATIENCE = 250
+
+    def __init__(self, free, volumes, tolerance=1e-6, most_evaluations=50_000) -> None:
+        super().__init__(free, volumes, tolerance, most_evaluations)
+        self._stiffness: NearestBondStiffness | None = None
+
+    def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
+        tolerance, began = tolerance or self.tolerance, force.evaluations
+        if self._stiffness is None:
+            self._stiffness = NearestBondStiffness(force.body, force.law.shear_modulus, self.free)
+        forces, trial = np.empty_like(positions), np.empty_like(positions)
+        force(positions, forces)
+        forces *= self.free
+        residual = self.residual(force, forces)
+        history: deque = deque(maxlen=self.MEMORY)
+        while not residual <= tolerance:
+            step = self._direction(forces, history)
+            step *= min(1.0, self.LARGEST_STRAIN / max(self._strain(force, step), 1e-300))
+            following = self._advance(force, positions, step, forces, trial)
+            residual = self.residual(force, following)
+            evaluations = force.evaluations - began
+            change = forces - following
+            curvature = np.vdot(step, change)
+            if curvature > 1e-10 * np.linalg.norm(step) * np.linalg.norm(change):
+                history.append((step, change, 1 / curvature))
+            forces = following
+            report(evaluations, residual)
+            if evaluations >= min(self.PATIENCE, self.most_evaluations) and not residual <= tolerance:
+                raise self.not_converged(residual, evaluations, tolerance)
+        return Equilibrium(residual, force.evaluations - began, self.name)
+
+    def _advance(self, force, positions, step, forces, trial):
+        """Take the longest part of a step that the residual allows; returns the forces there, and scales `step` to what was taken."""
+        norm, share = np.linalg.norm(forces), 1.0
+        following = np.empty_like(forces)
+        while share >= self.LEAST_STEP:
+            np.multiply(step, share, out=trial)
+            trial += positions
+            try:
+                force(trial, following)
+                following *= self.free
+                if np.linalg.norm(following) <= self.MOST_GROWTH * norm:
+                    step *= share
+                    positions[:] = trial
+                    return following
+            except InvalidState:
+                pass
+            share *= 0.5
+        raise Diverging("no step along the quasi-Newton direction brings the residual down")
+
+    def _direction(self, forces, history):
+        """Two-loop recursion, with the factorised stiffness between the loops."""
+        q = forces.copy()
+        factors = []
+        for step, change, rho in reversed(history):
+            factor = rho * np.vdot(step, q)
+            q -= factor * change
+            factors.append(factor)
+        q = self._stiffness.solve(q) * self.free
+        for (step, change, rho), factor in zip(history, reversed(factors), strict=True):
+            q += (factor - rho * np.vdot(change, q)) * step
+        return q
+
+    @staticmethod
+    def _strain(force, step) -> float:
+        """Largest relative displacement of neighbouring points over their distance, over a sample of the bonds."""
+        bonds, body = force.body.bonds, force.body
+        within = slice(None, None, max(1, len(bonds.first) // 200_000))
+        first, second = bonds.first[within], bonds.second[within]
+        inner = second < len(body)
+        first, second = first[inner], second[inner]
+        length = np.linalg.norm(body.points[second] - body.points[first], axis=1)
+        return float((np.abs(step[second] - step[first]).max(axis=1) / length).max())
+
+
+class Automatic(EquilibriumSolver):
+    """The quasi-Newton method where it works, dynamic relaxation where it does not.
+
+    Relaxation is also taken from the outset for bodies whose factor would outgrow memory.  Once the quasi-Newton
+    method has failed on a body it is not tried there again.
+    """
+
+    name = "automatic"
+
+    MOST_POINTS = 250_000
+
+    def __init__(self, free, volumes, tolerance=1e-6, most_evaluations=50_000) -> None:
+        super().__init__(free, volumes, tolerance, most_evaluations)
+        settings = (free, volumes, tolerance, most_evaluations)
+        self._quick = QuasiNewton(*settings) if len(volumes) <= self.MOST_POINTS else None
+        self._sure = DynamicRelaxation(*settings)
+
+    def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
+        start, began = positions.copy(), force.evaluations
+        if self._quick is not None:
+            try:
+                return self._quick.solve(force, positions, tolerance, report)
+            except (Diverging, InvalidState, NotConverged):
+                if force.evaluations - began >= self.most_evaluations:
+                    raise
+                self._quick = None
+                positions[:] = start
+        found = self._sure.solve(force, positions, tolerance, report)
+        return Equilibrium(found.residual, force.evaluations - began, found.method)
