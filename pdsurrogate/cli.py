@@ -180,12 +180,9 @@ def fit(
     folder: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of artefacts.")] = Path("artifacts"),
 ) -> None:
     """Fit a surrogate of a law's bond force and store it as an artefact."""
-    from pydantic import ValidationError
-
     from .artifacts import ArtifactError, load_card
     from .learning import LevenbergMarquardtRegressor, bond_force_pipeline, cross_validate, store, wide_design
-    from .scenes import MaterialSpec, SceneError
-    from .scenes.reading import explain, parse_change
+    from .scenes import SceneError
 
     if folds == 1:
         err.print("[red]pdsurrogate:[/] --folds must be 0 or at least 2")
@@ -196,10 +193,7 @@ def fit(
         )
         raise typer.Exit(2)
     with bad_input(SceneError, ArtifactError, ValueError, OSError):
-        try:
-            material = MaterialSpec.model_validate({"law": law, **dict(parse_change(item) for item in change or [])}).build()
-        except ValidationError as error:
-            raise ValueError(explain(error)) from None
+        material = _law(law, change)
         hidden = tuple(int(width) for width in units.split(","))
         design = wide_design(material, samples, (least, greatest), random_state=seed)
         network = LevenbergMarquardtRegressor(hidden, activation, max_iter=iterations, n_iter_no_change=100, random_state=seed)
@@ -314,3 +308,51 @@ def scenes() -> None:
     for name in scene_names():
         table.add_row(name, load_scene(name).title)
     out.print(table)
+
+
+@app.command()
+def compare(
+    material: Annotated[str, typer.Option(help="Material law.")] = "neo-hookean",
+    change: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter of the law; may be repeated.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A look in under a minute, not for quoting.")] = False,
+    folder: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write CSV, JSON and the Pareto figure here.")] = None,
+) -> None:
+    """Measure every force model: speed against error, on one thread and on all."""
+    from .reports import compare as report_module
+    from .reports import presentation
+    from .results import figures
+    from .results.files import check_writable, write_json, write_text
+
+    with bad_input(ValueError):
+        law = _law(material, change)
+    if folder is not None:
+        with bad_input(OSError):
+            check_writable(folder)
+    with err.status("Starting") as status:
+        report = report_module.compare(law, quick, lambda text: status.update(text.capitalize()))
+    header, rows = presentation.table(report)
+    machine = report["machine"]
+    table = Table(title=f"{law.name}, {machine['processor']}, {machine['threads']} threads", title_justify="left")
+    for number, title in enumerate(header):
+        table.add_column(title, justify="right" if number else "left")
+    for row in rows:
+        table.add_row(*row)
+    Console(width=max(out.width, 190)).print(table)
+    if folder is not None:
+        write_text(folder / "compare.csv", presentation.as_csv(report))
+        figures.save(presentation.pareto_figure(report), folder / "compare.png")
+        write_json(folder / "compare.json", report)
+        out.print(f"Results in {folder}", soft_wrap=True)
+
+
+def _law(name: str, changes: list[str] | None):
+    """A law by name with parameters given as KEY=VALUE."""
+    from pydantic import ValidationError
+
+    from .scenes import MaterialSpec
+    from .scenes.reading import explain, parse_change
+
+    try:
+        return MaterialSpec.model_validate({"law": name, **dict(parse_change(item) for item in changes or [])}).build()
+    except ValidationError as error:
+        raise ValueError(explain(error)) from None

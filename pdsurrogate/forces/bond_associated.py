@@ -113,8 +113,18 @@ class BondAssociatedEvaluation:
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
+        self.kinematics.place(positions)
+        self.pass_bonds(out)
+        if self._unsolved.any():
+            self._volume_ratios[:] = 1.0
+            self.kinematics.update(positions)  # names the point, if one of them is at fault
+            raise InvalidState("the deformation gradient of a bond is turned inside out or has no plane-stress state")
+        if not np.isfinite(out).all():
+            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
+
+    def pass_bonds(self, out: np.ndarray) -> None:
+        """Everything but the placing of images, at the positions last given."""
         kinematics = self.kinematics
-        kinematics.place(positions)
         bond_associated.bond_associated_forces(
             kinematics.positions,
             self._table_pointers,
@@ -134,13 +144,7 @@ class BondAssociatedEvaluation:
             self._unsolved,
             self._forces,
         )
-        if self._unsolved.any():
-            self._volume_ratios[:] = 1.0
-            kinematics.update(positions)  # names the point, if one of them is at fault
-            raise InvalidState("the deformation gradient of a bond is turned inside out or has no plane-stress state")
         bond_associated.sum_bond_forces(self._forces, self._bond_pointers, self._reverse, self.law.shear_modulus, out)
-        if not np.isfinite(out).all():
-            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""

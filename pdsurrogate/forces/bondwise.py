@@ -62,7 +62,7 @@ class BondForceEvaluation:
         self._compiled = compiled
         self._exact = exact_bond_force(self.precision)
         self._guard = OUTSIDE_POLICIES[self.outside] if model.domain is not None else bond_pass.EXTRAPOLATE
-        self._domain = model.domain.as_array(self.precision) if model.domain is not None else np.zeros(5, dtype=self.precision)
+        self._domain = model.domain.as_array(self.precision) if model.domain is not None else np.zeros(8, dtype=self.precision)
         chunks = self.kinematics.chunks
         self._buffers = np.zeros((chunks, bond_pass.BUFFER_ROWS, BLOCK), dtype=self.precision)
         self._work = np.zeros((chunks, max(compiled.work_rows, 1), BLOCK), dtype=self.precision)
@@ -71,8 +71,21 @@ class BondForceEvaluation:
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
+        self.kinematics.update(positions)
+        self.pass_bonds(out)
+        outside = int(self._outside.sum())
+        self.pairs_outside += outside
+        if outside and self.outside == "raise":
+            raise OutsideDomain(
+                f"{outside} of {len(self.body.bonds.first)} bonds are outside the domain of {self.model.name}, {self.model.domain}; "
+                "outside=fallback would use the exact bond force for them"
+            )
+        if not np.isfinite(out).all():
+            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
+
+    def pass_bonds(self, out: np.ndarray) -> None:
+        """Bond pass and sum in the kinematic state last updated."""
         kinematics, bonds = self.kinematics, self.body.bonds
-        kinematics.update(positions)
         bond_pass.pair_forces(
             kinematics.positions,
             kinematics.records,
@@ -95,15 +108,6 @@ class BondForceEvaluation:
             self._forces,
         )
         bond_pass.sum_pair_forces(self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence, self.law.shear_modulus, out)
-        outside = int(self._outside.sum())
-        self.pairs_outside += outside
-        if outside and self.outside == "raise":
-            raise OutsideDomain(
-                f"{outside} of {len(bonds.first)} bonds are outside the domain of {self.model.name}, {self.model.domain}; "
-                "outside=fallback would use the exact bond force for them"
-            )
-        if not np.isfinite(out).all():
-            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""

@@ -39,8 +39,14 @@ class CorrespondenceEvaluation:
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
+        self.kinematics.update(positions)
+        self.pass_bonds(out)
+        if not np.isfinite(out).all():
+            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
+
+    def pass_bonds(self, out: np.ndarray) -> None:
+        """Stresses and bond pass in the kinematic state last updated."""
         kinematics, bonds = self.kinematics, self.body.bonds
-        kinematics.update(positions)
         correspondence.weighted_stresses(
             kinematics.gradients,
             kinematics.volume_ratios,
@@ -54,8 +60,6 @@ class CorrespondenceEvaluation:
         correspondence.correspondence_forces(
             self._stresses, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, self.body.volumes, out
         )
-        if not np.isfinite(out).all():
-            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""

@@ -39,7 +39,8 @@ class Domain:
 
     def as_array(self, dtype) -> np.ndarray:
         """Constants of `pdsurrogate.kernels.bond_pass.is_outside`."""
-        return np.array([self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk, 0.0], dtype=dtype)
+        low, high = self.least_stretch**2, self.greatest_stretch**2
+        return np.array([low, high, 1 / low, 1 / high, self.least_bulk, self.greatest_bulk, 0.0, 1.0], dtype=dtype)
 
     def contains(self, stretch, rotation, C33, J) -> np.ndarray:
         """Which bonds lie inside; arrays of lambda_b, dtheta, C33 and J."""

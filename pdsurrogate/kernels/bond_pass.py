@@ -4,7 +4,7 @@ import numpy as np
 from numba import prange
 
 from .blocks import BLOCK, block_rows, pair_records
-from .compile import call_block, kernel, parallel_kernel
+from .compile import call_block, inline, parallel_kernel
 from .records import subtract_positions, sum_records, sum_signed_records
 
 EXTRAPOLATE, COUNT, FALL_BACK = 0, 1, 2
@@ -15,28 +15,28 @@ BUFFER_ROWS = 18
 the exact traction, and the sums of the node records."""
 
 
-@kernel
-def is_outside(a, b, U_mm, J, C33, domain):
+@inline
+def is_outside(a, b, U_mm, J, C33, limits):
     """1 for a state outside the domain, else 0.
 
     With J the product of the principal stretches, both lie within [low, high] exactly if J lies within [low**2, high**2] and
     tr C is at most high**2 + J**2/high**2 and low**2 + J**2/low**2: no eigenvalue is needed.  NaN is outside.
+
+    `limits` is a tuple of low**2, high**2 and their inverses, the least and greatest J3**2 = J**2 C33, 0 and 1.
     """
-    low = domain[0] * domain[0]
-    high = domain[1] * domain[1]
     trace = a * a + b * b + b * b + U_mm * U_mm
     square = J * J
     bulk = square * C33
     inside = (
-        (trace <= high + square / high)
-        & (trace <= low + square / low)
-        & (low <= J)
-        & (high >= J)
-        & (a > domain[4])
-        & (bulk >= domain[2])
-        & (bulk <= domain[3])
+        (trace <= limits[1] + square * limits[3])
+        & (trace <= limits[0] + square * limits[2])
+        & (limits[0] <= J)
+        & (limits[1] >= J)
+        & (bulk >= limits[4])
+        & (bulk <= limits[5])
+        & (a > limits[6])
     )
-    return 0 if inside else 1
+    return limits[6] if inside else limits[7]
 
 
 @parallel_kernel
@@ -74,7 +74,7 @@ def pair_forces(
     bond_force, sizes, weights : address of the force model's block function, and its constants.
     exact_bond_force, response, parameters : the exact bond force and the material law behind it.
     guard : EXTRAPOLATE, COUNT or FALL_BACK.
-    domain : (5,) least and greatest principal stretch, least and greatest J3**2 = J**2 C33, and 0 (every bond has a > 0).
+    domain : (8,) see `is_outside`.
     buffers, work, scratch : (n_chunks, rows, BLOCK), the first two in the model's precision, the last doubles.
     outside : (n_chunks,) out: pairs outside the domain.
     forces : (n_blocks * BLOCK, 2) out.
@@ -90,6 +90,8 @@ def pair_forces(
         exact = block_rows(buffer[11:14])
         real = buffer.dtype.type
         half = real(0.5)
+        # Scalars, not an array: loads from one would stand in the way of the vectoriser.
+        limits = (domain[0], domain[1], domain[2], domain[3], domain[4], domain[5], domain[6], domain[7])
         count = 0
         for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
             at = block * BLOCK
@@ -124,15 +126,18 @@ def pair_forces(
             call_block(bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], traction)
             if guard != EXTRAPOLATE:
                 size = min(BLOCK, n_pairs - at)
-                found = 0
-                for k in range(size):
-                    found += is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], domain)
-                if found > 0:
-                    count += found
+                # Counted in the precision of the lanes, which another width would halve.
+                found = real(0.0)
+                for k in range(BLOCK):
+                    found += is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], limits)
+                # The pairs that pad the last block are bonds of no length, and outside every domain.
+                found -= real(BLOCK - size)
+                if found > real(0.0):
+                    count += int(found)
                     if guard == FALL_BACK:
                         call_block(exact_bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], exact)
                         for k in range(BLOCK):
-                            if is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], domain) != 0:
+                            if is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], limits) > real(0.0):
                                 traction[0, k] = exact[0, k]
                                 traction[1, k] = exact[1, k]
                                 traction[2, k] = exact[2, k]

@@ -70,6 +70,13 @@ def kernel(function: Callable) -> Callable:
     return dispatcher
 
 
+def inline(function: Callable) -> Callable:
+    """Compile an elementwise function into the code of every kernel that calls it."""
+    dispatcher = numba.njit(**INLINE_OPTIONS)(function)
+    _enable_cache(dispatcher, function)
+    return dispatcher
+
+
 def parallel_kernel(function: Callable) -> Callable:
     """As `kernel`, with ``prange`` loops spread over numba's threads."""
     dispatcher = numba.njit(parallel=True, **OPTIONS)(function)

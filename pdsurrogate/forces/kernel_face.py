@@ -1,0 +1,67 @@
+"""The kernel face of a bond-force model, called from Python on vectors of bonds: for checking, not for speed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kernels.blocks import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
+from ..kernels.compile import call_block, kernel
+from ..materials import Law
+from .analytic import bond_arrays
+from .protocol import ForceSurrogate
+
+
+def kernel_tractions(model: ForceSurrogate, law: Law, dtype, stretch, rotation, length, C33, J) -> np.ndarray:
+    """T_nn, T_nm and T_mm (THEORY [3]) as the bond pass gets them, shape (n, 3), in double.
+
+    Parameters
+    ----------
+    model : ForceSurrogate
+    law : Law
+        Behind models that are computed from it.
+    dtype : float32 or float64
+        Precision of the bond pass.
+    stretch, rotation, length, C33, J : array_like, shape (n,)
+        As for `ForceSurrogate.bond_force`.
+    """
+    stretch, rotation, length, C33, J = bond_arrays(stretch, rotation, length, C33, J)
+    a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+    full = np.stack([a, b, (J + b * b) / a, J, C33, length])
+    compiled = model.compiled(dtype)
+    work = np.zeros((max(1, compiled.work_rows), BLOCK), dtype=dtype)
+    tractions = np.empty((len(stretch), TRACTION_ROWS))
+    for at in range(0, len(stretch), BLOCK):
+        size = min(BLOCK, len(stretch) - at)
+        states, traction = np.ones((STATE_ROWS, BLOCK), dtype=dtype), np.zeros((TRACTION_ROWS, BLOCK), dtype=dtype)
+        states[1] = 0
+        states[:, :size] = full[:, at : at + size]
+        _call(
+            compiled.address,
+            states,
+            compiled.sizes,
+            compiled.weights,
+            law.response_block().address,
+            law.parameters,
+            work,
+            np.zeros((SCRATCH_ROWS, BLOCK)),
+            traction,
+        )
+        tractions[at : at + size] = traction[:, :size].T
+    return tractions
+
+
+def kernel_bond_force(model: ForceSurrogate, law: Law, dtype):
+    """A function like `ForceSurrogate.bond_force` that evaluates the model's kernel in the given precision."""
+
+    def bond_force(stretch, rotation, length, C33, J) -> np.ndarray:
+        stretch, rotation, length, C33, J = bond_arrays(stretch, rotation, length, C33, J)
+        T_nn, T_nm, _ = kernel_tractions(model, law, dtype, stretch, rotation, length, C33, J).T
+        cos, sin = np.cos(rotation), np.sin(rotation)
+        return np.stack([T_nn * cos + T_nm * sin, T_nm * cos - T_nn * sin], axis=1)
+
+    return bond_force
+
+
+@kernel
+def _call(bond_force, states, sizes, weights, response, parameters, work, scratch, traction):
+    call_block(bond_force, states, sizes, weights, response, parameters, work, scratch, traction)

@@ -1,0 +1,1 @@
+"""Reports: they run the rest and tabulate."""

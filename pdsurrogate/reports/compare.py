@@ -1,0 +1,226 @@
+"""Speed against error: every force model in one interleaved run."""
+
+from __future__ import annotations
+
+import platform
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numba
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from ..artifacts import load_surrogate
+from ..body import Body
+from ..forces import AnalyticBondForce, BondAssociatedForce, CorrespondenceForce, ForceModel, ForceSettings, ForceSurrogate
+from ..forces.kernel_face import kernel_bond_force
+from ..kernels.compile import thread_count
+from ..learning import ChebyshevRegressor, LevenbergMarquardtRegressor, bond_force_pipeline, domain_of, evaluate, surrogate_of, wide_design
+from ..materials import Law, NeoHookean, homogeneous
+from ..scenes import load_scene
+from ..simulation import SimulationFailed, simulate
+
+RIVAL, REFERENCE = "BA-NOSB", "NOSB"
+"""Titles of the models to whose cost the others' is compared."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A force model in a precision, and how its scene is run."""
+
+    title: str
+    model: ForceModel
+    precision: str
+    changes: tuple[str, ...] = ()
+
+
+def processor() -> str:
+    """Name of the processor, as the system gives it."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def candidates(law: Law, quick: bool, say: Callable[[str], None]) -> list[Candidate]:
+    """Force models of a material: the exact ones, BA-NOSB, and surrogates of several sizes fitted on the spot.
+
+    For the default Neo-Hookean law the shipped 20-unit networks take part as they are.
+    """
+    found = [
+        Candidate(REFERENCE, CorrespondenceForce(), "float64"),
+        Candidate(RIVAL, BondAssociatedForce(), "float64"),
+        Candidate("analytic bond force", AnalyticBondForce(law), "float64"),
+    ]
+    samples = wide_design(law, 3000 if quick else 8000, random_state=0)
+
+    def fitted(features, regressor) -> ForceSurrogate:
+        model = bond_force_pipeline(features, regressor).fit(samples.X, samples.y)
+        return surrogate_of(model, law, domain_of(samples))
+
+    def network(units) -> LevenbergMarquardtRegressor:
+        iterations = 150 if quick else 600
+        return LevenbergMarquardtRegressor((units,), "algebraic", max_iter=iterations, n_iter_no_change=100, random_state=0)
+
+    shipped = isinstance(law, NeoHookean)
+    if shipped:
+        # Its box is too small for the scene (THEORY section 4): it is used wherever it is asked, as in the paper.
+        paper = load_surrogate("neo-hookean-paper")
+        found.append(Candidate("network, paper's features, 20 units", paper, "float32", ("outside=extrapolate",)))
+    for units in (12, 20) if quick else (8, 12, 20, 40):
+        say(f"fitting {units} units")
+        model = load_surrogate("neo-hookean") if shipped and units == 20 else fitted("symmetric", network(units))
+        found.append(Candidate(f"network, symmetric, {units} units", model, "float32"))
+        if units == 20:
+            found.append(Candidate(f"network, symmetric, {units} units", model, "float64"))
+    say("fitting isochoric features")
+    found.append(Candidate("network, isochoric, 8 units", fitted("isochoric", network(8)), "float32"))
+    for degree in (4,) if quick else (4, 8):
+        found.append(Candidate(f"polynomial, isochoric, degree {degree}", fitted("isochoric", ChebyshevRegressor(degree)), "float32"))
+    return found
+
+
+def bench_positions(body: Body, law: Law) -> np.ndarray:
+    """Positions of a body at uniaxial stretch 2 with a smooth wave on top: every bond in a state of its own."""
+    state = homogeneous.uniaxial(law, 2.0)
+    x1, x2 = body.points.T
+    wave = 0.2 * body.horizon
+    phase = 2 * np.pi / (10 * body.horizon)
+    return np.stack([2 * x1 + wave * np.sin(phase * x2), state.lateral_stretch * x2 + wave * np.sin(phase * x1)], axis=1)
+
+
+def measure_speed(entries: list[Candidate], law: Law, spacing: float, repeats: int, seconds: float) -> list[dict]:
+    """Nanoseconds per directed bond of the whole evaluation and of the bond pass, on one thread and on all.
+
+    All models are timed in turn on one thread and on all, `repeats` times over, so that a drift of the machine's
+    speed meets them alike; medians are given, and the gain from threads is the median of the ratios within each turn.
+    """
+    body = Body.rectangle(3.0, 1.0, spacing, 3.15 * spacing)
+    positions, out = bench_positions(body, law), np.empty_like(body.points)
+    threads = sorted({1, numba.config.NUMBA_NUM_THREADS})
+
+    def timed(function, calls) -> float:
+        began = time.perf_counter()
+        for _ in range(calls):
+            function()
+        return 1e9 * (time.perf_counter() - began) / calls / body.bonds.n_directed
+
+    forces, calls = {}, {}
+    for count in threads:
+        with thread_count(count):
+            for number, entry in enumerate(entries):
+                force = entry.model.bind(body, law, ForceSettings(precision=entry.precision))
+                force(positions, out)
+                once = timed(lambda force=force: force(positions, out), 3)
+                forces[number, count] = force
+                calls[number, count] = max(3, int(seconds * 1e9 / once / body.bonds.n_directed))
+    total = {key: [] for key in forces}
+    bonds = {key: [] for key in forces}
+    for _ in range(repeats):
+        for number in range(len(entries)):
+            for count in threads:
+                key = number, count
+                with thread_count(count), threadpool_limits(1):
+                    total[key].append(timed(lambda key=key: forces[key](positions, out), calls[key]))
+                    bonds[key].append(timed(lambda key=key: forces[key].pass_bonds(out), calls[key]))
+    rows = []
+    for number in range(len(entries)):
+        row = {}
+        for label, count in (("1", threads[0]), ("all", threads[-1])):
+            key = number, count
+            row[f"ns_per_bond_{label}"] = statistics.median(total[key])
+            row[f"ns_per_bond_{label}_spread"] = max(total[key]) - min(total[key])
+            row[f"ns_bond_pass_{label}"] = statistics.median(bonds[key])
+        gains = [one / many for one, many in zip(total[number, threads[0]], total[number, threads[-1]], strict=True)]
+        row["thread_speedup"] = statistics.median(gains)
+        rows.append(row)
+    return rows
+
+
+def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
+    """Force error of the kernel in its own precision, on and off the surface, and the least stiffness slope; empty where there is none."""
+    if not isinstance(entry.model, ForceSurrogate):
+        return {}
+    report = evaluate(kernel_bond_force(entry.model, law, entry.precision), law, n_samples=n_samples)
+    # A slope by differences of single-precision forces would be noise: it is that of the same model in double.
+    slope = report if entry.precision == "float64" else evaluate(entry.model.bond_force, law, n_samples=n_samples)
+    return {
+        "rms_on_surface": report["on_surface"]["rms"],
+        "max_on_surface": report["on_surface"]["max"],
+        "rms_off_surface": report["off_surface"]["rms"],
+        "max_off_surface": report["off_surface"]["max"],
+        "least_slope": slope["least_slope"],
+    }
+
+
+def measure_scene(entry: Candidate, law: Law, spacing: float) -> dict:
+    """Greatest errors at the levels of the paper's section 6.2, and the evaluations and seconds that it took."""
+    changes = [f"spacing={spacing}", f"precision={entry.precision}", *entry.changes]
+    scene = load_scene("uniaxial", changes, material=law.describe())
+    try:
+        result = simulate(scene, entry.model)
+    except SimulationFailed as error:
+        return {"scene_failure": str(error)}
+    return {
+        "scene_stress_error": max(abs(level["nominal_stress_error"]) for level in result.levels),
+        "scene_displacement_error": max(abs(level["lateral_displacement_error"]) for level in result.levels),
+        "scene_evaluations": result.summary["n_force_evaluations"],
+        "scene_seconds": result.summary["seconds_total"] - result.summary["seconds_compile"],
+        "scene_method": result.levels[-1]["method"],
+    }
+
+
+def compare(law: Law | None = None, quick: bool = False, say: Callable[[str], None] = lambda text: None) -> dict:
+    """Measure every force model.
+
+    Parameters
+    ----------
+    law : Law, optional
+        Neo-Hookean with K = 100 mu by default.
+    quick : bool
+        Coarser scene, smaller fits, fewer repeats: for a look, not for quoting.
+    say : callable
+        Told what is being done.
+
+    Returns
+    -------
+    dict
+        ``machine``, ``material``, ``settings`` and ``models``: a list of rows, one for each model and precision.
+    """
+    law = law or NeoHookean()
+    spacing = 0.05 if quick else 0.02
+    entries = candidates(law, quick, say)
+    say("timing all models in turn")
+    repeats, seconds = (3, 0.02) if quick else (9, 0.15)
+    rows = []
+    for entry, speed in zip(entries, measure_speed(entries, law, 0.02, repeats, seconds), strict=True):
+        say(f"errors of {entry.title}, {entry.precision}")
+        size = getattr(entry.model, "size", "")
+        rows.append(
+            {
+                "force": entry.title,
+                "precision": entry.precision,
+                "size": size,
+                **speed,
+                **measure_error(entry, law, 2000 if quick else 20_000),
+            }
+        )
+    for entry, row in zip(entries, rows, strict=True):
+        say(f"section 6.2 with {entry.title}, {entry.precision}")
+        row.update(measure_scene(entry, law, spacing))
+    cost = {row["force"]: row["ns_per_bond_1"] for row in rows}
+    for row in rows:
+        row["speedup_over_ba_nosb"] = cost[RIVAL] / row["ns_per_bond_1"]
+        row["cost_over_nosb"] = row["ns_per_bond_1"] / cost[REFERENCE]
+    return {
+        "machine": {"processor": processor(), "threads": numba.config.NUMBA_NUM_THREADS, "numba": numba.__version__},
+        "material": law.describe(),
+        "settings": {"quick": quick, "points": 7500, "repeats": repeats, "scene_spacing": spacing},
+        "models": rows,
+    }

@@ -1,0 +1,101 @@
+"""Reports as tables and figures."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from ..results.figures import STYLE
+from .compare import RIVAL
+
+NOTHING = "-"
+"""Where a model has no such figure."""
+
+
+def _pair(row: dict, first: str, second: str) -> str:
+    return f"{row[first]:.0e} / {row[second]:.0e}" if first in row else NOTHING
+
+
+def _scene(row: dict, text: str) -> str:
+    values = {
+        key: value * 100 if key.endswith("error") else value
+        for key, value in row.items()
+        if key.startswith("scene_") and key != "scene_method"
+    }
+    return text.format(**values) if "scene_seconds" in row else "failed"
+
+
+COLUMNS = (
+    ("force", lambda row: f"{row['force']}, {row['precision']}"),
+    ("ns/bond, 1 thread", lambda row: f"{row['ns_per_bond_1']:.2f}"),
+    ("its bond pass", lambda row: f"{row['ns_bond_pass_1']:.2f}"),
+    ("all threads", lambda row: f"{row['ns_per_bond_all']:.2f}"),
+    ("gain", lambda row: f"{row['thread_speedup']:.2f}"),
+    ("BA-NOSB / this", lambda row: f"{row['speedup_over_ba_nosb']:.1f}"),
+    ("this / NOSB", lambda row: f"{row['cost_over_nosb']:.1f}"),
+    ("RMS error on / off surface", lambda row: _pair(row, "rms_on_surface", "rms_off_surface")),
+    ("greatest error", lambda row: _pair(row, "max_on_surface", "max_off_surface")),
+    ("least slope", lambda row: f"{row['least_slope']:.2f}" if "least_slope" in row else NOTHING),
+    ("6.2: stress / displ. error (%)", lambda row: _scene(row, "{scene_stress_error:.2g} / {scene_displacement_error:.2g}")),
+    ("6.2: evaluations, s", lambda row: _scene(row, "{scene_evaluations}, {scene_seconds:.2f}")),
+)
+"""Title of each column of the comparison, and its text for a row."""
+
+
+def table(report: dict) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of the comparison."""
+    return [title for title, _ in COLUMNS], [[cell(row) for _, cell in COLUMNS] for row in report["models"]]
+
+
+def as_csv(report: dict) -> str:
+    """All measured figures, one line a model."""
+    keys = list(dict.fromkeys(key for row in report["models"] for key in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=keys, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(report["models"])
+    return text.getvalue()
+
+
+def pareto_figure(report: dict) -> Figure:
+    """Force error against cost; models without a bond force of their own are lines of cost."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 4.0), layout="constrained")
+        axis = figure.subplots()
+        rows = [row for row in report["models"] if "rms_off_surface" in row]
+        floor = 1e-9
+        for row in rows:
+            error = max(row["rms_off_surface"], floor)
+            exact = row["force"].startswith("analytic")
+            marker = "s" if exact else "o" if row["precision"] == "float32" else "^"
+            drawn = axis.plot(row["ns_per_bond_1"], error, marker, ms=6)[0]
+            label = f"{row['force']}{'' if row['precision'] == 'float32' or exact else ', double'}"
+            axis.annotate(
+                label, (row["ns_per_bond_1"], error), xytext=(5, 4), textcoords="offset points", fontsize=7, color=drawn.get_color()
+            )
+        for row in report["models"]:
+            if "rms_off_surface" not in row:
+                axis.axvline(row["ns_per_bond_1"], color="0.6", lw=0.8, ls="--")
+                side = "right" if row["force"] == RIVAL else "left"
+                axis.text(
+                    row["ns_per_bond_1"], 0.6, f" {row['force']} ", transform=axis.get_xaxis_transform(), fontsize=7, rotation=90, ha=side
+                )
+        axis.set(
+            xscale="log",
+            yscale="log",
+            xlabel="whole force evaluation, ns per directed bond, one thread",
+            ylabel="relative RMS force error off the surface",
+            title=f"{report['material']['law']}, {report['machine']['processor']}",
+        )
+        axis.set_xlim(
+            0.8 * min(row["ns_per_bond_1"] for row in report["models"]), 2.0 * max(row["ns_per_bond_1"] for row in report["models"])
+        )
+        ticks = [1, 2, 3, 5, 10, 20, 50, 100, 200, 500]
+        low, high = axis.get_xlim()
+        axis.set_xticks([tick for tick in ticks if low < tick < high], [str(tick) for tick in ticks if low < tick < high])
+        axis.set_xticks([], minor=True)
+        axis.grid(alpha=0.3)
+        return figure
