@@ -1,0 +1,47 @@
+"""The command that measures force models against each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from .application import app, bad_input, err, law_of, out
+
+
+@app.command()
+def compare(
+    material: Annotated[str, typer.Option(help="Material law.")] = "neo-hookean",
+    change: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter of the law; may be repeated.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A look in under a minute, not for quoting.")] = False,
+    folder: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write CSV, JSON and the Pareto figure here.")] = None,
+) -> None:
+    """Measure every force model: speed against error, on one thread and on all."""
+    from ..reports import compare as report_module
+    from ..reports import presentation
+    from ..results import figures
+    from ..results.files import check_writable, write_json, write_text
+
+    with bad_input(ValueError):
+        law = law_of(material, change)
+    if folder is not None:
+        with bad_input(OSError):
+            check_writable(folder)
+    with err.status("Starting") as status:
+        report = report_module.compare(law, quick, lambda text: status.update(text.capitalize()))
+    header, rows = presentation.table(report)
+    machine = report["machine"]
+    table = Table(title=f"{law.name}, {machine['processor']}, {machine['threads']} threads", title_justify="left")
+    for number, title in enumerate(header):
+        table.add_column(title, justify="right" if number else "left")
+    for row in rows:
+        table.add_row(*row)
+    Console(width=max(out.width, 190)).print(table)
+    if folder is not None:
+        write_text(folder / "compare.csv", presentation.as_csv(report))
+        figures.save(presentation.pareto_figure(report), folder / "compare.png")
+        write_json(folder / "compare.json", report)
+        out.print(f"Results in {folder}", soft_wrap=True)

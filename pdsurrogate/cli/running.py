@@ -1,0 +1,142 @@
+"""Commands that simulate: run and scenes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from .application import app, bad_input, err, out
+
+
+@app.command()
+def run(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene, or the path of a scene file (.toml).")],
+    force: Annotated[
+        str, typer.Option(metavar="REF", help="Force model: analytic, nosb, or an artefact (NAME, NAME@VERSION, path).")
+    ] = "neo-hookean",
+    change: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a parameter of the scene; may be repeated.")
+    ] = None,
+    folder: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Write summary, history, VTU/PVD files and a figure here.")
+    ] = None,
+    threads: Annotated[int | None, typer.Option(help="Threads of the kernels (all by default); the result does not depend on it.")] = None,
+) -> None:
+    """Run a scene and compare it with its reference."""
+    from ..artifacts import ArtifactError, load_surrogate
+    from ..results.files import check_writable
+    from ..scenes import SceneError, load_scene
+    from ..simulation import SimulationFailed, simulate
+
+    with bad_input(SceneError, ArtifactError):
+        described = load_scene(scene, change or [])
+        model = load_surrogate(force)
+    if folder is not None:
+        with bad_input(OSError):
+            check_writable(folder)
+    failure = None
+    try:
+        with bad_input(SceneError, ValueError), _Bar(described) as bar:
+            result = simulate(described, model, threads=threads, progress=bar)
+    except SimulationFailed as error:
+        failure, result = error, error.result
+    _print_levels(result)
+    if folder is not None:
+        try:
+            result.save(folder)
+        except OSError as error:
+            err.print(f"[red]pdsurrogate:[/] could not write {folder}: {error.strerror}", soft_wrap=True)
+            raise typer.Exit(1) from None
+        out.print(f"Results in {folder}", soft_wrap=True)
+    outside = result.summary["fraction_outside_domain"]
+    if outside:
+        what = "the exact bond force stood in for the surrogate" if described.outside == "fallback" else "the surrogate was extrapolated"
+        err.print(
+            f"[yellow]{100 * outside:.2g} % of the bond evaluations were outside the surrogate's domain; {what} there.[/]", soft_wrap=True
+        )
+    if failure is not None:
+        err.print(f"[red]pdsurrogate: the run failed:[/] {escape(str(failure))}", soft_wrap=True)
+        raise typer.Exit(1)
+
+
+class _Bar:
+    """Progress of a simulation on the terminal; the residual falls over many decades, so the bar counts decades."""
+
+    def __init__(self, scene) -> None:
+        self._scene = scene
+        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"), TimeElapsedColumn())
+        self._progress = Progress(*columns, console=err, transient=True)
+        self._task = None
+        self._first = None
+
+    def __enter__(self) -> _Bar:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *exception) -> None:
+        self._progress.stop()
+
+    def compiling(self) -> None:
+        """Say that kernels are compiled."""
+        err.print("Compiling kernels, once on this machine; later runs load them from the cache.")
+
+    def level(self, number: int, stretch: float) -> None:
+        """Begin a level."""
+        if self._task is not None:
+            self._progress.remove_task(self._task)
+        title = f"{self._scene.name}: stretch {stretch:g} ({number + 1}/{len(self._scene.stretches)})"
+        self._task, self._first = self._progress.add_task(title, total=1.0, state=""), None
+
+    def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
+        """Show how far the residual has come down to its tolerance."""
+        if self._first is None or residual > self._first:
+            self._first = residual
+        span = math.log10(max(self._first, 1e-300) / tolerance)
+        done = math.log10(max(self._first, 1e-300) / max(residual, 1e-300)) / span if span > 0 else 1.0
+        self._progress.update(self._task, completed=min(max(done, 0.0), 1.0), state=f"residual {residual:.1e}, {evaluations} evaluations")
+
+
+def _print_levels(result) -> None:
+    summary, units = result.summary, result.summary["units"]
+    compared = any("nominal_stress_reference" in level for level in summary["levels"])
+    table = Table(title=f"{summary['scene']}, force {summary['force']}, {summary['n_points']} points", title_justify="left")
+    table.add_column("stretch", justify="right")
+    for quantity, unit in (("lateral", units["length"]), ("stress", units["stress"])):
+        table.add_column(f"{quantity} ({unit})", justify="right")
+        if compared:
+            table.add_column("exact", justify="right")
+            table.add_column("error (%)", justify="right")
+    for level in summary["levels"]:
+        cells = [f"{level['stretch']:g}"]
+        for key in ("lateral_displacement", "nominal_stress"):
+            cells.append(f"{level[key]:.5f}")
+            if compared:
+                error = level.get(f"{key}_error")
+                cells += [f"{level[f'{key}_reference']:.5f}", "" if error is None else f"{100 * error:+.4f}"]
+        table.add_row(*cells)
+    out.print(table)
+    out.print(
+        f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_bond']:.2f} ns per directed bond on {summary['threads']} "
+        f"thread{'s' if summary['threads'] != 1 else ''}, {summary['seconds_total']:.1f} s in all, "
+        f"of which {summary['seconds_compile']:.1f} s compiling",
+        soft_wrap=True,
+    )
+
+
+@app.command()
+def scenes() -> None:
+    """List the built-in scenes."""
+    from ..scenes import load_scene, scene_names
+
+    table = Table(title="Scenes", title_justify="left")
+    table.add_column("scene")
+    table.add_column("what it is")
+    for name in scene_names():
+        table.add_row(name, load_scene(name).title)
+    out.print(table)

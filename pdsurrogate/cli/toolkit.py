@@ -1,0 +1,151 @@
+"""Commands about surrogates: fit, evaluate, artifacts."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from .application import app, bad_input, err, law_of, out
+
+Reference = Annotated[str, typer.Argument(metavar="REF", help="analytic, nosb, or an artefact: NAME, NAME@VERSION or a path.")]
+
+
+@app.command()
+def fit(
+    name: Annotated[str, typer.Argument(help="Name of the new artefact.")],
+    version: Annotated[str, typer.Option(help="Its version; versions never change once written.")] = "1",
+    law: Annotated[str, typer.Option(help="Material law.")] = "neo-hookean",
+    change: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter of the law; may be repeated.")] = None,
+    features: Annotated[str, typer.Option(help="symmetric, or the paper's five (paper).")] = "symmetric",
+    units: Annotated[str, typer.Option(help="Hidden units; two layers with a comma between.")] = "20",
+    activation: Annotated[str, typer.Option(help="algebraic, logistic, tanh, relu or softplus.")] = "algebraic",
+    samples: Annotated[int, typer.Option(help="Training samples.", min=200)] = 8000,
+    least: Annotated[float, typer.Option(help="Least principal stretch trained on.")] = 0.5,
+    greatest: Annotated[float, typer.Option(help="Greatest principal stretch trained on.")] = 4.0,
+    iterations: Annotated[int, typer.Option(help="Most iterations of the training.", min=1)] = 1000,
+    folds: Annotated[int, typer.Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of samples, split and first weights.", min=0)] = 0,
+    folder: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of artefacts.")] = Path("artifacts"),
+) -> None:
+    """Fit a surrogate of a law's bond force and store it as an artefact."""
+    from ..artifacts import ArtifactError, load_card
+    from ..learning import LevenbergMarquardtRegressor, bond_force_pipeline, cross_validate, store, wide_design
+    from ..scenes import SceneError
+
+    if folds == 1:
+        err.print("[red]pdsurrogate:[/] --folds must be 0 or at least 2")
+        raise typer.Exit(2)
+    if (folder / name / version).exists():
+        err.print(
+            f"[red]pdsurrogate:[/] {name}@{version} exists already in {folder}; versions never change, choose another", soft_wrap=True
+        )
+        raise typer.Exit(2)
+    with bad_input(SceneError, ArtifactError, ValueError, OSError):
+        material = law_of(law, change)
+        hidden = tuple(int(width) for width in units.split(","))
+        design = wide_design(material, samples, (least, greatest), random_state=seed)
+        network = LevenbergMarquardtRegressor(hidden, activation, max_iter=iterations, n_iter_no_change=100, random_state=seed)
+        model = bond_force_pipeline(features, network)
+        with err.status("Fitting"):
+            model.fit(design.X, design.y)
+        table = []
+        if folds:
+            with err.status(f"Cross-validating, {folds} folds"):
+                table = cross_validate(model, design, folds, seed)
+        path = store(model, design, material, folder, name, version, f"Bond force of {law}, {features} features, {units} units", table)
+        card = load_card(path)
+    _print_errors(card.errors["box"])
+    for row in card.training["cross_validation"]:
+        out.print(f"fold {row['fold']}: relative RMS error {row['rms']:.2e} on samples left out")
+    out.print(f"Wrote {path}", soft_wrap=True)
+
+
+@app.command()
+def evaluate(
+    reference: Reference,
+    least: Annotated[float | None, typer.Option(help="Least principal stretch; the artefact's own domain by default.")] = None,
+    greatest: Annotated[float | None, typer.Option(help="Greatest principal stretch.")] = None,
+    samples: Annotated[int, typer.Option(help="States in each set.", min=100)] = 20_000,
+    seed: Annotated[int, typer.Option(help="Seed of the states.", min=0)] = 2_000_003,
+    law: Annotated[str | None, typer.Option(help="Law to compare with; the artefact's own by default.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """Compare a bond force with the exact one: on and off the plane-stress surface, by strain, at rest, and its stiffness."""
+    from ..artifacts import ArtifactError, load_card, load_surrogate
+    from ..forces import FORCES, ForceSurrogate
+    from ..learning import evaluate as report_of
+    from ..scenes import MaterialSpec
+
+    with bad_input(ArtifactError, ValueError):
+        model = load_surrogate(reference)
+        if not isinstance(model, ForceSurrogate):
+            raise ValueError(f"{reference} has no bond force of its own to evaluate")
+        if reference in FORCES:
+            material = MaterialSpec(law=law or "neo-hookean").build()
+            model.law = material
+        else:
+            material = MaterialSpec.model_validate(law or load_card(reference).material.trained_with).build()
+            model.check_material(material)
+        domain = model.domain
+        stretches = (
+            least if least is not None else domain.least_stretch if domain else 0.5,
+            greatest if greatest is not None else domain.greatest_stretch if domain else 4.0,
+        )
+        report = report_of(model.bond_force, material, stretches, samples, seed)
+    if as_json:
+        sys.stdout.write(json.dumps(report, indent=2) + "\n")
+    else:
+        _print_errors(report)
+
+
+def _print_errors(report: dict) -> None:
+    low, high = report["stretch_range"]
+    table = Table(title=f"Relative force error, stretches {low:g} to {high:g}, {report['n_samples']} states", title_justify="left")
+    for title in ("states", "RMS", "greatest"):
+        table.add_column(title, justify="left" if title == "states" else "right")
+    rows = [("on the plane-stress surface", report["on_surface"]), ("off it", report["off_surface"])]
+    rows += [(f"strain {row['strain'][0]:g} to {row['strain'][1]:g}", row) for row in report["by_strain"]]
+    for title, row in rows:
+        table.add_row(title, f"{row['rms']:.1e}", f"{row['max']:.1e}")
+    out.print(table)
+    out.print(
+        f"force at rest {report['at_rest']:.1e}; least stiffness slope {report['least_slope']:.3g} "
+        f"(exact: {report['least_slope_exact']:.3g})"
+    )
+
+
+@app.command()
+def artifacts(
+    reference: Annotated[str | None, typer.Argument(metavar="[REF]", help="Show this one's card.")] = None,
+) -> None:
+    """List the artefacts that are found by name, or show one's card."""
+    from ..artifacts import ArtifactError, list_artifacts, load_card
+
+    if reference is not None:
+        with bad_input(ArtifactError):
+            sys.stdout.write(load_card(reference).to_json())
+        return
+    table = Table(title="Artefacts", title_justify="left")
+    for title in ("artefact", "law", "features", "RMS error", "where"):
+        table.add_column(title)
+    for folder in list_artifacts():
+        try:
+            card = load_card(folder)
+        except ArtifactError as error:
+            table.add_row(f"{folder.parent.name}@{folder.name}", f"[red]{escape(str(error))}[/]", "", "", str(folder))
+            continue
+        error = card.errors.get("box", {}).get("on_surface", {}).get("rms")
+        table.add_row(
+            f"{card.name}@{card.version}",
+            card.material.law,
+            str(card.features.get("set", "")),
+            "" if error is None else f"{error:.1e}",
+            str(folder),
+        )
+    out.print(table)
