@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..kernels.bond_state import lateral_stretch
 from .law import Law
 
 
@@ -98,6 +99,6 @@ def bond_traction(law: Law, normal_stretch, shear_stretch, area_ratio, C33):
         Components of R^T P / mu along and across the reference bond.
     """
     a, b, J, C33 = (np.asarray(value, dtype=float) for value in (normal_stretch, shear_stretch, area_ratio, C33))
-    U_mm = (J + b * b) / a
+    U_mm = lateral_stretch(a, b, J)
     p, q, *_ = law.response(a * a + 2 * b * b + U_mm * U_mm, J, J * np.sqrt(C33))
     return p * a + q * U_mm / J, (p - q / J) * b, p * U_mm + q * a / J
