@@ -53,9 +53,8 @@ def volume_ratio(law: Law, trace, area_ratio):
     failed = ~(np.abs(residual) <= 1e-9 * scale)
     if np.any(failed):
         first = np.flatnonzero(failed.ravel())[0]
-        raise ValueError(
-            f"{law.name}: no plane-stress state at tr C = {trace.ravel()[first]:g}, det F = {J.ravel()[first]:g}: beyond the law's limit"
-        )
+        state = float(trace.ravel()[first]), float(J.ravel()[first])
+        raise ValueError(f"{law.name}: no plane-stress state at tr C = {state[0]:g}, det F = {state[1]:g}: {law.limit(*state)}")
     return J3
 
 
