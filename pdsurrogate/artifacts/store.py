@@ -114,11 +114,15 @@ def load_surrogate(reference: str | Path) -> ForceModel:
         raise ArtifactError(f"{card.name}@{card.version}: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
     data = _checked_payload(reference, card, SURROGATE)
     try:
-        return KINDS[card.kind].from_payload(
+        model = KINDS[card.kind].from_payload(
             f"{card.name}@{card.version}", load_plain(data), card.domain.build(), card.material.law, card.material.shape
         )
-    except (UnsafePayload, ValueError) as error:
+    except (UnsafePayload, ValueError, TypeError, KeyError, OverflowError) as error:
         raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE}: {error}") from None
+    stated = card.features.get("set")
+    if getattr(model, "feature_set", stated) != stated:
+        raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE} has {model.feature_set} features, the card states {stated}")
+    return model
 
 
 def load_pipeline(reference: str | Path, *, trust: bool = False):
@@ -201,8 +205,9 @@ def _checked_payload(reference: str | Path, card: Card, name: str) -> bytes:
         raise ArtifactError(f"{where}: the artefact has none")
     stated = card.payloads[name]
     try:
-        with (find_artifact(reference) / name).open("rb") as file:
-            data = file.read(stated.bytes + 1)
+        path = find_artifact(reference) / name
+        # The size first: a card may state any, and reading makes room for as much.
+        data = path.read_bytes() if path.stat().st_size == stated.bytes else b""
     except OSError as error:
         raise ArtifactError(f"{where}: cannot be read: {error.strerror}") from None
     if len(data) != stated.bytes or hashlib.sha256(data).hexdigest() != stated.sha256:
