@@ -203,6 +203,8 @@ def grid(lower: tuple[float, float], upper: tuple[float, float], spacing: float)
     counts = []
     for low, high, axis in zip(lower, upper, ("x1", "x2"), strict=True):
         cells = (high - low) / spacing
+        if not cells <= MOST_POINTS:
+            raise ValueError(f"spacing {spacing:g} makes {cells:.3g} points along {axis}; at most {MOST_POINTS:.3g} are taken")
         count = round(cells)
         if cells < 0.99:
             raise ValueError(f"spacing {spacing:g} is larger than the body, {high - low:g} along {axis}")
