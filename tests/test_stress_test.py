@@ -11,7 +11,7 @@ from pdsurrogate.stress_test.case import INAPPLICABLE, PASS, STOPS, WEAK, Outcom
 from pdsurrogate.stress_test.report import CASES, all_models, cell, stress_test, table
 from pdsurrogate.stress_test.tangents import tangent
 
-CONSERVATIVE = {"symmetry", "undamped_steps"}
+CONSERVATIVE = {"symmetry", "undamped_steps", "angular_momentum"}
 """What a force made of averaged features does not pass (THEORY section 9)."""
 
 

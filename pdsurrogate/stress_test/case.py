@@ -25,6 +25,8 @@ WEAKNESSES = {
     "points move against their neighbours for next to nothing",
     "not conservative": "averaged features make a force that is not the gradient of an energy (THEORY section 9): the tangent is "
     "unsymmetric, and undamped motion may gain energy; damp, or use an energy model",
+    "moments": "pair forces that are not along their bonds cancel in their moments only over whole horizons in homogeneous deformation: "
+    "linear momentum is conserved exactly, angular momentum to second order in the spacing",
     "force at rest": "a fit on features without a rest state built in leaves a force on a body that is merely turned",
     "weights do not add up": "the weights (13) of BA-NOSB do not add up to the volume of the horizon, so that exact bond stresses give a mean "
     "stress that is off by about a per cent",
