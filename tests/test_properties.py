@@ -169,7 +169,9 @@ toml_values = st.recursive(
     lambda inner: st.lists(inner, max_size=3).map(lambda items: f"[{', '.join(items)}]"),
     max_leaves=5,
 )
-keys = st.sampled_from(["name", "spacing", "stretches", "body.size", "material", "material.law", "solver.tolerance", "grips", "units", "else"])
+keys = st.sampled_from(
+    ["name", "spacing", "stretches", "body.size", "material", "material.law", "solver.tolerance", "grips", "units", "else"]
+)
 
 
 @settings(max_examples=200)

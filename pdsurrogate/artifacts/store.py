@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import io
 import os
@@ -43,7 +44,9 @@ def list_artifacts() -> list[Path]:
     found: dict[tuple[str, str], Path] = {}
     for root in search_path():
         for card in sorted(root.glob(f"*/*/{CARD}")):
-            found.setdefault((card.parent.parent.name, card.parent.name), card.parent)
+            # What an interrupted writing leaves has a name that is no version.
+            if re.match(VERSION_PATTERN, card.parent.name):
+                found.setdefault((card.parent.parent.name, card.parent.name), card.parent)
     return [found[key] for key in sorted(found, key=lambda key: (key[0], _version_key(key[1])))]
 
 
@@ -65,7 +68,7 @@ def find_artifact(reference: str | Path) -> Path:
     if isinstance(reference, Path) or os.sep in text or path.is_dir():
         if (path / CARD).is_file():
             return path
-        versions = [card.parent for card in path.glob(f"*/{CARD}")]
+        versions = [card.parent for card in path.glob(f"*/{CARD}") if re.match(VERSION_PATTERN, card.parent.name)]
         if versions:
             return max(versions, key=lambda folder: _version_key(folder.name))
         raise ArtifactError(f"{text}: no artefact there: the folder of one holds {CARD}")
@@ -186,7 +189,9 @@ def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce, pi
         temporary.chmod(0o755)
         try:
             os.rename(temporary, target)
-        except OSError:
+        except OSError as error:
+            if error.errno not in (errno.EEXIST, errno.ENOTEMPTY):
+                raise
             raise ArtifactError(f"{card['name']}@{card['version']} exists already in {folder}; versions never change") from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)

@@ -30,6 +30,16 @@ def bad_input(*kinds: type[Exception]) -> Iterator[None]:
         raise typer.Exit(2) from None
 
 
+@contextmanager
+def writing(folder) -> Iterator[None]:
+    """Turn errors of writing results, a full disk above all, into one line and exit status 1."""
+    try:
+        yield
+    except OSError as error:
+        err.print(f"[red]pdsurrogate:[/] could not write {escape(str(folder))}: {error.strerror or error}", soft_wrap=True)
+        raise typer.Exit(1) from None
+
+
 def law_of(name: str, changes: list[str] | None):
     """A law by name with parameters given as KEY=VALUE."""
     from pydantic import ValidationError

@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .application import app, bad_input, err, law_of, out
+from .application import app, bad_input, err, law_of, out, writing
 
 Reference = Annotated[str, typer.Argument(metavar="REF", help="analytic, nosb, or an artefact: NAME, NAME@VERSION or a path.")]
 
@@ -36,6 +36,7 @@ def fit(
     """Fit a surrogate of a law's bond force and store it as an artefact."""
     from ..artifacts import ArtifactError, load_card
     from ..learning import LevenbergMarquardtRegressor, bond_force_pipeline, cross_validate, store, wide_design
+    from ..results.files import check_writable
     from ..scenes import SceneError
 
     if folds == 1:
@@ -48,6 +49,7 @@ def fit(
         raise typer.Exit(2)
     with bad_input(SceneError, ArtifactError, ValueError, OSError):
         material = law_of(law, change)
+        check_writable(folder)
         hidden = tuple(int(width) for width in units.split(","))
         design = wide_design(material, samples, (least, greatest), random_state=seed)
         network = LevenbergMarquardtRegressor(hidden, activation, max_iter=iterations, n_iter_no_change=100, random_state=seed)
@@ -58,7 +60,8 @@ def fit(
         if folds:
             with err.status(f"Cross-validating, {folds} folds"):
                 table = cross_validate(model, design, folds, seed)
-        path = store(model, design, material, folder, name, version, f"Bond force of {law}, {features} features, {units} units", table)
+        with writing(folder):
+            path = store(model, design, material, folder, name, version, f"Bond force of {law}, {features} features, {units} units", table)
         card = load_card(path)
     _print_errors(card.errors["box"])
     for row in card.training["cross_validation"]:
