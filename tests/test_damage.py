@@ -134,7 +134,7 @@ def test_bonds_break_beyond_the_critical_stretch_and_only_once():
 
 
 def test_damage_is_the_share_of_weight_that_is_lost():
-    """For the paper's weight psi_uniaxial(lambda_c) = pi G/delta; in general, what the bonds across a line of a grid hold."""
+    """Half of a horizon cut off by a straight crack: bonds from the first row to the other side, by (31), summed by hand."""
     spacing = 0.05
     points = grid((0.0, 0.0), (1.0, 1.0), spacing)
     cut = Precut(start=(-1.0, 0.5), end=(2.0, 0.5))
