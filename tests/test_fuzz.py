@@ -269,7 +269,7 @@ def damaged_scene(text: str, random) -> bytes:
 
 def check_scenes(folder, number: int) -> int:
     """Try corrupted scene files; returns how many were refused."""
-    from pdsurrogate.simulation import build_body
+    from pdsurrogate.discretisation import build_body
 
     random, refused = np.random.default_rng(7), 0
     texts = [_text_of(name)[0] for name in scene_names()]
