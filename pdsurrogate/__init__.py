@@ -33,6 +33,7 @@ _HOMES = {
     "Scene": "scenes",
     "SceneError": "scenes",
     "SimulationFailed": "simulation",
+    "SimulationInterrupted": "simulation",
     "TorchMLPRegressor": "learning",
     "algorithm_1": "learning",
     "bond_force_pipeline": "learning",

@@ -118,7 +118,7 @@ def test_bonds_without_features_get_the_exact_force_under_every_policy(name, out
 
 
 def test_a_point_on_a_single_bond_may_be_turned_over():
-    """It has no gradient and keeps the rotation 0; the point it hangs on is turned by 180 degrees: no mean of the two exists, and no NaN comes of it."""
+    """It has no gradient and keeps the rotation 0; the point it hangs on is turned by 180 degrees: the two have no mean, and give no NaN."""
     corner = sheet(width=0.8, height=0.8).points
     points = np.vstack([corner, corner.max(axis=0) + 0.29 / np.sqrt(2)])
     body = pd.Body(points, np.full(len(points), 0.01), 0.315, 0.1)
@@ -174,7 +174,7 @@ def test_fallback_carries_a_surrogate_through_the_whole_scene(small_domain):
 
 
 def test_the_papers_network_converges_where_its_force_used_to_jump():
-    """Pure shear to 2 leaves the box of the paper's network at its corners: 8,000 evaluations were not enough while the force jumped there."""
+    """Pure shear to 2 leaves the box of the paper's network at its corners: with a jump there 8,000 evaluations were not enough."""
     result = pd.simulate(
         pd.load_scene("pure-shear", ["spacing=0.1", "stretches=1.5,2", "solver.most_evaluations=400"]), "neo-hookean-paper"
     )

@@ -16,7 +16,11 @@ from typer.testing import CliRunner
 from pdsurrogate.artifacts import find_artifact, list_artifacts, load_card, load_surrogate
 from pdsurrogate.artifacts.store import save_artifact
 from pdsurrogate.cli import app
+from pdsurrogate.cli.running import how_to_resume
+from pdsurrogate.programmes.run import Silent
 from pdsurrogate.results import files
+from pdsurrogate.scenes import load_scene
+from pdsurrogate.simulation import SimulationInterrupted, simulate
 
 FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
 
@@ -164,3 +168,77 @@ def test_a_version_that_exists_is_told_from_a_disk_that_fails(tmp_path, monkeypa
     np.testing.assert_array_equal(
         found.bond_force([1.2], [0.1], [0.5], [0.9], [1.1]), surrogate.bond_force([1.2], [0.1], [0.5], [0.9], [1.1])
     )
+
+
+TEAR = [
+    *("spacing=0.1", "body.size=3.0,1.0", "stretches=1.1,1.2", "fracture.critical_stretch=2.0"),
+    *("dynamics.stretch=1.9", "dynamics.stretch_rate=60.0", "dynamics.outputs=8"),
+    "precuts=[{start = [0.0, 0.5], end = [1.0, 0.5]}]",
+]
+
+
+class InterruptsAt(Silent):
+    """Sends Ctrl-C to this process when a stage is reached."""
+
+    def __init__(self, levels=None, share=None):
+        self.levels, self.share = levels, share
+
+    def level(self, number, stretch):
+        if number == self.levels:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    def dynamics(self, done, stretch, broken_bonds):
+        if self.share is not None and done >= self.share:
+            self.share = None
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+def tear():
+    return load_scene("tear", TEAR)
+
+
+@pytest.mark.parametrize("stage", [{"levels": 1}, {"share": 0.4}])
+def test_an_interrupt_saves_a_checkpoint_that_resumes_to_the_same_bits(tmp_path, stage):
+    with pytest.raises(SimulationInterrupted, match="interrupted") as caught:
+        simulate(tear(), "analytic", progress=InterruptsAt(**stage), folder=tmp_path / "a")
+    assert len(caught.value.result.levels) == stage.get("levels", 2)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    resumed = simulate(tear(), "analytic", folder=tmp_path / "a", resume=True)
+    whole = simulate(tear(), "analytic", folder=tmp_path / "b")
+    assert resumed.history == whole.history
+    np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
+
+
+def test_ctrl_c_on_the_command_line(tmp_path):
+    """Exit status 130, results of what was reached, one line that says how to go on; and going on works."""
+    command = [sys.executable, "-m", "pdsurrogate", "run", "tear", "--force", "analytic", "--out", str(tmp_path)]
+    command += [word for change in TEAR for word in ("--set", change)]
+    slow = [*command, "--set", "dynamics.stretch_rate=0.5"]
+    process = subprocess.Popen(slow, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "checkpoint.npz").exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    output, error = process.communicate(timeout=60)
+    assert process.returncode == 130, error
+    assert "interrupted" in error
+    assert "--resume" in error
+    assert "Traceback" not in error + output
+    assert json.loads((tmp_path / "summary.json").read_text())["failure"].endswith("interrupted")
+    other = subprocess.run([*command, "--resume"], capture_output=True, text=True, check=False)
+    assert other.returncode == 2
+    assert "belongs to another run" in other.stderr
+
+
+def test_nothing_to_resume_is_said_too(tmp_path):
+    assert "--out" in how_to_resume(None)
+    assert "first checkpoint" in how_to_resume(tmp_path)
+    (tmp_path / "checkpoint.npz").touch()
+    assert "--resume" in how_to_resume(tmp_path)
+
+
+def test_a_disk_that_fills_during_a_run_is_reported(tmp_path, monkeypatch):
+    full_disk(monkeypatch)
+    changes = [word for change in TEAR for word in ("--set", change)]
+    done = CliRunner().invoke(app, ["run", "tear", "--force", "analytic", *changes, "--out", str(tmp_path)])
+    assert_one_clear_line(done, "could not write", "No space left")

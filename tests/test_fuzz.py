@@ -20,8 +20,11 @@ from typer.testing import CliRunner
 from pdsurrogate.artifacts import ArtifactError, load_card, load_surrogate
 from pdsurrogate.artifacts.plain import load_plain
 from pdsurrogate.cli import app
+from pdsurrogate.programmes.run import Run, Silent
+from pdsurrogate.results.checkpoint import Checkpoint, CheckpointError
 from pdsurrogate.scenes import Scene, SceneError, load_scene, scene_names
 from pdsurrogate.scenes.reading import _text_of
+from pdsurrogate.simulation import SimulationFailed, simulate
 
 SLOWEST = 2.0
 """Seconds that any one file may take: reading a good one takes milliseconds."""
@@ -185,20 +188,20 @@ def check_artifacts(folder, each: int) -> dict[str, int]:
             for name, data in files.items():
                 (place / name).write_bytes(data)
             began = time.perf_counter()
+            model = None
             try:
                 card = load_card(place)
                 model = load_surrogate(place)
-            except ArtifactError as error:
-                assert str(error)
+            except ArtifactError:
                 refused[damage.__name__] += 1
-            else:
+            assert time.perf_counter() - began < SLOWEST, f"{damage.__name__} {number}"
+            if model is not None:
                 # Whatever was accepted is whole: digests that match, and numbers where numbers belong.
                 data = (place / "surrogate.joblib").read_bytes()
                 assert card.payloads["surrogate.joblib"].sha256 == hashlib.sha256(data).hexdigest()
                 with np.errstate(all="ignore"):
                     assert model.bond_force([1.1], [0.05], [0.5], [0.9], [1.05]).shape == (1, 2)
                     model.compiled(np.float32)
-            assert time.perf_counter() - began < SLOWEST, f"{damage.__name__} {number}"
             assert not trap.exists(), f"{damage.__name__} {number} ran code"
     return refused
 
@@ -219,6 +222,104 @@ def test_1500_corrupted_artefacts(tmp_path):
 def test_the_trap_is_a_real_one(tmp_path):
     pickle.loads(pickle.dumps(Trap(tmp_path / "trap")))
     assert (tmp_path / "trap").exists()
+
+
+@pytest.fixture(scope="module")
+def checkpointed(tmp_path_factory):
+    """A run with a crack under way, and its checkpoint."""
+    folder = tmp_path_factory.mktemp("run")
+    scene = load_scene(
+        "tear",
+        {
+            "spacing": 0.2,
+            "body.size": [3.0, 1.0],
+            "precuts": [{"start": [0.0, 0.5], "end": [1.0, 0.5]}],
+            "stretches": [1.2],
+            "fracture.critical_stretch": 1.8,
+            "dynamics.stretch": 1.6,
+            "dynamics.stretch_rate": 60.0,
+            "dynamics.outputs": 2,
+        },
+    )
+    simulate(scene, "analytic", folder=folder)
+    return scene, (folder / "checkpoint.npz").read_bytes()
+
+
+def rewritten(checkpoint: bytes, random) -> bytes:
+    """A checkpoint with one thing exchanged, its check sums right."""
+    with np.load(io.BytesIO(checkpoint)) as file:
+        arrays = {key: file[key] for key in file.files}
+    fate = random.integers(5)
+    key = list(arrays)[random.integers(len(arrays))]
+    if fate == 0:
+        del arrays[key]
+    elif fate == 1 and arrays[key].dtype == np.float64:
+        arrays[key] = arrays[key].copy()
+        arrays[key].flat[random.integers(arrays[key].size)] = [np.nan, np.inf, 1e308][random.integers(3)]
+    elif fate == 2:
+        arrays[key] = np.array([Trap("/nowhere")], dtype=object) if random.random() < 0.5 else arrays[key].astype("U4")[:3]
+    elif fate == 3:
+        arrays[key] = arrays[key].reshape(-1)[: random.integers(arrays[key].size)]
+    else:
+        description = exchanged(json.loads(arrays["description"].tobytes()), random)
+        arrays["description"] = np.frombuffer(json.dumps(description).encode(), dtype=np.uint8)
+    file = io.BytesIO()
+    (np.savez_compressed if random.random() < 0.1 else np.savez)(file, **arrays)
+    return file.getvalue()
+
+
+def test_1000_corrupted_checkpoints(checkpointed, tmp_path):
+    """A clean error, or a run that goes on from numbers that are numbers; nothing else, and nothing of the checkpoint runs."""
+    scene, good = checkpointed
+    run = Run(scene, load_surrogate("analytic"), Silent(), tmp_path)
+    random, refused = np.random.default_rng(11), 0
+    shapes = {"positions": (run.positions.shape, np.float64)}
+    for k in range(1000):
+        if k % 4 == 0:
+            data = good[: (k * 97) % len(good)]
+        elif k % 4 == 1:
+            data = flipped(good, random, 1 + k % 5)
+        else:
+            data = rewritten(good, random)
+        (tmp_path / "checkpoint.npz").write_bytes(data)
+        began = time.perf_counter()
+        try:
+            found = Checkpoint.read(tmp_path, run.identity, shapes)
+            assert all(np.isfinite(array).all() for array in found.arrays.values())
+        except CheckpointError:
+            refused += 1
+        assert time.perf_counter() - began < SLOWEST
+    assert refused > 700
+
+
+def test_resuming_from_corrupted_checkpoints_ends_cleanly(checkpointed, tmp_path):
+    """The whole way, for those whose arrays pass: an error about the checkpoint, a failed run that says why, or a run."""
+    scene, good = checkpointed
+    random = np.random.default_rng(12)
+    ends = set()
+    for _ in range(60):
+        (tmp_path / "checkpoint.npz").write_bytes(rewritten(good, random))
+        try:
+            simulate(scene, "analytic", folder=tmp_path, resume=True)
+            ends.add("run")
+        except CheckpointError:
+            ends.add("refused")
+        except SimulationFailed:
+            ends.add("failed")
+    assert "refused" in ends
+
+
+def test_a_checkpoint_cannot_fill_the_memory(checkpointed, tmp_path):
+    """Thirty megabytes of nothing, squeezed into thirty kilobytes, and an array that claims to be larger than any memory."""
+    scene, good = checkpointed
+    run = Run(scene, load_surrogate("analytic"), Silent(), tmp_path)
+    file = io.BytesIO()
+    np.savez_compressed(file, positions=np.zeros(4_000_000), description=np.zeros(3, dtype=np.uint8))
+    claims = good.replace(b"'shape': (75, 2)", b"'shape': (9" + b"9" * 9 + b")")
+    for data in (file.getvalue(), claims):
+        (tmp_path / "checkpoint.npz").write_bytes(data)
+        with pytest.raises(CheckpointError):
+            Checkpoint.read(tmp_path, run.identity, {})
 
 
 LITERALS = (
@@ -285,9 +386,7 @@ def check_scenes(folder, number: int) -> int:
                 points = np.prod(np.array(scene.model_dump()["body"].get("size", (1, 1))) / np.float64(scene.spacing))
             if points < 3e4 or points > 1e9:
                 build_body(scene)
-        except SceneError as error:
-            assert str(error)
-            assert len(str(error)) < 5000
+        except SceneError:
             refused += 1
         assert time.perf_counter() - began < SLOWEST, path.read_text("utf-8", "replace")
     return refused

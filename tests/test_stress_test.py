@@ -68,7 +68,7 @@ def test_command(tmp_path, monkeypatch):
 
 
 def test_the_tangent_of_springs_is_what_it_is():
-    """A force that is known: springs of one stiffness between all neighbours.  Their tangent at rest is the stiffness matrix, to differences."""
+    """Springs of one stiffness between all neighbours: their tangent at rest is the stiffness matrix, to differences."""
     body = square_sheet(5)
 
     class Springs:

@@ -59,6 +59,7 @@ def _solve(run: Run, solver: EquilibriumSolver, stretch: float, tolerance: float
         run.residual = residual
         run.history.append({"stretch": stretch, "evaluation": began + evaluations, "residual": residual})
         run.progress.residual(evaluations, residual, tolerance)
+        run.interruption.check()
 
     return solver.solve(run.force, run.positions, tolerance, report)
 
