@@ -118,7 +118,7 @@ def test_bonds_without_features_get_the_exact_force_under_every_policy(name, out
 
 
 def test_a_point_on_a_single_bond_may_be_turned_over():
-    """It has no gradient and keeps the rotation 0; the point it hangs on is turned by 180 degrees: the two have no mean, and give no NaN."""
+    """It has no gradient and keeps the rotation 0; the point it hangs on is turned by 180 degrees: they have no mean, and give no NaN."""
     corner = sheet(width=0.8, height=0.8).points
     points = np.vstack([corner, corner.max(axis=0) + 0.29 / np.sqrt(2)])
     body = pd.Body(points, np.full(len(points), 0.01), 0.315, 0.1)

@@ -13,7 +13,6 @@ from rich.table import Table
 
 from .application import app, bad_input, err, out, said_aloud, writing
 
-
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells give it: 128 and the number of the signal."""
 

@@ -30,7 +30,7 @@ Waves take longer than that to cross a few horizons."""
 SECONDS_BETWEEN_CHECKPOINTS = 60.0
 
 MOST_ENERGY = 1.5
-"""Motion and damping together may take this share of the energy put in; more comes from an unstable step, or from a force that has no energy."""
+"""Motion and damping may take this share of the energy put in; more comes from an unstable step, or from a force that has no energy."""
 
 LEAST_AREA_RATIO = 0.1
 """det F in the plane below which a point that has lost bonds counts as failed: intact rubber in a tear stays above 0.5."""
@@ -262,9 +262,10 @@ class Transient:
             account.initial_energy = kinetic + strain
         # Half as much again for what the trapezoidal rule and the points' own strain energy leave out.
         elif kinetic + account.damped_energy > MOST_ENERGY * (account.initial_energy + account.work):
+            put_in = account.initial_energy + account.work
             raise Diverging(
-                f"time {account.time:.4g}: the motion runs away: kinetic energy {kinetic:.3g} and damped energy {account.damped_energy:.3g} "
-                f"are more than was put in, {account.initial_energy + account.work:.3g}"
+                f"time {account.time:.4g}: the motion runs away: it and the damping have taken {kinetic + account.damped_energy:.3g} "
+                f"of the {put_in:.3g} that was put in"
             )
         if self.damage is not None:
             row |= {"broken_bonds": run.crack["broken_bonds"], "free_points": len(run.force.kinematics.unsupported)}

@@ -61,7 +61,7 @@ def objectivity(subject: Subject) -> Outcome:
 
 
 def angular_momentum(subject: Subject) -> Outcome:
-    """Moment of all forces on a deformed sheet about its middle, over the sum of the moments' sizes; rounding leaves 1e-15, 1e-9 is asked."""
+    """Moment of all forces on a deformed sheet about its middle, over the sum of the moments' sizes; rounding leaves 1e-15."""
     body = square_sheet(10)
     positions = wavy(body.points)
     forces, arms = force_densities(subject.bind(body), positions), positions - positions.mean(axis=0)

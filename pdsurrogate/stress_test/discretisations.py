@@ -29,7 +29,7 @@ def _patch_error(subject: Subject, body: Body, F: np.ndarray) -> float:
 
 
 def jitter(subject: Subject) -> Outcome:
-    """Points moved by up to 30 % of the spacing in each direction: mean stress and stability at uniaxial stretch 2, the worst of three draws.
+    """Points moved by up to 30 % of the spacing in each direction: mean stress and stability at stretch 2, the worst of three draws.
 
     The least resistance is held against a tenth of a membrane's: beside what the horizon takes off (see
     `tangents.least_eigenvalue`), single horizons are now lopsided.
