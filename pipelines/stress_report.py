@@ -22,7 +22,7 @@ from pdsurrogate.stress_test.report import count, stress_test, table
 
 console = Console()
 
-SHORT = {"pass": "", "WEAK": "**weak** ", "stops": "stops", "-": "-"}
+SHORT = {"pass": "", "WEAK": "**weak** "}
 
 
 def hard_cases() -> str:
@@ -39,7 +39,7 @@ def hard_cases() -> str:
 
 def _short(cell: str) -> str:
     word, _, rest = cell.partition(" ")
-    return f"{SHORT.get(word, word)}{rest}".strip()
+    return f"{SHORT.get(word, f'{word} ')}{rest}".strip()
 
 
 def fallback() -> str:

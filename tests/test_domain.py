@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from bodies import rotation, sheet
 from conftest import SHIPPED
+from typer.testing import CliRunner
 
 import pdsurrogate as pd
 from pdsurrogate.artifacts import load_surrogate
+from pdsurrogate.cli import app
 from pdsurrogate.forces import AnalyticBondForce, Domain, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning
 from pdsurrogate.forces.kernel_face import kernel_tractions
 from pdsurrogate.materials import Gent, plane_stress
@@ -140,6 +142,14 @@ def test_warn_warns_once_and_counts():
         warnings.simplefilter("error")
         force(body.points @ np.diag([5.0, 0.45]), out)
     assert force.fraction_outside == 1.0
+
+
+def test_warnings_on_the_command_line():
+    done = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--set", "stretches=4.5", "--set", "outside=warn"])
+    assert done.exit_code == 0, done.output
+    warned = [line for line in done.stderr.splitlines() if "bonds are outside the domain of neo-hookean@1" in line]
+    assert len(warned) == 1
+    assert "the surrogate was extrapolated" in done.stderr
 
 
 def test_a_bond_beyond_the_laws_limit_is_named():

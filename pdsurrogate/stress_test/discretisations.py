@@ -99,7 +99,7 @@ def folded_bond(subject: Subject) -> Outcome:
         try:
             restoring.append(force_densities(force, positions)[point, 0])
         except InvalidState as error:
-            stop = f"stops at {distance:.1f} dx: {error}"
+            stop = f"at {distance:.1f} dx: {error}"
             break
     least = min(restoring, default=np.inf)
     if least <= 0:
