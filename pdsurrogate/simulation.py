@@ -118,7 +118,7 @@ def _go(run: Run, resume: bool) -> None:
         from .damage import Damage, critical_stretch_of
 
         spec = run.scene.fracture
-        critical = spec.critical_stretch or critical_stretch_of(run.law, spec.energy, run.scene.horizon, run.scene.weight)
+        critical = spec.critical_stretch or critical_stretch_of(run.law, spec.energy, run.scene.horizon)
         run.critical_stretch = critical
         damage = Damage(run.body, critical)
     solver, transient = solver_of(run), None
