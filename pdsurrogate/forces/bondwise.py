@@ -10,6 +10,7 @@ from ..kernels.blocks import BLOCK
 from ..kernels.exact import exact_bond_force
 from ..materials import Law
 from .kinematics import Kinematics, locate
+from .learnt_thickness import LearntThickness
 from .protocol import ForceSurrogate, InvalidState, OutsideDomain
 from .settings import OUTSIDE_POLICIES, ForceSettings
 
@@ -60,6 +61,8 @@ class BondForceEvaluation:
         )
         compiled = model.compiled(self.precision)
         self._compiled = compiled
+        if law.costly and model.domain is not None and model.gives_transverse:
+            self.kinematics.learnt_thickness = LearntThickness(compiled, model.domain, law, self.precision, self.kinematics.chunks)
         self._exact = exact_bond_force(self.precision)
         self._guard = OUTSIDE_POLICIES[self.outside] if model.domain is not None else bond_pass.EXTRAPOLATE
         self._domain = model.domain.as_array(self.precision) if model.domain is not None else np.zeros(8, dtype=self.precision)

@@ -31,6 +31,7 @@ class ArrudaBoyce(InvariantLaw):
 
     name: ClassVar[str] = "arruda-boyce"
     reference: ClassVar[str] = "Arruda, Boyce 1993"
+    costly: ClassVar[bool] = True
     n_parameters: ClassVar[int] = 4
     bounds: ClassVar[dict] = {"chain_links": (1.01, 1e4)}
 

@@ -51,6 +51,7 @@ class FullNetwork(PrincipalStretchLaw):
 
     name: ClassVar[str] = "full-network"
     reference: ClassVar[str] = "Treloar, Riding 1979; Wu, van der Giessen 1993"
+    costly: ClassVar[bool] = True
     bounds: ClassVar[dict] = {"chain_links": (1.01, 1e4)}
 
     chain_links: float = 60.0

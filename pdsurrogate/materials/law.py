@@ -34,6 +34,9 @@ STRESS_U, STRESS_INVERSE_U, THICKNESS_RESIDUAL, THICKNESS_SLOPE, ENERGY = 0, 1, 
 
 RESPONSE_ROWS = 5
 
+MOST_PARAMETERS = 4096
+"""More than the parameters of any law; an expression reads those that its law has."""
+
 
 @dataclass(frozen=True)
 class Law(ABC):
@@ -51,6 +54,9 @@ class Law(ABC):
     reference: ClassVar[str]
     bounds: ClassVar[dict[str, tuple[float, float]]] = {}
     """Bounds of the parameters beside the two moduli, within which they are identified from test data."""
+
+    costly: ClassVar[bool] = False
+    """Whether the response costs more than a learnt bond force, so that such a force does better to solve the thickness by itself."""
 
     shear_modulus: float = 1.0
     bulk_modulus: float = 100.0
@@ -97,6 +103,25 @@ class Law(ABC):
     @abstractmethod
     def response_block(cls):
         """The same compiled as a block function (`pdsurrogate.kernels.compile.STRESS_RESPONSE`)."""
+
+    @classmethod
+    @cache
+    def volumetric_block(cls):
+        """Block function of J3 U' and its derivative alone, in the rows that the whole response has for the residual and its slope."""
+        volumetric, prints = inlined(cls.volumetric)
+
+        def response(states, parameters, result):
+            prints  # noqa: B018  (part of the cache key)
+            states = carray(states, (3, BLOCK))
+            result = carray(result, (RESPONSE_ROWS, BLOCK))
+            parameters = carray(parameters, (MOST_PARAMETERS,))
+            for k in range(BLOCK):
+                J3 = states[2, k]
+                _, dU, ddU = volumetric(J3, parameters)
+                result[2, k] = J3 * dU
+                result[3, k] = dU + J3 * ddU
+
+        return compile_block_function(response, STRESS_RESPONSE)
 
     @property
     def shape(self) -> dict[str, float]:
@@ -287,9 +312,6 @@ class PrincipalStretchLaw(Law):
 
         return compile_block_function(response, STRESS_RESPONSE)
 
-
-MOST_PARAMETERS = 4096
-"""More than the parameters of any law that is a sum of terms."""
 
 LEAST_SEPARATION = 3e-6
 """Two equal in-plane stretches are set apart by this much of their logarithm.

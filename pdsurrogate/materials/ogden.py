@@ -34,6 +34,7 @@ class Ogden(PrincipalStretchLaw):
 
     name: ClassVar[str] = "ogden"
     reference: ClassVar[str] = "Ogden 1972"
+    costly: ClassVar[bool] = True
 
     shear_modulus: float | None = None
     bulk_modulus: float | None = None
