@@ -61,6 +61,13 @@ class TestData:
         chosen = np.isin(self.mode, modes)
         return TestData(self.name, self.mode[chosen], self.stretches[chosen], self.nominal_stress[chosen], self.weight[chosen])
 
+    def up_to(self, stretch: float) -> TestData:
+        """The rows in which neither stretch exceeds a value."""
+        chosen = (self.stretches <= stretch).all(axis=1)
+        if not chosen.any():
+            raise ValueError(f"{self.name}: no row has stretches of {stretch:g} or less")
+        return TestData(self.name, self.mode[chosen], self.stretches[chosen], self.nominal_stress[chosen], self.weight[chosen])
+
     def balanced_weights(self) -> np.ndarray:
         """Weights under which the sum of squares is the sum over modes of 1 - R^2, so that no mode is fitted for the size of its stress."""
         weights = self.weight.copy()
