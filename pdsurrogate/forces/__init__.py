@@ -6,7 +6,7 @@ from .learnt import LearntBondForce
 from .network import NetworkForce
 from .nosb import CorrespondenceForce
 from .polynomial import PolynomialForce
-from .protocol import Domain, ForceModel, ForceSurrogate, InternalForce, InvalidState, OutsideDomain
+from .protocol import Domain, ForceModel, ForceSurrogate, InternalForce, InvalidState, OutsideDomain, OutsideDomainWarning
 from .settings import ForceSettings
 
 FORCES = {model.name: model for model in (AnalyticBondForce, BondAssociatedForce, CorrespondenceForce)}
@@ -26,5 +26,6 @@ __all__ = [
     "LearntBondForce",
     "NetworkForce",
     "OutsideDomain",
+    "OutsideDomainWarning",
     "PolynomialForce",
 ]

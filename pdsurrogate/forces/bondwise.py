@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from ..body import Body
@@ -9,9 +11,9 @@ from ..kernels import bond_pass, reference
 from ..kernels.blocks import BLOCK
 from ..kernels.exact import exact_bond_force
 from ..materials import Law
-from .kinematics import Kinematics, locate
+from .kinematics import Kinematics, at_point, locate
 from .learnt_thickness import LearntThickness
-from .protocol import ForceSurrogate, InvalidState, OutsideDomain
+from .protocol import EVERYWHERE, ForceSurrogate, InvalidState, OutsideDomain, OutsideDomainWarning
 from .settings import OUTSIDE_POLICIES, ForceSettings
 
 
@@ -36,6 +38,7 @@ class BondForceEvaluation:
         self.outside = settings.outside
         self.evaluations = 0
         self.pairs_outside = 0
+        self._warned = False
         self.kinematics = Kinematics(body, law, settings.rotation, self.precision)
 
         bonds = body.bonds
@@ -64,8 +67,10 @@ class BondForceEvaluation:
         if law.costly and model.domain is not None and model.gives_transverse:
             self.kinematics.learnt_thickness = LearntThickness(compiled, model.domain, law, self.precision, self.kinematics.chunks)
         self._exact = exact_bond_force(self.precision)
-        self._guard = OUTSIDE_POLICIES[self.outside] if model.domain is not None else bond_pass.EXTRAPOLATE
-        self._domain = model.domain.as_array(self.precision) if model.domain is not None else np.zeros(8, dtype=self.precision)
+        self._guard = OUTSIDE_POLICIES[self.outside] if model.domain is not None else bond_pass.UNGUARDED
+        domain = EVERYWHERE if model.domain is None or self.outside == "extrapolate" else model.domain
+        within = domain.interior if self.outside == "fallback" else domain
+        self._domain = np.stack([domain.limits(self.precision), within.limits(self.precision)])
         chunks = self.kinematics.chunks
         self._buffers = np.zeros((chunks, bond_pass.BUFFER_ROWS, BLOCK), dtype=self.precision)
         self._work = np.zeros((chunks, max(compiled.work_rows, 1), BLOCK), dtype=self.precision)
@@ -83,8 +88,29 @@ class BondForceEvaluation:
                 f"{outside} of {len(self.body.bonds.first)} bonds are outside the domain of {self.model.name}, {self.model.domain}; "
                 "outside=fallback would use the exact bond force for them"
             )
+        if outside and self.outside == "warn" and not self._warned:
+            self._warned = True
+            warnings.warn(
+                f"{outside} of {len(self.body.bonds.first)} bonds are outside the domain of {self.model.name}, {self.model.domain}: "
+                "its force there is extrapolated",
+                OutsideDomainWarning,
+                stacklevel=2,
+            )
         if not np.isfinite(out).all():
-            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
+            raise InvalidState(self._diagnose(out))
+
+    def _diagnose(self, out: np.ndarray) -> str:
+        """Say which bond has no force."""
+        broken = np.flatnonzero(~np.isfinite(self._forces[: len(self.body.bonds.first)]).all(axis=1))
+        if len(broken) == 0:
+            return locate(self.body, out, "the force on it is not finite")
+        i, j = int(self.body.bonds.first[broken[0]]), int(self.body.bonds.second[broken[0]])
+        kinematics, points = self.kinematics, self.body.all_points
+        stretch = np.linalg.norm(kinematics.positions[j] - kinematics.positions[i]) / np.linalg.norm(points[j] - points[i])
+        J = kinematics.records[[i, j], 2].mean()
+        x1, x2 = points[j]
+        what = f"its bond to ({x1:.4g}, {x2:.4g}), stretched {stretch:.3g} times in a horizon of det F = {J:.3g}, has no finite force"
+        return at_point(self.body, i, f"{what}: that is beyond the limit of {self.law.name}")
 
     def pass_bonds(self, out: np.ndarray) -> None:
         """Bond pass and sum in the kinematic state last updated."""
@@ -95,7 +121,6 @@ class BondForceEvaluation:
             self._first,
             self._second,
             self.geometry,
-            len(bonds.first),
             self._compiled.address,
             self._compiled.sizes,
             self._compiled.weights,

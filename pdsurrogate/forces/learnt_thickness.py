@@ -30,7 +30,8 @@ class LearntThickness:
     """
 
     def __init__(self, compiled: CompiledBondForce, domain: Domain, law: Law, precision: str, chunks: int) -> None:
-        self._compiled, self._domain = compiled, domain.as_array(precision)
+        self._compiled = compiled
+        self._domain = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
         self._volumetric = law.volumetric_block()
         self._tolerance = TOLERANCE[str(np.dtype(precision))]
         self._buffers = np.ones((chunks, learnt_thickness.BUFFER_ROWS, BLOCK), dtype=precision)

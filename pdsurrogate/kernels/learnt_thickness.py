@@ -12,7 +12,7 @@ import numpy as np
 from numba import prange
 
 from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
-from .bond_pass import is_outside
+from .bond_state import share_inside
 from .compile import call_block, parallel_kernel
 from .node_state import POLAR, convected_rotation, solve_volume_ratios
 
@@ -51,7 +51,8 @@ def learnt_node_states(
     response, parameters : the law, for points outside the domain of the learnt force.
     volumetric : address of the law's volumetric block function.
     bond_force, sizes, weights : the learnt bond force.
-    domain : (8,) its domain, see `pdsurrogate.kernels.bond_pass.is_outside`.
+    domain : (2, 7) limits of its domain and of the part of it where nothing but the learnt force counts; between them, and outside,
+        J3 goes over to the law's smoothly, as the bond force does.
     tolerance : relative step of J3 at which the iteration ends.
     buffers, work : (n_chunks, rows, BLOCK) in the precision of the learnt force.
     scratch : (n_chunks, SCRATCH_ROWS, BLOCK) doubles.
@@ -66,7 +67,8 @@ def learnt_node_states(
         last = block_rows(scratch[chunk, 11:14])
         bond = block_rows(buffers[chunk, 0:6])
         traction = block_rows(buffers[chunk, 6:9])
-        limits = (domain[0], domain[1], domain[2], domain[3], domain[4], domain[5], domain[6], domain[7])
+        outer = (domain[0, 0], domain[0, 1], domain[0, 2], domain[0, 3], domain[0, 4], domain[0, 5], domain[0, 6])
+        inner = (domain[1, 0], domain[1, 1], domain[1, 2], domain[1, 3], domain[1, 4], domain[1, 5], domain[1, 6])
         real = buffers.dtype.type
         count = 0
         for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
@@ -129,16 +131,21 @@ def learnt_node_states(
                     last[2, k] = slope / plain
                     states[2, k] += step
                     largest = max(largest, abs(step) / states[2, k])
-            outside = 0
+            least = 1.0
             for k in range(size):
-                bond[4, k] = (states[2, k] / states[1, k]) * (states[2, k] / states[1, k])
-                # NaN is outside.
-                outside += 0 if is_outside(bond[0, k], bond[1, k], bond[2, k], bond[3, k], bond[4, k], limits) == limits[6] else 1
-            if outside > 0 or not largest < 100.0 * tolerance:
-                # The law itself for the whole block, as the bond pass does.
+                thickness = states[2, k] / states[1, k]
+                # NaN is outside.  `last` is of no further use, and keeps the shares and the learnt solutions.
+                share = share_inside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness * thickness, outer, inner)
+                last[0, k] = share if largest < 100.0 * tolerance else 0.0
+                last[1, k] = states[2, k]
+                least = min(least, last[0, k])
+            if least < 1.0:
                 for k in range(size):
                     states[2, k] = J3[k]
                 count += solve_volume_ratios(size, states, result, response, parameters)
+                for k in range(size):
+                    if last[0, k] > 0.0:
+                        states[2, k] += last[0, k] * (last[1, k] - states[2, k])
             for k in range(size):
                 thickness = states[2, k] / states[1, k]
                 J3[k] = states[2, k]
