@@ -79,12 +79,14 @@ class TestData:
         return weights
 
     def r_squared(self, predicted: np.ndarray) -> dict[str, float]:
-        """R^2 of predicted stresses in each mode."""
+        """R^2 of predicted stresses in each mode that has two different ones."""
         found = {}
         for mode in self.modes:
             rows = self.mode == mode
             stress = self.nominal_stress[rows]
-            found[mode] = float(1 - ((predicted[rows] - stress) ** 2).sum() / ((stress - stress.mean()) ** 2).sum())
+            spread = ((stress - stress.mean()) ** 2).sum()
+            if spread > 0:
+                found[mode] = float(1 - ((predicted[rows] - stress) ** 2).sum() / spread)
         return found
 
 

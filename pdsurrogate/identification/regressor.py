@@ -132,12 +132,14 @@ class LawRegressor(RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If X has other columns or a stretch is not positive, there are fewer rows than parameters, or no parameters reach the data.
+            If X has other columns or a stretch is not positive, or no parameters reach the data.
         """
         self._validate_params()
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
-        self._check_stretches(X)
         root = np.sqrt(_check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True))
+        if not root.any():
+            raise ValueError("all sample weights are zero")
+        X = self._stretches(X)
         root = root / np.sqrt((root**2 * y**2).sum() or 1.0)
         best = None
         for unknowns, start in self._starts(X, y, root):
@@ -146,21 +148,20 @@ class LawRegressor(RegressorMixin, BaseEstimator):
                 best = unknowns, found
         if best is None:
             raise ValueError(f"no parameters of {self.law} reach stretches of {X.max():g} with a positive stiffness")
-        self._store(*best, len(X))
+        self._store(*best, np.count_nonzero(root))
         return self
 
     def predict(self, X):
         """Nominal stress, shape (n_samples,); NaN past the law's limit."""
         check_is_fitted(self)
-        X = validate_data(self, X, dtype=np.float64, reset=False)
-        self._check_stretches(X)
-        return nominal_stress(self.law_, X)
+        return nominal_stress(self.law_, self._stretches(validate_data(self, X, dtype=np.float64, reset=False)))
 
-    def _check_stretches(self, X):
+    def _stretches(self, X):
         if X.shape[1] != 2:
-            raise ValueError(f"X must have 2 features, the stretch in the direction of the stress and the one across it, not {X.shape[1]}")
+            raise ValueError(f"X must have two columns, the stretch along the stress and the one across it, but n_features = {X.shape[1]}")
         if not (X > 0).all():
             raise ValueError(f"Negative values in data passed to LawRegressor: a stretch must be positive, not {X.min():g}")
+        return X
 
     def _refine(self, unknowns, start, X, y, root):
         low, high = unknowns.search_value(unknowns.low), unknowns.search_value(unknowns.high)
@@ -225,8 +226,8 @@ class LawRegressor(RegressorMixin, BaseEstimator):
             if not np.isfinite(unit).all():
                 continue
             modulus = (root**2 * unit * y).sum() / max((root**2 * unit**2).sum(), 1e-300)
-            if modulus > 0:
-                candidates.append((((root * (modulus * unit - y)) ** 2).sum(), np.array([modulus, *shape])))
+            modulus = max(modulus, unknowns.low[0])
+            candidates.append((((root * (modulus * unit - y)) ** 2).sum(), np.array([modulus, *shape])))
         candidates.sort(key=lambda candidate: candidate[0])
         yield from ((unknowns, start) for _, start in candidates[:STARTS])
 
@@ -245,8 +246,6 @@ class LawRegressor(RegressorMixin, BaseEstimator):
         candidates.sort(key=lambda candidate: candidate[0])
         scale = max(np.abs(y).max(), 1e-300)
         for _, exponents, stiffness in candidates[:STARTS]:
-            if not stiffness.any():
-                continue
             signs = np.sign(exponents)
 
             def law_of(values, signs=signs):
@@ -254,7 +253,7 @@ class LawRegressor(RegressorMixin, BaseEstimator):
                 modulus = float((moduli * values[n:]).sum() / 2)
                 return Ogden(modulus, self.bulk_ratio * modulus, tuple(moduli), tuple(values[n:]))
 
-            # Moduli are searched for by their sizes; `_with_signs` gives them those of their exponents.
+            # Moduli are searched for by their sizes, and have the signs of their exponents.
             moduli = np.maximum(stiffness / np.abs(exponents), 1e-7 * scale)
             names = tuple(f"{what}_{number}" for what in ("modulus", "exponent") for number in range(1, n + 1))
             low = np.concatenate([np.full(n, 1e-9 * scale), np.where(signs > 0, 0.1, -most)])

@@ -81,7 +81,15 @@ def polynomial_block(features, dtype):
         else:
             for k in range(BLOCK):
                 powers[0, k] = 1
-        for j in range(2, inner + 1):
+        j = 2
+        while j + 1 <= inner:
+            for k in range(BLOCK):
+                twice = powers[1, k] + powers[1, k]
+                following = twice * powers[j - 1, k] - powers[j - 2, k]
+                powers[j + 1, k] = twice * following - powers[j - 1, k]
+                powers[j, k] = following
+            j += 2
+        if j <= inner:
             for k in range(BLOCK):
                 powers[j, k] = (powers[1, k] + powers[1, k]) * powers[j - 1, k] - powers[j - 2, k]
         at = 4
@@ -97,7 +105,22 @@ def polynomial_block(features, dtype):
                     other[0, k] = following
             count = sizes[COUNTS + i]
             j = 0
-            # Four terms at a time: the sums are loaded and stored once for all of them.
+            # Eight or four terms at a time: the sums are loaded and stored once for all of them.
+            while j + 7 < count:
+                a0, b0, a1, b1 = weights[at], weights[at + 1], weights[at + 2], weights[at + 3]
+                a2, b2, a3, b3 = weights[at + 4], weights[at + 5], weights[at + 6], weights[at + 7]
+                a4, b4, a5, b5 = weights[at + 8], weights[at + 9], weights[at + 10], weights[at + 11]
+                a6, b6, a7, b7 = weights[at + 12], weights[at + 13], weights[at + 14], weights[at + 15]
+                eight = block_rows(powers[j : j + 8])
+                for k in range(BLOCK):
+                    y0, y1, y2, y3 = eight[0, k], eight[1, k], eight[2, k], eight[3, k]
+                    y4, y5, y6, y7 = eight[4, k], eight[5, k], eight[6, k], eight[7, k]
+                    one = ((a0 * y0 + a1 * y1) + (a2 * y2 + a3 * y3)) + ((a4 * y4 + a5 * y5) + (a6 * y6 + a7 * y7))
+                    two = ((b0 * y0 + b1 * y1) + (b2 * y2 + b3 * y3)) + ((b4 * y4 + b5 * y5) + (b6 * y6 + b7 * y7))
+                    traction[0, k] += other[0, k] * one
+                    traction[1, k] += other[0, k] * two
+                at += 16
+                j += 8
             while j + 3 < count:
                 a0, b0, a1, b1 = weights[at], weights[at + 1], weights[at + 2], weights[at + 3]
                 a2, b2, a3, b3 = weights[at + 4], weights[at + 5], weights[at + 6], weights[at + 7]

@@ -200,7 +200,8 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0
         inside, outside = (middle, outside) if reached(middle) else (inside, middle)
     if inside == 0:
         raise ValueError(f"{law.name}: it locks too near the undeformed state for a surrogate")
-    return float(np.exp(low * inside)), float(np.exp(high * inside))
+    # The force grows without bound towards the limit; a twentieth short of it a smooth model can still follow.
+    return float(np.exp(0.95 * low * inside)), float(np.exp(0.95 * high * inside))
 
 
 def states_of_strain(
