@@ -39,7 +39,7 @@ class BondForceEvaluation:
         self.evaluations = 0
         self.pairs_outside = 0
         self._warned = False
-        self.kinematics = Kinematics(body, law, settings.rotation, self.precision)
+        self.kinematics = Kinematics(body, law, settings.rotation, self.precision, keep_weighted_bonds=settings.breakable)
 
         bonds = body.bonds
         pairs = np.arange(len(bonds.first), dtype=np.uint32)
@@ -48,20 +48,10 @@ class BondForceEvaluation:
         # The pairs that pad the last block compute something that nobody reads.
         self.geometry = np.zeros((blocks, 5, BLOCK), dtype=self.precision)
         length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
-        strength = 2 * body.weigh(length) * length * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-        reference.pair_rows(
-            pairs,
-            bonds.first,
-            bonds.second,
-            body.all_points,
-            strength,
-            self.kinematics.inverse_shape,
-            self.kinematics.supported,
-            reference.CORRECTIONS[self.correction],
-            body.kappa,
-            body.horizon,
-            self.geometry,
-        )
+        self._strength = 2 * body.weigh(length) * length * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
+        self._find_geometry(pairs)
+        if not settings.breakable:
+            self._strength = None
         compiled = model.compiled(self.precision)
         self._compiled = compiled
         if law.costly and model.domain is not None and model.gives_transverse:
@@ -136,6 +126,27 @@ class BondForceEvaluation:
             self._forces,
         )
         bond_pass.sum_pair_forces(self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence, self.law.shear_modulus, out)
+
+    def _find_geometry(self, pairs: np.ndarray) -> None:
+        body, bonds = self.body, self.body.bonds
+        reference.pair_rows(
+            pairs,
+            bonds.first,
+            bonds.second,
+            body.all_points,
+            self._strength,
+            self.kinematics.inverse_shape,
+            self.kinematics.supported,
+            reference.CORRECTIONS[self.correction],
+            body.kappa,
+            body.horizon,
+            self.geometry,
+        )
+
+    def break_bonds(self, pairs: np.ndarray) -> None:
+        """Take pairs out of the horizons, the correction and the forces."""
+        self._strength[pairs] = 0.0
+        self._find_geometry(self.kinematics.break_bonds(pairs))
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""

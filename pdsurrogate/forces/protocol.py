@@ -106,6 +106,9 @@ class InternalForce(Protocol):
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""
 
+    def break_bonds(self, pairs: np.ndarray) -> None:
+        """Take pairs out of everything: horizons, corrections and forces.  Needs `ForceSettings.breakable`."""
+
     def pair_forces(self) -> np.ndarray:
         """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2)."""
 
