@@ -11,6 +11,7 @@ from ..body import Body
 from ..kernels import gradient, node_state, reference
 from ..kernels.blocks import BLOCK, SCRATCH_ROWS
 from ..materials import Law, plane_stress
+from .learnt_thickness import LearntThickness
 from .protocol import InvalidState
 
 
@@ -37,6 +38,8 @@ class Kinematics:
         J3, the start of the next plane-stress iteration.
     records : ndarray, shape (n + m, 4)
         (cos, sin, J, C33).
+    learnt_thickness : LearntThickness or None
+        What solves the plane-stress condition in the place of the law.
     """
 
     def __init__(self, body: Body, law: Law, rotation: str, record_precision: str, keep_weighted_bonds: bool = False) -> None:
@@ -68,6 +71,7 @@ class Kinematics:
         self.records = np.empty((total, 4), dtype=record_precision)
         self.scratch = np.ones((self.chunks, SCRATCH_ROWS, BLOCK))
         self._unsolved = np.zeros(self.chunks, dtype=np.int64)
+        self.learnt_thickness: LearntThickness | None = None
 
     def _find_shapes(self, rows: np.ndarray) -> None:
         """Shape tensors and gradient weights of the given points, then of all images."""
@@ -146,16 +150,20 @@ class Kinematics:
         if len(self.unsupported):
             gradient.hold_unsupported(self.gradients, self.unsupported)
         gradient.reflect_gradients(self.gradients, n, images.mirror, images.parity, images.axis)
-        node_state.node_states(
-            self.gradients,
-            self.volume_ratios,
-            self._rotation,
-            self.response.address,
-            self.parameters,
-            self.scratch,
-            self.records,
-            self._unsolved,
-        )
+        if self.learnt_thickness is not None:
+            law = self.response.address, self.parameters
+            self.learnt_thickness.update(self.gradients, self.volume_ratios, self._rotation, *law, self.records, self._unsolved)
+        else:
+            node_state.node_states(
+                self.gradients,
+                self.volume_ratios,
+                self._rotation,
+                self.response.address,
+                self.parameters,
+                self.scratch,
+                self.records,
+                self._unsolved,
+            )
         if self._unsolved.any():
             raise InvalidState(self._diagnose())
 

@@ -5,7 +5,7 @@ from .export import surrogate_of
 from .fitting import cross_validate, domain_of, store
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .pipeline import bond_force_pipeline
-from .sampling import BondSamples, algorithm_1, wide_design
+from .sampling import BondSamples, algorithm_1, reachable_stretches, wide_design
 from .target import InputAwareTargetRegressor
 from .torch_regressor import TorchMLPRegressor
 from .validation import evaluate
@@ -21,6 +21,7 @@ __all__ = [
     "cross_validate",
     "domain_of",
     "evaluate",
+    "reachable_stretches",
     "store",
     "surrogate_of",
     "wide_design",
