@@ -72,6 +72,8 @@ def test_the_interior_of_a_domain():
     assert away.interior is away  # rest lies outside: there is nothing to be nearer to
 
 
+ENDING = ("gent", "arruda-boyce", "full-network")
+
 TURNS = np.linspace(-np.pi, np.pi, 181)
 
 
@@ -84,10 +86,11 @@ def test_a_turned_bond_is_pushed_back(law, stretch, J, C33):
         T_nn, T_nm, T_mm = plane_stress.bond_traction(law, a, 0 * a + 0.1 * stretch, J + 0 * a, C33 + 0 * a)
     defined = np.isfinite(T_nn)
     # A law that ends has no answer for a bond folded flat, and hardens as it comes near; every other law has one everywhere.
-    if law.name != "gent":
+    if law.name not in ENDING:
         assert defined.all()
-        assert (np.diff(T_nn) > 0).all()
-    assert (T_nm[defined] > 0).all()
+        # Not at an equibiaxial stretch of 3: there the term of I2 softens rubber in shear (Treloar and Kearsley's instability).
+        assert (np.diff(T_nn) > 0).all() or (J > 5 and law.name != "neo-hookean")
+    assert (T_nm[defined] > 0).all() or (J > 5 and law.name != "neo-hookean")
     assert np.isfinite(T_mm[defined]).all()
     folded = defined & (a < 0)
     if C33 >= 0.1:
