@@ -38,6 +38,7 @@ _HOMES = {
     "Scene": "scenes",
     "SceneError": "scenes",
     "SimulationFailed": "simulation",
+    "SimulationInterrupted": "simulation",
     "TorchMLPRegressor": "learning",
     "Yeoh": "materials",
     "algorithm_1": "learning",

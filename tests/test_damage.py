@@ -9,10 +9,11 @@ from bodies import sheet
 
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import Body, grid
-from pdsurrogate.damage import Damage, critical_stretch_of, greatest_bond_stretch
+from pdsurrogate.damage import TIP_DIAMETER, Damage, critical_stretch_of, greatest_bond_stretch
 from pdsurrogate.forces import FORCES, ForceSettings
-from pdsurrogate.materials import NeoHookean, homogeneous
-from pdsurrogate.scenes import Precut
+from pdsurrogate.materials import Gent, NeoHookean, homogeneous
+from pdsurrogate.scenes import Precut, load_scene
+from pdsurrogate.simulation import simulate
 
 LAW = NeoHookean()
 CUT = Precut(start=(-0.05, 0.5), end=(0.6, 0.5))
@@ -148,26 +149,28 @@ def test_damage_is_the_share_of_weight_that_is_lost():
 
 
 def test_critical_stretch_from_a_fracture_energy():
-    """For the paper's weight psi_uniaxial(lambda_c) = pi G/delta; and bonds across a line on a grid."""
-    horizon, energy = 0.3, 2.0
-    stretch = critical_stretch_of(LAW, energy, horizon)
-    assert homogeneous.uniaxial(LAW, stretch).energy_density == pytest.approx(np.pi * energy / horizon, rel=1e-9)
+    """Energy density at the critical stretch times the tip's diameter is the fracture energy: half the horizon, twice the density."""
+    densities = [homogeneous.uniaxial(LAW, critical_stretch_of(LAW, 2.0, horizon)).energy_density for horizon in (0.3, 0.15)]
+    assert densities[0] * TIP_DIAMETER * 0.3 == pytest.approx(2.0, rel=1e-9)
+    assert densities[1] == pytest.approx(2 * densities[0], rel=1e-9)
+    with pytest.raises(ValueError, match="gent reaches its limit"):
+        critical_stretch_of(Gent(chain_limit=5.0), 1e6, 0.1)
 
-    spacing = horizon / 12.0
-    for weight in ("inverse", "constant", "linear"):
-        points = grid((0.0, -1.5 * horizon), (4 * horizon, 1.5 * horizon), spacing)
-        body = Body(points, np.full(len(points), spacing**2), horizon, spacing, weight=weight)
-        density = homogeneous.uniaxial(LAW, critical_stretch_of(LAW, energy, horizon, weight)).energy_density
-        bonds = body.bonds
-        weights = body.weigh(np.linalg.norm(points[bonds.second] - points[bonds.first], axis=1)) * spacing**2
-        inside = (points[:, 0] > 1.5 * horizon) & (points[:, 0] < 2.5 * horizon)
-        full = int(np.argmin(np.linalg.norm(points - [2 * horizon, 0.0], axis=1)))
-        own = (bonds.first == full) | (bonds.second == full)
-        total = weights[own].sum()
-        across = (points[bonds.first, 1] < 0) != (points[bonds.second, 1] < 0)
-        held = sum(weights[across & inside[end]].sum() for end in (bonds.first, bonds.second)) * spacing**2 / total * density
-        # Sums on a grid of 12 spacings to the horizon approximate the integrals to about its reciprocal.
-        assert held / horizon == pytest.approx(energy, rel=0.1)
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spacing", [0.1, 0.05])
+def test_a_crack_runs_at_its_fracture_energy(spacing):
+    """The precut tear sheet gives way at the load where the finite element solution's energy release rate is the one asked for.
+
+    J-integrals of fem_precut: 299.88 kPa cm at stretch 1.3, 500.9 at 1.4, 740.16 at 1.5.  The diameter of the tip was
+    found to 5 % at finer spacings, the load moves on while the crack gets going: 20 %.
+    """
+    energy = 500.9
+    scene = load_scene("tear", {"spacing": spacing, "fracture": {"energy": energy}, "stretches": [1.2], "dynamics.outputs": 20})
+    rows = [row for row in simulate(scene).history if "time" in row]
+    peak = max(rows, key=lambda row: row["nominal_stress"])
+    rate = np.interp(peak["stretch"], [1.3, 1.4, 1.5, 1.6], [299.88, 500.9, 740.16, 1013.56])
+    assert rate == pytest.approx(energy, rel=0.2)
 
 
 @pytest.mark.parametrize(("energy", "horizon"), [(-1.0, 0.1), (np.nan, 0.1), (1.0, 0.0), (np.inf, 0.1)])

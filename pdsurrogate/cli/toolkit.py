@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .application import app, bad_input, err, law_of, out
+from .application import app, bad_input, err, law_of, out, writing
 from .materials import DATA_HELP, identified, print_identified
 
 Reference = Annotated[str, typer.Argument(metavar="REF", help="analytic, nosb, or an artefact: NAME, NAME@VERSION or a path.")]
@@ -51,6 +51,7 @@ def fit(
         store,
         wide_design,
     )
+    from ..results.files import check_writable
     from ..scenes import SceneError
 
     if folds == 1:
@@ -62,6 +63,7 @@ def fit(
         )
         raise typer.Exit(2)
     with bad_input(SceneError, ArtifactError, ValueError, OSError):
+        check_writable(folder)
         found = None
         if data is not None:
             if change:
@@ -92,7 +94,8 @@ def fit(
             with err.status(f"Cross-validating, {folds} folds"):
                 table = cross_validate(model, design, folds, seed)
         description = f"Bond force of {law}, {chosen} features, {what}"
-        path = store(model, design, material, folder, name, version, description, table, identification=found)
+        with writing(folder):
+            path = store(model, design, material, folder, name, version, description, table, identification=found)
         card = load_card(path)
     _print_errors(card.errors["box"])
     for row in card.training["cross_validation"]:
