@@ -76,10 +76,13 @@ def test_a_turned_bond_is_pushed_back(law, stretch, J, C33):
         T_nn, T_nm, T_mm = plane_stress.bond_traction(law, a, 0 * a + 0.1 * stretch, J + 0 * a, C33 + 0 * a)
     defined = np.isfinite(T_nn)
     # A law that ends has no answer for a bond folded flat, and hardens as it comes near; every other law has one everywhere.
-    if law.name != "gent":
+    if law.name not in ("gent", "arruda-boyce", "full-network"):
         assert defined.all()
-        assert (np.diff(T_nn) > 0).all()
-    assert (T_nm[defined] > 0).all()
+        # In a sheet at equibiaxial stretch 3 the exact force of laws that soften, or that know I2bar, is not monotone itself: q > 0.
+        if law.name == "neo-hookean" or C33 >= 0.1:
+            assert (np.diff(T_nn) > 0).all()
+    if law.name == "neo-hookean" or C33 >= 0.1:
+        assert (T_nm[defined] > 0).all()
     assert np.isfinite(T_mm[defined]).all()
     folded = defined & (a < 0)
     if C33 >= 0.1:
