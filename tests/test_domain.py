@@ -11,7 +11,15 @@ from typer.testing import CliRunner
 import pdsurrogate as pd
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.cli import app
-from pdsurrogate.forces import AnalyticBondForce, Domain, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning
+from pdsurrogate.forces import (
+    AnalyticBondForce,
+    BondAssociatedForce,
+    Domain,
+    ForceSettings,
+    InvalidState,
+    OutsideDomain,
+    OutsideDomainWarning,
+)
 from pdsurrogate.forces.kernel_face import kernel_tractions
 from pdsurrogate.materials import Gent, plane_stress
 
@@ -163,6 +171,20 @@ def test_a_bond_beyond_the_laws_limit_is_named():
     positions[middle] += [0.0, 0.13]
     with pytest.raises(InvalidState, match=r"point \d+ at \(.*\): its bond to \(.*\), stretched .* times .* no finite force.*gent"):
         forces(AnalyticBondForce(law), positions, body, law)
+
+
+def test_bond_associated_stops_name_the_bond():
+    body, model = sheet(), BondAssociatedForce()
+    folded, lost = body.points.copy(), body.points.copy()
+    folded[55] += [0.28, 0.0]
+    lost[55] = np.nan
+    for positions, law, reason in (
+        (folded, LAW, "it is turned inside out"),
+        (lost, LAW, "not finite"),
+        (body.points * [20.0, 1.0], Gent(1.0, 100.0, 3.0), "gent has no plane-stress state"),
+    ):
+        with pytest.raises(InvalidState, match=rf"point \d+ at \(.*\): .* its bond to \(.*\) has det F = .*: .*{reason}"):
+            model.bind(body, law, ForceSettings())(positions, np.empty_like(positions))
 
 
 @pytest.fixture(scope="module")
