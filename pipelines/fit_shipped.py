@@ -116,8 +116,8 @@ def make_all(folder: Path) -> None:
             law,
             f"Bond force of {title}: a polynomial in the two isochoric features.",
             pd.wide_design(law, 8000, random_state=0),
-            pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((10, 4))),
-            {"degree": [6, 8, (8, 4), 10, (10, 4), 12, (12, 6)]},
+            pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((9, 4))),
+            {"degree": [8, (8, 4), (9, 3), (9, 4), 10, (10, 4), (12, 6)]},
             folder,
         )
 

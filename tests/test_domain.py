@@ -72,8 +72,6 @@ def test_the_interior_of_a_domain():
     assert away.interior is away  # rest lies outside: there is nothing to be nearer to
 
 
-ENDING = ("gent", "arruda-boyce", "full-network")
-
 TURNS = np.linspace(-np.pi, np.pi, 181)
 
 
@@ -86,11 +84,13 @@ def test_a_turned_bond_is_pushed_back(law, stretch, J, C33):
         T_nn, T_nm, T_mm = plane_stress.bond_traction(law, a, 0 * a + 0.1 * stretch, J + 0 * a, C33 + 0 * a)
     defined = np.isfinite(T_nn)
     # A law that ends has no answer for a bond folded flat, and hardens as it comes near; every other law has one everywhere.
-    if law.name not in ENDING:
+    if law.name not in ("gent", "arruda-boyce", "full-network"):
         assert defined.all()
-        # Not at an equibiaxial stretch of 3: there the term of I2 softens rubber in shear (Treloar and Kearsley's instability).
-        assert (np.diff(T_nn) > 0).all() or (J > 5 and law.name != "neo-hookean")
-    assert (T_nm[defined] > 0).all() or (J > 5 and law.name != "neo-hookean")
+        # In a sheet at equibiaxial stretch 3 the exact force of laws that soften, or that know I2bar, is not monotone itself: q > 0.
+        if law.name == "neo-hookean" or C33 >= 0.1:
+            assert (np.diff(T_nn) > 0).all()
+    if law.name == "neo-hookean" or C33 >= 0.1:
+        assert (T_nm[defined] > 0).all()
     assert np.isfinite(T_mm[defined]).all()
     folded = defined & (a < 0)
     if C33 >= 0.1:

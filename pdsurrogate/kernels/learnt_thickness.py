@@ -12,7 +12,7 @@ import numpy as np
 from numba import prange
 
 from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
-from .bond_state import share_inside
+from .bond_state import is_outside, share_inside
 from .compile import call_block, parallel_kernel
 from .node_state import POLAR, convected_rotation, solve_volume_ratios
 
@@ -131,15 +131,18 @@ def learnt_node_states(
                     last[2, k] = slope / plain
                     states[2, k] += step
                     largest = max(largest, abs(step) / states[2, k])
-            least = 1.0
+            # First whether any state is near the edge at all, which vectorises; `last` is of no further use.
+            near = 0.0 if largest < 100.0 * tolerance else 1.0
             for k in range(size):
                 thickness = states[2, k] / states[1, k]
-                # NaN is outside.  `last` is of no further use, and keeps the shares and the learnt solutions.
-                share = share_inside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness * thickness, outer, inner)
-                last[0, k] = share if largest < 100.0 * tolerance else 0.0
-                last[1, k] = states[2, k]
-                least = min(least, last[0, k])
-            if least < 1.0:
+                # NaN is outside.
+                near += is_outside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness * thickness, inner)
+            if near > 0.0:
+                for k in range(size):
+                    thickness = states[2, k] / states[1, k]
+                    share = share_inside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness * thickness, outer, inner)
+                    last[0, k] = share if largest < 100.0 * tolerance else 0.0
+                    last[1, k] = states[2, k]
                 for k in range(size):
                     states[2, k] = J3[k]
                 count += solve_volume_ratios(size, states, result, response, parameters)

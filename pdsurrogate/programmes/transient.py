@@ -242,8 +242,8 @@ class Transient:
         kinetic = integrator.kinetic_energy()
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
-        strain = self._strain_energy()
         power, damped_power = float(reactions @ run.loading.travels() * rate), integrator.damped_power()
+        strain = self._strain_energy()
         if not first:
             elapsed = account.time - account.rate_time
             account.work += 0.5 * elapsed * (account.power + power)
