@@ -1,8 +1,7 @@
 """Laws of rubber: identification from test data, and where a surrogate earns its keep.
 
-    python pipelines/materials_report.py [--out DIR] [--quick]
-
-Prints the tables of the README and writes them, with the figure of the fits, to DIR (pipelines/figures by default).
+python pipelines/materials_report.py            print the tables, and write them with the figure of the fits to pipelines/figures
+python pipelines/materials_report.py --readme   and put them into the README
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from readme import FIGURES, markdown_table, replace_block
 from rich.console import Console
 from rich.table import Table
 
@@ -44,6 +44,12 @@ def show(title: str, rows: list[dict]) -> None:
     console.print(table)
 
 
+def as_markdown(rows: list[dict]) -> str:
+    """The same rows for the README."""
+    body = [[f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
+    return markdown_table(list(rows[0]), body)
+
+
 def identification(folder: Path) -> dict:
     """All laws on Treloar's data; Kawabata's grid predicted with the same parameters."""
     treloar, kawabata = pd.load_test_data("treloar"), pd.load_test_data("kawabata")
@@ -74,7 +80,7 @@ def identification(folder: Path) -> dict:
         ],
     )
     figures.save(figure([model for model in models if model.law in ("gent", "yeoh", "ogden")], treloar), folder / "identification.png")
-    return {"laws": found, "fitted_to_uniaxial": held_out}
+    return {"laws": found, "fitted_to_uniaxial": held_out, "table": rows}
 
 
 def surrogate(law, degree):
@@ -174,15 +180,18 @@ def chain_limit_as_input() -> list[dict]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "figures", metavar="DIR")
+    parser.add_argument("--readme", action="store_true", help="put the tables into the README")
     parser.add_argument("--quick", action="store_true", help="fewer repeats, not for quoting")
     arguments = parser.parse_args()
     found = {
-        "identification": identification(arguments.out),
+        "identification": identification(FIGURES),
         "chain_limit_as_input": chain_limit_as_input(),
         "speed": speed(arguments.quick),
     }
-    write_json(arguments.out / "materials.json", found)
+    write_json(FIGURES / "materials.json", found)
+    if arguments.readme:
+        replace_block("identification", as_markdown(found["identification"]["table"]))
+        replace_block("laws", as_markdown(found["speed"]))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Hard cases for every force model, the fallback beyond a surrogate's domain, and what guarding it costs.
 
 python pipelines/stress_report.py            print the tables
-python pipelines/stress_report.py --readme   and put them into the README
+python pipelines/stress_report.py --readme   and put them into the README, the long one into pipelines/figures/hard-cases.md
 """
 
 from __future__ import annotations
@@ -11,13 +11,14 @@ import statistics
 import time
 
 import numpy as np
-from readme import markdown_table, replace_block
+from readme import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pd
 from pdsurrogate.forces import Domain, ForceSettings
 from pdsurrogate.kernels.compile import thread_count
 from pdsurrogate.learning import domain_of, surrogate_of
+from pdsurrogate.results.files import write_text
 from pdsurrogate.stress_test.report import count, stress_test, table
 
 console = Console()
@@ -115,7 +116,11 @@ def main() -> None:
     for mark, make in (("guard", overhead), ("jump", jump), ("fallback", fallback), ("hard cases", hard_cases)):
         text = make()
         console.print(f"{mark}\n{text}\n", soft_wrap=True, markup=False)
-        if arguments.readme:
+        if arguments.readme and make is hard_cases:
+            write_text(
+                FIGURES / "hard-cases.md", f"# Hard cases\n\n`pdsurrogate stress-test`, made by `pipelines/stress_report.py`.\n\n{text}\n"
+            )
+        elif arguments.readme:
             replace_block(mark, text)
 
 
