@@ -2,6 +2,7 @@
 
 from .analytic import AnalyticBondForce
 from .bond_associated import BondAssociatedForce
+from .bond_energy import BondEnergyForce
 from .learnt import LearntBondForce
 from .network import NetworkForce
 from .nosb import CorrespondenceForce
@@ -9,13 +10,14 @@ from .polynomial import PolynomialForce
 from .protocol import Domain, ForceModel, ForceSurrogate, InternalForce, InvalidState, OutsideDomain
 from .settings import ForceSettings
 
-FORCES = {model.name: model for model in (AnalyticBondForce, BondAssociatedForce, CorrespondenceForce)}
+FORCES = {model.name: model for model in (AnalyticBondForce, BondAssociatedForce, BondEnergyForce, CorrespondenceForce)}
 """Force models that need no artefact, by the name under which scenes and the command line know them."""
 
 __all__ = [
     "FORCES",
     "AnalyticBondForce",
     "BondAssociatedForce",
+    "BondEnergyForce",
     "CorrespondenceForce",
     "Domain",
     "ForceModel",
