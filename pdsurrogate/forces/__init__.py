@@ -3,7 +3,9 @@
 from .analytic import AnalyticBondForce
 from .bond_associated import BondAssociatedForce
 from .bond_energy import BondEnergyForce
+from .energy_density import EnergySurrogate
 from .learnt import LearntBondForce
+from .learnt_energy import EnergyNetwork
 from .network import NetworkForce
 from .nosb import CorrespondenceForce
 from .polynomial import PolynomialForce
@@ -20,6 +22,8 @@ __all__ = [
     "BondEnergyForce",
     "CorrespondenceForce",
     "Domain",
+    "EnergyNetwork",
+    "EnergySurrogate",
     "ForceModel",
     "ForceSettings",
     "ForceSurrogate",

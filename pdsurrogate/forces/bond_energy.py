@@ -183,7 +183,7 @@ class BondEnergyEvaluation:
         self.kinematics.move_plane(plane, displacement)
 
     def mean_stress(self) -> np.ndarray:
-        """Volume mean of the first Piola-Kirchhoff stress P_ij of the bonds, the derivative of the energy by a homogeneous F; shape (2, 2)."""
+        """Volume mean of the bonds' first Piola-Kirchhoff stress, the derivative of the energy by a homogeneous F; shape (2, 2)."""
         bonds, points = self.body.bonds, self.body.all_points
         vectors = points[bonds.second] - points[bonds.first]
         along = self._forces[: self._n_pairs].astype(float).T @ vectors
@@ -194,8 +194,8 @@ class BondEnergyEvaluation:
     def pair_forces(self) -> np.ndarray:
         """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2).
 
-        The pair's own part, and what the two ends' S exert along it.  Of a pair with an image, that includes what the energy of the mirrored
-        pair says about the image of this point.
+        The pair's own part, and what the two ends' S exert along it.  Of a pair with an image, that includes what the energy of the
+        mirrored pair says about the image of this point.
         """
         bonds, body, n = self.body.bonds, self.body, len(self.body)
         images = body.images
@@ -230,7 +230,7 @@ class BondEnergyEvaluation:
         return self.pairs_outside / max(1, self.evaluations * self._n_pairs)
 
     def bond_columns(self) -> tuple[np.ndarray, np.ndarray]:
-        """c = F_ij n and e = F_ij m of every pair with the deformation gradients last formed, shape (n_pairs, 2) each."""
+        """C = F_ij n and e = F_ij m of every pair with the deformation gradients last formed, shape (n_pairs, 2) each."""
         kinematics, bonds, body = self.kinematics, self.body.bonds, self.body
         vectors = body.all_points[bonds.second] - body.all_points[bonds.first]
         length = np.linalg.norm(vectors, axis=1)[:, None]

@@ -21,10 +21,10 @@ class EnergyDerivatives:
 
     psi: np.ndarray
     by_trace: np.ndarray
-    by_J: np.ndarray
+    by_area: np.ndarray
     by_trace_trace: np.ndarray
-    by_trace_J: np.ndarray
-    by_J_J: np.ndarray
+    by_trace_area: np.ndarray
+    by_area_area: np.ndarray
 
 
 @runtime_checkable
@@ -122,7 +122,7 @@ def blended(surrogate: EnergyDerivatives, exact: EnergyDerivatives, domain: Doma
 
 
 def _values(energy: EnergyDerivatives):
-    return (energy.psi, energy.by_trace, energy.by_J, energy.by_trace_trace, energy.by_trace_J, energy.by_J_J)
+    return (energy.psi, energy.by_trace, energy.by_area, energy.by_trace_trace, energy.by_trace_area, energy.by_area_area)
 
 
 def _product(f, g):

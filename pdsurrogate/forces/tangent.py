@@ -39,7 +39,7 @@ class Tangent:
         beta = force._weights
         self._columns = c, e
         self._derivatives = tuple(
-            beta * value for value in (energy.by_trace, energy.by_J, energy.by_trace_trace, energy.by_trace_J, energy.by_J_J)
+            beta * value for value in (energy.by_trace, energy.by_area, energy.by_trace_trace, energy.by_trace_area, energy.by_area_area)
         )
         n_blocks = len(force.geometry)
         rows = np.zeros((9, n_blocks * BLOCK))

@@ -5,8 +5,8 @@ itself, c = F_ij n = y/l, and the mean gradient across it, e = F_ij m = Fbar m, 
 
     tr C = c.c + e.e,   J = c x e,   P n = 2 psi_I c + psi_J (e2, -e1),   P m = 2 psi_I e + psi_J (-c2, c1),
 
-and of the two parts of the force the first is beta P n/l along the bond's own ends, the second S = 1/2 beta P (I - n (x) n) = 1/2 beta (P m)
-(x) m for the gradient of either end.
+and of the two parts of the force the first is beta P n/l along the bond's own ends, the second S = 1/2 beta P (I - n (x) n) =
+1/2 beta (P m) (x) m for the gradient of either end.
 
 The reference data of a pair are n, 1/l and beta; a pair that is broken, or that pads a block, has beta = 0, and its state is replaced by
 rest, so that it can be neither invalid nor outside a domain.
@@ -31,8 +31,8 @@ DOMAIN_SIZE = 7
 def edge_distances(trace, J, domain):
     """How far a state is beyond the four edges of the domain; positive outside, all negative inside.
 
-    With L and H the squares of the least and the greatest stretch: both stretches lie within unless tr C > H + J^2/H (one above), J > H (both),
-    tr C > L + J^2/L (one below) or J < L (both).  Each distance is of the size of a relative change of the offending squared stretch.
+    With L and H the squares of the least and the greatest stretch: both stretches lie within unless tr C > H + J^2/H (one above),
+    J > H (both), tr C > L + J^2/L (one below) or J < L (both).  Each distance is of the size of a relative change of the offending squared stretch.
     """
     low, high, inverse_low, inverse_high = domain[0], domain[1], domain[2], domain[3]
     square = J * J
@@ -163,7 +163,7 @@ def pair_energies(
                 states[0, k] = trace if alive else one + one
                 states[1, k] = J
                 # NaN is wrong too.
-                wrong += zero if J > zero else one
+                wrong += zero if zero < J else one
             if wrong > zero:
                 bad += int(wrong)
             call_block(energy_density, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], result)
@@ -344,7 +344,15 @@ def point_forces(
     for r in prange(pointers.shape[0] - 1):
         i = start + r
         sum_signed_records(
-            forces, pair_pointers[i], pair_pointers[i + 1], incidence, incidence_pointers[i], incidence_pointers[i + 1], unit, np.uint64(i), out
+            forces,
+            pair_pointers[i],
+            pair_pointers[i + 1],
+            incidence,
+            incidence_pointers[i],
+            incidence_pointers[i + 1],
+            unit,
+            np.uint64(i),
+            out,
         )
         sum_matrix_products(stresses, neighbours, weighted_bonds, pointers[r], pointers[r + 1], np.uint64(i), node_parts)
         factor = unit * volumes[i]
