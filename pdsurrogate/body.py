@@ -231,6 +231,8 @@ class Bonds:
         The pairs in which each point is `second`.
     pair_of : ndarray of uint32
         The pair behind each entry of `neighbours`.
+    cut : ndarray, shape (k, 2)
+        Ends of the pairs that are cut from the outset, and are in none of the lists.
     """
 
     pointers: np.ndarray
@@ -241,6 +243,7 @@ class Bonds:
     incidence_pointers: np.ndarray
     incidence: np.ndarray
     pair_of: np.ndarray
+    cut: np.ndarray
     n_within: int
 
     @property
@@ -256,8 +259,10 @@ class Bonds:
         pairs = cKDTree(points).query_pairs(body.horizon * (1 + 1e-9), output_type="ndarray")
         pairs.sort(axis=1)
         pairs = pairs[pairs[:, 0] < n]
+        cut = pairs[:0]
         if body.separates is not None and len(pairs):
-            pairs = pairs[~body.separates(points[pairs[:, 0]], points[pairs[:, 1]])]
+            separated = body.separates(points[pairs[:, 0]], points[pairs[:, 1]])
+            pairs, cut = pairs[~separated], pairs[separated]
         if len(pairs):
             length = np.linalg.norm(points[pairs[:, 1]] - points[pairs[:, 0]], axis=1)
             if length.min() < 1e-9 * body.horizon:
@@ -286,6 +291,7 @@ class Bonds:
             _pointers(second[within], n),
             incidence,
             pair_of,
+            cut,
             2 * len(within),
         )
 

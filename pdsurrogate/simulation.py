@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from . import artifacts
-from .body import Body, grid
-from .forces import ForceModel, ForceSettings, InvalidState, OutsideDomain
+from .forces import ForceModel, InvalidState, OutsideDomain
 from .kernels.compile import compilation_clock, thread_count
-from .materials import Law, homogeneous
-from .results import Result, measures
-from .scenes import Scene, SceneError
-from .solvers import SOLVERS, Diverging, NotConverged
-from .solvers.conditions import Loading, reflection_planes
+from .programmes.quasistatic import go_through_levels, solver_of
+from .programmes.run import Progress, Run, Silent
+from .results import Result
+from .results.checkpoint import CheckpointError
+from .scenes import Scene
+from .solvers import Diverging, NotConverged
+
+__all__ = ["Progress", "SimulationFailed", "simulate"]
 
 
 class SimulationFailed(RuntimeError):
@@ -28,54 +29,14 @@ class SimulationFailed(RuntimeError):
         self.result = result
 
 
-class Progress(Protocol):
-    """Where a simulation reports to."""
-
-    def compiling(self) -> None:
-        """Kernels are being compiled, which happens once on a machine."""
-
-    def level(self, number: int, stretch: float) -> None:
-        """A level of the loading programme begins."""
-
-    def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
-        """How far the level has come."""
-
-
-class Silent:
-    """Progress that goes nowhere."""
-
-    def compiling(self) -> None:
-        """Say nothing."""
-
-    def level(self, number: int, stretch: float) -> None:
-        """Say nothing."""
-
-    def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
-        """Say nothing."""
-
-
-class _Stopwatch:
-    """An internal force that measures the time spent in it."""
-
-    def __init__(self, force) -> None:
-        self._force, self.seconds, self.timed = force, 0.0, 0
-
-    def __call__(self, positions, out) -> None:
-        began = time.perf_counter()
-        self._force(positions, out)
-        self.seconds += time.perf_counter() - began
-        self.timed += 1
-
-    def __getattr__(self, name):
-        return getattr(self._force, name)
-
-
 def simulate(
     scene: Scene,
-    force: str | Path | ForceModel = "neo-hookean",
+    force: str | Path | ForceModel | None = None,
     *,
     threads: int | None = None,
     progress: Progress | None = None,
+    folder: str | Path | None = None,
+    resume: bool = False,
 ) -> Result:
     """Run a scene.
 
@@ -83,12 +44,17 @@ def simulate(
     ----------
     scene : Scene
         See `pdsurrogate.load_scene`.
-    force : str, path or ForceModel
-        A force model, the name of one ("analytic", "nosb"), or an artefact: NAME, NAME@VERSION or a path.
+    force : str, path or ForceModel, optional
+        A force model, the name of one ("analytic", "nosb"), or an artefact: NAME, NAME@VERSION or a path.  By default the surrogate of
+        the scene's law, see `pdsurrogate.artifacts.surrogate_for`.
     threads : int, optional
         Threads of the kernels, by default all that numba was started with.  The result does not depend on it.
     progress : Progress, optional
         Where to report progress.
+    folder : str or path, optional
+        Where states are written the moment they are reached, and checkpoints beside them; without it states stay in memory.
+    resume : bool
+        Go on from the checkpoint in `folder`, to the result that the run would have had without the interruption.
 
     Returns
     -------
@@ -98,176 +64,117 @@ def simulate(
     ------
     SceneError
         If the scene and the force model do not fit, or the body cannot be built.
+    CheckpointError
+        If there is nothing to resume from, or it belongs to another run.
     SimulationFailed
         If a level does not converge, or the deformation leaves the states that the material has; the part that was reached is kept.
     """
     began = time.perf_counter()
-    model = artifacts.load_surrogate(force) if isinstance(force, str | Path) else force
+    if force is None:
+        model = artifacts.surrogate_for(scene.material.build())
+    else:
+        model = artifacts.load_surrogate(force) if isinstance(force, str | Path) else force
     progress = progress or Silent()
+    if resume and folder is None:
+        raise ValueError("a run is resumed from the folder of its results: give it")
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     with thread_count(threads) as count, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
-        run = _Run(scene, model, progress)
+        run = Run(scene, model, progress, None if folder is None else Path(folder))
         run.warm_up()
         try:
-            run.programme()
+            _go(run, resume)
         except (NotConverged, Diverging, InvalidState, OutsideDomain) as error:
-            message = f"stretch {run.stretch:g}: {error}"
-            raise SimulationFailed(message, run.result(count, clock.seconds, began, message)) from error
-        return run.result(count, clock.seconds, began, None)
+            message = f"stretch {run.target:g}: {error}"
+            raise SimulationFailed(message, _result(run, count, clock.seconds, began, message)) from error
+        return _result(run, count, clock.seconds, began, None)
 
 
-def build_body(scene: Scene) -> Body:
-    """The points of a scene and the images beyond its grips.
+def _go(run: Run, resume: bool) -> None:
+    damage = None
+    if run.scene.fracture is not None:
+        # Imported here: a scene without damage compiles none.
+        from .damage import Damage, critical_stretch_of
 
-    Raises
-    ------
-    SceneError
-        If the spacing does not fit the body.
-    """
-    lower, upper = bounding_box(scene)
+        spec = run.scene.fracture
+        critical = spec.critical_stretch or critical_stretch_of(run.law, spec.energy, run.scene.horizon)
+        run.critical_stretch = critical
+        damage = Damage(run.body, critical)
+    solver, transient = solver_of(run), None
+    if resume:
+        transient = _take_up(run, solver, damage)
+    if transient is None:
+        go_through_levels(run, solver, damage)
+        transient = _dynamics_of(run, damage)
+        if transient is not None:
+            transient.begin()
+    if transient is not None:
+        transient.go()
+
+
+def _dynamics_of(run: Run, damage):
+    """The dynamics from the run's present state on; None where the scene has none."""
+    if run.scene.dynamics is None:
+        return None
+    from .programmes.transient import Transient
+
+    return Transient(run, damage)
+
+
+def _take_up(run: Run, solver, damage):
+    """Put a run where its checkpoint left it; returns the dynamics if it had come to them."""
     try:
-        points = grid(lower, upper, scene.spacing)
-        return Body(
-            points,
-            np.full(len(points), scene.spacing**2),
-            scene.horizon,
-            scene.spacing,
-            scene.weight,
-            reflection_planes(scene, lower, upper),
-        )
-    except ValueError as error:
-        raise SceneError(f"scene {scene.name}: {error}") from None
+        checkpoint = run.restore()
+        if checkpoint.progress["phase"] == "dynamics":
+            transient = _dynamics_of(run, damage)
+            transient.resume(checkpoint)
+            return transient
+        solver.gave_up = bool(checkpoint.progress["gave_up"])
+        run.loading.apply(run.stretch, run.force, run.positions)
+        return None
+    except CheckpointError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise CheckpointError(f"the checkpoint in {run.folder} is damaged ({error}); run without resume") from None
 
 
-def bounding_box(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Lower left and upper right corner of a scene's body."""
-    lower = np.array(scene.body.lower)
-    return lower, lower + np.array(scene.body.size)
-
-
-class _Run:
-    """One simulation under way."""
-
-    def __init__(self, scene: Scene, model: ForceModel, progress: Progress) -> None:
-        self.scene, self.model, self.progress = scene, model, progress
-        self.law: Law = scene.material.build()
-        self.body = build_body(scene)
-        lower, upper = bounding_box(scene)
-        settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside)
-        try:
-            self.loading = Loading(scene, self.body, lower, upper)
-            self.force = _Stopwatch(model.bind(self.body, self.law, settings))
-        except ValueError as error:
-            raise SceneError(f"scene {scene.name}: {error}") from None
-        self.solver = SOLVERS[scene.solver.method](
-            self.loading.free, self.body.volumes, scene.solver.tolerance, scene.solver.most_evaluations
-        )
-        self.lateral = 1 - self.loading.axis
-        self.width = (upper - lower)[self.lateral]
-        self.middle = (lower + upper)[self.loading.axis] / 2
-        self.stretch = 1.0
-        self.levels: list[dict] = []
-        self.history: list[dict] = []
-        self.states: list[tuple[float, dict[str, np.ndarray]]] = []
-        self.residual: float | None = None
-
-    def warm_up(self) -> None:
-        """Compile everything before the clock of the evaluations starts."""
-        positions = self.body.points.copy()
-        self.force(positions, np.empty_like(positions))
-        self.force.seconds, self.force.timed = 0.0, 0
-
-    def programme(self) -> None:
-        """Go through the levels, each from the last, by increments of a bounded size."""
-        spec = self.scene.solver
-        positions, reached = self.body.points.copy(), 1.0
-        for number, stretch in enumerate(self.scene.stretches):
-            self.progress.level(number, stretch)
-            self.stretch = stretch
-            steps = max(1, int(np.ceil(abs(stretch - reached) / spec.largest_increment - 1e-9)))
-            for target in np.linspace(reached, stretch, steps + 1)[1:]:
-                guess = self.loading.stretched(positions, reached, target)
-                last = target == stretch
-                # States on the way need not be exact: they only bring the next start near.
-                tolerance = spec.tolerance if last else max(spec.tolerance, 1e-3)
-                self.loading.apply(target, self.force, guess)
-                positions[:] = guess
-                equilibrium = self._relax(stretch, positions, tolerance)
-                reached = target
-            self._record(stretch, positions, equilibrium)
-
-    def _relax(self, stretch: float, positions: np.ndarray, tolerance: float):
-        began = self.force.evaluations
-
-        def report(evaluations: int, residual: float) -> None:
-            self.residual = residual
-            self.history.append({"stretch": stretch, "evaluation": began + evaluations, "residual": residual})
-            self.progress.residual(evaluations, residual, tolerance)
-
-        return self.solver.solve(self.force, positions, tolerance, report)
-
-    def _record(self, stretch: float, positions: np.ndarray, equilibrium) -> None:
-        axis, lateral = self.loading.axis, self.lateral
-        displacements = positions - self.body.points
-        # A hair off the middle, where a column of points may lie.
-        section = measures.section_force(self.force, axis, self.middle + 1e-6 * self.body.spacing)
-        _, low, high = measures.edge_displacements(self.body, displacements, lateral)
-        level = {
-            "stretch": stretch,
-            "nominal_stress": float(section[axis] / self.width),
-            "nominal_stress_work_conjugate": float(measures.mean_stress(self.force)[axis, axis]),
-            "lateral_displacement": float((low - high).mean() / 2),
-            "greatest_lateral_displacement": float(max(np.abs(low).max(), np.abs(high).max())),
-            "roughness": measures.roughness(self.body, displacements, axis),
-            "residual": equilibrium.residual,
-            "evaluations": equilibrium.evaluations,
-            "method": equilibrium.method,
-        }
-        if self.scene.reference == "uniaxial":
-            exact = homogeneous.uniaxial(self.law, stretch)
-            narrowing = (1 - exact.lateral_stretch) / 2 * self.width
-            _compare(level, "nominal_stress", exact.nominal_stress)
-            _compare(level, "lateral_displacement", narrowing)
-            _compare(level, "greatest_lateral_displacement", narrowing)
-        self.levels.append(level)
-        self.states.append((stretch, measures.point_fields(self.force, positions)))
-
-    def result(self, threads: int, seconds_compile: float, began: float, failure: str | None) -> Result:
-        """Everything reached so far."""
-        force, bonds = self.force, self.body.bonds
-        residuals = [level["residual"] for level in self.levels]
-        if failure is not None and self.residual is not None and np.isfinite(self.residual):
-            residuals.append(self.residual)
-        outside = force.fraction_outside
-        summary = {
-            "scene": self.scene.name,
-            "force": self.model.name,
-            "material": self.law.describe(),
-            "n_points": len(self.body),
-            "n_bonds": bonds.n_directed,
-            "n_ghost_points": len(self.body.images),
-            "spacing": self.scene.spacing,
-            "horizon": self.scene.horizon,
-            "precision": force.precision,
-            "correction": force.correction,
-            "support": self.scene.support,
-            "threads": threads,
-            "converged": failure is None,
-            "failure": failure,
-            "residual": max(residuals, default=None),
-            "n_force_evaluations": force.evaluations,
-            "seconds_total": time.perf_counter() - began,
-            "seconds_compile": seconds_compile,
-            "ns_per_bond": 1e9 * force.seconds / max(1, force.timed * bonds.n_directed),
-            "fallback_fraction": outside if self.scene.outside == "fallback" else 0.0,
-            "fraction_outside_domain": outside,
-            "unsupported_points": len(force.kinematics.unsupported),
-            "units": self.scene.units.model_dump(),
-            "levels": self.levels,
-        }
-        return Result(self.scene, self.body, summary, self.history, self.states)
-
-
-def _compare(level: dict, key: str, reference: float) -> None:
-    level[f"{key}_reference"] = float(reference)
-    level[f"{key}_error"] = float(level[key] / reference - 1) if reference else None
+def _result(run: Run, threads: int, seconds_compile: float, began: float, failure: str | None) -> Result:
+    """Everything reached so far."""
+    force, bonds, scene = run.force, run.body.bonds, run.scene
+    residuals = [level["residual"] for level in run.levels]
+    if failure is not None and run.residual is not None and np.isfinite(run.residual):
+        residuals.append(run.residual)
+    outside = force.fraction_outside
+    summary = {
+        "scene": scene.name,
+        "force": run.model.name,
+        "material": run.law.describe(),
+        "n_points": len(run.body),
+        "n_bonds": bonds.n_directed,
+        "n_ghost_points": len(run.body.images),
+        "spacing": scene.spacing,
+        "horizon": scene.horizon,
+        "precision": force.precision,
+        "correction": force.correction,
+        "support": scene.support,
+        "threads": threads,
+        "converged": failure is None,
+        "failure": failure,
+        "residual": max(residuals, default=None),
+        "n_force_evaluations": force.evaluations,
+        "seconds_total": time.perf_counter() - began,
+        "seconds_compile": seconds_compile,
+        "ns_per_bond": 1e9 * force.seconds / max(1, force.timed * bonds.n_directed),
+        "fallback_fraction": outside if scene.outside == "fallback" else 0.0,
+        "fraction_outside_domain": outside,
+        "unsupported_points": len(force.kinematics.unsupported),
+        "units": scene.units.model_dump(),
+        "levels": run.levels,
+    }
+    if scene.dynamics is not None:
+        stresses = [row["nominal_stress"] for row in [*run.levels, *run.history] if "nominal_stress" in row]
+        summary["peak_nominal_stress"] = max(stresses, default=None)
+        summary["n_steps"] = run.steps
+    if run.crack is not None:
+        summary["critical_stretch"] = run.critical_stretch
+        summary["crack"] = run.crack
+    return Result(scene, run.body, summary, run.history, run.states)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from pdsurrogate.materials import NeoHookean
+from pdsurrogate.materials import Gent, NeoHookean
 
 # Kernels compile in the first example of a test; no deadline, and the same examples in every run.
 settings.register_profile("project", deadline=None, derandomize=True, max_examples=50)
@@ -33,10 +33,21 @@ def fem_uniaxial():
     return json.loads((DATA / "fem_uniaxial.json").read_text())
 
 
-LAWS = [NeoHookean(), NeoHookean(2.5, 25.0), NeoHookean(0.3, 3000.0)]
-"""Every property test of materials runs over these."""
+NEO_HOOKEAN = [NeoHookean(), NeoHookean(2.5, 25.0), NeoHookean(0.3, 3000.0)]
+
+LAWS = [*NEO_HOOKEAN, Gent(), Gent(0.4, 40.0, 60.0)]
+"""Every property test of materials runs over these; all of them reach stretches of 4 in both directions."""
 
 
-@pytest.fixture(params=LAWS, ids=lambda law: f"{law.name}-K/mu={law.bulk_modulus / law.shear_modulus:g}")
+def _title(law):
+    return f"{law.name}-K/mu={law.bulk_modulus / law.shear_modulus:g}"
+
+
+@pytest.fixture(params=LAWS, ids=_title)
 def law(request):
+    return request.param
+
+
+@pytest.fixture(params=NEO_HOOKEAN, ids=_title)
+def neo_hookean(request):
     return request.param

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from probes import compiled_response
 from scipy.optimize import brentq
 
-from pdsurrogate.materials import LAWS, NeoHookean, homogeneous, plane_stress
+from pdsurrogate.materials import LAWS, Gent, NeoHookean, homogeneous, plane_stress
 
 
 def random_gradients(random, n, low=0.5, high=4.0):
@@ -35,7 +35,8 @@ def test_neo_hookean_is_the_papers_eq_8_and_the_corrected_eq_9(random):
     np.testing.assert_allclose(plane_stress.first_piola_stress(law, F), P, rtol=1e-11, atol=1e-11)
 
 
-def test_energy_is_the_papers_eq_6(law, random):
+def test_energy_is_the_papers_eq_6(neo_hookean, random):
+    law = neo_hookean
     F = random_gradients(random, 50)
     trace, J = plane_stress.invariants(F)
     J3 = plane_stress.volume_ratio(law, trace, J)
@@ -92,8 +93,33 @@ def test_uniaxial_solution_against_finite_element_reference(fem_uniaxial):
         assert (1 - state.lateral_stretch) / 2 == pytest.approx(row["u2_bottom_edge"], rel=1e-11)
 
 
-def test_pure_shear_and_equibiaxial_against_two_equations(law):
-    """Roots of P33 = 0 for Eq. (6) in principal stretches, found without the code under test (Neo-Hookean laws only)."""
+def test_gent_uniaxial_solution_against_finite_element_reference(fem_uniaxial):
+    """The reference's Gent sheet is the paper's section 6.7: mu = 1, D = 0.01, Jm = 120, the volumetric part of Eq. (32)."""
+    material = fem_uniaxial["extra_gent"]["material"]
+    law = Gent(material["mu"], 2 / material["D"], material["Jm"])
+    assert law == Gent()
+    for row in fem_uniaxial["extra_gent"]["results"].values():
+        state = homogeneous.uniaxial(law, row["stretch"])
+        assert state.nominal_stress == pytest.approx(row["nominal_stress_P11"], rel=1e-12)
+        assert state.lateral_stretch == pytest.approx(row["lateral_stretch_lam2"], rel=1e-12)
+        assert state.energy_density == pytest.approx(row["energy_density"], rel=1e-11)
+
+
+def test_gent_ends_at_its_chain_limit_and_says_so():
+    law = Gent(1.0, 200.0, 10.0)
+    # Just short of the limit I1bar = 13 (stretch 3.51 in uniaxial tension) there is a state, stiffer than without the limit.
+    near = homogeneous.uniaxial(law, 3.4)
+    assert near.nominal_stress > 5 * homogeneous.uniaxial(NeoHookean(1.0, 200.0), 3.4).nominal_stress
+    with pytest.raises(ValueError, match=r"gent: no plane-stress state .* I1bar - 3 is 69 .* chain_limit = 10"):
+        homogeneous.equibiaxial(law, 6.0)
+    trace, J = np.array([72.0]), np.array([36.0])
+    assert np.isnan(law.response(trace, J, np.ones(1))[0]).all()
+    assert np.isnan(compiled_response(law, trace, J, np.ones(1))[:, 0]).all()
+
+
+def test_pure_shear_and_equibiaxial_against_two_equations(neo_hookean):
+    """Roots of P33 = 0 for Eq. (6) in principal stretches, found without the code under test."""
+    law = neo_hookean
     mu, K = law.shear_modulus, law.bulk_modulus
 
     def cauchy(a, stretches):

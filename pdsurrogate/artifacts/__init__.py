@@ -1,7 +1,7 @@
 """Versioned artefacts: cards, digests, safe reading and atomic writing."""
 
 from .card import SCHEMA_VERSION, Card
-from .store import ArtifactError, find_artifact, list_artifacts, load_card, load_pipeline, load_surrogate, save_artifact
+from .store import ArtifactError, find_artifact, list_artifacts, load_card, load_pipeline, load_surrogate, save_artifact, surrogate_for
 
 __all__ = [
     "SCHEMA_VERSION",
@@ -13,4 +13,5 @@ __all__ = [
     "load_pipeline",
     "load_surrogate",
     "save_artifact",
+    "surrogate_for",
 ]

@@ -13,6 +13,7 @@ from pathlib import Path
 import joblib
 
 from ..forces import FORCES, EnergyNetwork, ForceModel, LearntBondForce, NetworkForce, PolynomialForce
+from ..materials import Law
 from .card import FORMAT, NAME_PATTERN, SCHEMA_VERSION, VERSION_PATTERN, Card, CardError, read_card
 from .plain import UnsafePayload, dump_plain, load_plain
 
@@ -119,6 +120,24 @@ def load_surrogate(reference: str | Path) -> ForceModel:
         )
     except (UnsafePayload, ValueError) as error:
         raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE}: {error}") from None
+
+
+def surrogate_for(law: Law) -> ForceModel:
+    """The force model to take for a material where none is asked for.
+
+    The artefact that carries the law's name, if there is one and it describes this material; else the analytic bond force, which
+    serves every law.
+
+    Parameters
+    ----------
+    law : Law
+    """
+    try:
+        model = load_surrogate(law.name)
+        model.check_material(law)
+    except (ArtifactError, ValueError):
+        return load_surrogate("analytic")
+    return model
 
 
 def load_pipeline(reference: str | Path, *, trust: bool = False):

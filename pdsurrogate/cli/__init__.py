@@ -3,7 +3,7 @@
 Exit status 0: done; 1: the run failed, what was reached is saved; 2: bad input, one line on standard error.
 """
 
-from . import comparing, running, toolkit  # noqa: F401  (each adds its commands)
+from . import comparing, running, stress_test, toolkit  # noqa: F401  (each adds its commands)
 from .application import app
 
 

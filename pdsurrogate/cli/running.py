@@ -18,8 +18,9 @@ from .application import app, bad_input, err, out
 def run(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene, or the path of a scene file (.toml).")],
     force: Annotated[
-        str, typer.Option(metavar="REF", help="Force model: analytic, nosb, or an artefact (NAME, NAME@VERSION, path).")
-    ] = "neo-hookean",
+        str | None,
+        typer.Option(metavar="REF", help="analytic, nosb, ba-nosb, or an artefact (NAME, NAME@VERSION, path); by default the law's own."),
+    ] = None,
     change: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a parameter of the scene; may be repeated.")
     ] = None,
@@ -27,23 +28,28 @@ def run(
         Path | None, typer.Option("--out", metavar="DIR", help="Write summary, history, VTU/PVD files and a figure here.")
     ] = None,
     threads: Annotated[int | None, typer.Option(help="Threads of the kernels (all by default); the result does not depend on it.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in DIR, to the same result.")] = False,
 ) -> None:
     """Run a scene and compare it with its reference."""
-    from ..artifacts import ArtifactError, load_surrogate
+    from ..artifacts import ArtifactError, load_surrogate, surrogate_for
+    from ..results.checkpoint import CheckpointError
     from ..results.files import check_writable
     from ..scenes import SceneError, load_scene
     from ..simulation import SimulationFailed, simulate
 
     with bad_input(SceneError, ArtifactError):
         described = load_scene(scene, change or [])
-        model = load_surrogate(force)
+        model = surrogate_for(described.material.build()) if force is None else load_surrogate(force)
+    if resume and folder is None:
+        err.print("[red]pdsurrogate:[/] --resume needs --out, the folder with the checkpoint")
+        raise typer.Exit(2)
     if folder is not None:
         with bad_input(OSError):
             check_writable(folder)
     failure = None
     try:
-        with bad_input(SceneError, ValueError), _Bar(described) as bar:
-            result = simulate(described, model, threads=threads, progress=bar)
+        with bad_input(SceneError, CheckpointError, ValueError), _Bar(described) as bar:
+            result = simulate(described, model, threads=threads, progress=bar, folder=folder, resume=resume)
     except SimulationFailed as error:
         failure, result = error, error.result
     _print_levels(result)
@@ -74,6 +80,7 @@ class _Bar:
         self._progress = Progress(*columns, console=err, transient=True)
         self._task = None
         self._first = None
+        self._moving = False
 
     def __enter__(self) -> _Bar:
         self._progress.start()
@@ -88,9 +95,11 @@ class _Bar:
 
     def level(self, number: int, stretch: float) -> None:
         """Begin a level."""
+        self._begin(f"{self._scene.name}: stretch {stretch:g} ({number + 1}/{len(self._scene.stretches)})")
+
+    def _begin(self, title: str) -> None:
         if self._task is not None:
             self._progress.remove_task(self._task)
-        title = f"{self._scene.name}: stretch {stretch:g} ({number + 1}/{len(self._scene.stretches)})"
         self._task, self._first = self._progress.add_task(title, total=1.0, state=""), None
 
     def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
@@ -101,26 +110,57 @@ class _Bar:
         done = math.log10(max(self._first, 1e-300) / max(residual, 1e-300)) / span if span > 0 else 1.0
         self._progress.update(self._task, completed=min(max(done, 0.0), 1.0), state=f"residual {residual:.1e}, {evaluations} evaluations")
 
+    def dynamics(self, done: float, stretch: float, broken_bonds: int) -> None:
+        """Show how far the dynamics have come."""
+        if not self._moving:
+            self._begin(f"{self._scene.name}: dynamics")
+            self._moving = True
+        broken = f", {broken_bonds} bonds broken" if self._scene.fracture is not None else ""
+        self._progress.update(self._task, completed=done, state=f"stretch {stretch:.4f}{broken}")
+
+
+def _print_crack(summary) -> None:
+    crack, units = summary["crack"], summary["units"]
+    if crack["start"] is None:
+        out.print(f"No bond reached the critical stretch {summary['critical_stretch']:.4g}.")
+        return
+    start = crack["start"]
+    where = ", ".join(f"{value:.3g}" for value in start["x"])
+    out.print(
+        f"Crack from ({where}) at stretch {start['stretch']:.4f}; "
+        f"peak nominal stress {summary['peak_nominal_stress']:.5g} {units['stress']}; "
+        f"{crack['broken_bonds']} bonds broken, {'the body came apart' if crack['through'] else 'the body still holds'}; "
+        f"{summary['unsupported_points']} points without support",
+        soft_wrap=True,
+    )
+
 
 def _print_levels(result) -> None:
     summary, units = result.summary, result.summary["units"]
     compared = any("nominal_stress_reference" in level for level in summary["levels"])
+    # The mean narrowing where the exact solution is homogeneous, the greatest where it is not.
+    homogeneous = result.scene.reference == "uniaxial"
+    lateral = "lateral_displacement" if homogeneous else "greatest_lateral_displacement"
     table = Table(title=f"{summary['scene']}, force {summary['force']}, {summary['n_points']} points", title_justify="left")
     table.add_column("stretch", justify="right")
-    for quantity, unit in (("lateral", units["length"]), ("stress", units["stress"])):
+    for quantity, unit in (("lateral" if homogeneous else "greatest lateral", units["length"]), ("stress", units["stress"])):
         table.add_column(f"{quantity} ({unit})", justify="right")
         if compared:
-            table.add_column("exact", justify="right")
+            table.add_column("exact" if homogeneous else "reference", justify="right")
             table.add_column("error (%)", justify="right")
     for level in summary["levels"]:
         cells = [f"{level['stretch']:g}"]
-        for key in ("lateral_displacement", "nominal_stress"):
-            cells.append(f"{level[key]:.5f}")
+        for key in (lateral, "nominal_stress"):
+            cells.append(f"{level[key]:.5f}" if key in level else "")
             if compared:
                 error = level.get(f"{key}_error")
-                cells += [f"{level[f'{key}_reference']:.5f}", "" if error is None else f"{100 * error:+.4f}"]
+                reference = level.get(f"{key}_reference")
+                cells += ["" if reference is None else f"{reference:.5f}", "" if error is None else f"{100 * error:+.4f}"]
         table.add_row(*cells)
-    out.print(table)
+    if summary["levels"]:
+        out.print(table)
+    if "crack" in summary:
+        _print_crack(summary)
     out.print(
         f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_bond']:.2f} ns per directed bond on {summary['threads']} "
         f"thread{'s' if summary['threads'] != 1 else ''}, {summary['seconds_total']:.1f} s in all, "

@@ -9,7 +9,7 @@ from .learnt_energy import EnergyNetwork
 from .network import NetworkForce
 from .nosb import CorrespondenceForce
 from .polynomial import PolynomialForce
-from .protocol import Domain, ForceModel, ForceSurrogate, InternalForce, InvalidState, OutsideDomain
+from .protocol import Domain, ForceModel, ForceSurrogate, InternalForce, InvalidState, OutsideDomain, OutsideDomainWarning
 from .settings import ForceSettings
 
 FORCES = {model.name: model for model in (AnalyticBondForce, BondAssociatedForce, BondEnergyForce, CorrespondenceForce)}
@@ -32,5 +32,6 @@ __all__ = [
     "LearntBondForce",
     "NetworkForce",
     "OutsideDomain",
+    "OutsideDomainWarning",
     "PolynomialForce",
 ]

@@ -23,6 +23,8 @@ class BondAssociatedForce:
         """Prepare the evaluation on a body; it is always double, and needs no correction."""
         if settings.precision == "float32":
             raise ValueError("ba-nosb is evaluated in float64 only")
+        if settings.breakable:
+            raise ValueError("ba-nosb has no damage here: its horizons would have to be found anew around every broken bond")
         return BondAssociatedEvaluation(body, law, settings)
 
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from ..body import Body
-from ..kernels import bond_energy, bond_pass, gradient
+from ..kernels import bond_energy, gradient
 from ..kernels.blocks import BLOCK
+from ..kernels.bond_pass import FALL_BACK, UNGUARDED
 from ..kernels.energy_density import exact_energy_density
 from ..materials import Law
-from .energy_density import EnergyDerivatives, EnergySurrogate, ExactEnergyDensity, blended, domain_constants, outside
+from .energy_density import EnergyDerivatives, EnergySurrogate, ExactEnergyDensity, blended, domain_constants
 from .kinematics import Kinematics, at_point, locate
-from .protocol import InvalidState, OutsideDomain
-from .settings import OUTSIDE_POLICIES, ForceSettings
+from .protocol import InvalidState, OutsideDomain, OutsideDomainWarning
+from .settings import ForceSettings
 
 
 class BondEnergyForce(ExactEnergyDensity):
@@ -37,8 +40,6 @@ class BondEnergyEvaluation:
         Force evaluations so far.
     pairs_outside : int
         Pairs outside the model's domain, summed over all evaluations.
-    released_energy : float
-        Sum of the energy that the breaking of bonds took out of the body.
     """
 
     correction = "none"
@@ -50,7 +51,6 @@ class BondEnergyEvaluation:
         self.outside = settings.outside
         self.evaluations = 0
         self.pairs_outside = 0
-        self.released_energy = 0.0
         self.kinematics = Kinematics(body, law, settings.rotation, "float64", keep_weighted_bonds=True)
         bonds, n, total = body.bonds, len(body), len(body.all_points)
         self._n_pairs = len(bonds.first)
@@ -82,13 +82,15 @@ class BondEnergyEvaluation:
         self._image_neighbours = owners[self._image_bonds]
         self._image_pointers = np.zeros(total - n + 1, dtype=np.uint64)
         self._image_pointers[1:] = np.cumsum(np.bincount(bonds.neighbours[towards] - n, minlength=total - n))
-        self._weigh_pairs(np.arange(n))
+        self._counted, self._inverse_mass = np.zeros(self._n_pairs), np.zeros(n)
+        self._weigh_pairs(np.arange(self._n_pairs))
 
         compiled = model.compiled(self.precision)
         self._compiled = compiled
         self._exact = exact_energy_density(self.precision)
-        self._guard = OUTSIDE_POLICIES[self.outside] if model.domain is not None else bond_pass.EXTRAPOLATE
         domain = model.domain
+        self._guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(self.outside, bond_energy.COUNTED) if domain else UNGUARDED
+        self._warned = False
         self._domain = domain_constants(domain, self.precision) if domain else np.zeros(bond_energy.DOMAIN_SIZE, self.precision)
         chunks = self.kinematics.chunks
         self._buffers = np.zeros((chunks, bond_energy.BUFFER_ROWS, BLOCK), dtype=self.precision)
@@ -111,6 +113,14 @@ class BondEnergyEvaluation:
             raise OutsideDomain(
                 f"{found} of {self._n_pairs} bonds are outside the domain of {self.model.name}, {self.model.domain}; "
                 "outside=fallback would use the exact energy for them"
+            )
+        if found and self.outside == "warn" and not self._warned:
+            self._warned = True
+            warnings.warn(
+                f"{found} of {self._n_pairs} bonds are outside the domain of {self.model.name}, {self.model.domain}: "
+                "its energy there is extrapolated",
+                OutsideDomainWarning,
+                stacklevel=2,
             )
         if self._invalid.any() or not np.isfinite(self._energies.sum()):
             raise InvalidState(self._diagnose())
@@ -253,22 +263,46 @@ class BondEnergyEvaluation:
 
         return Tangent(self, positions)
 
-    def _weigh_pairs(self, points: np.ndarray) -> None:
-        """Bring beta up to date for all pairs of the given points, from which bonds are intact and which points have a gradient."""
+    def break_bonds(self, pairs: np.ndarray) -> float:
+        """Take pairs out of the horizons, the deformation gradients and the sum of energies.
+
+        Returns
+        -------
+        float
+            The energy that this releases, at the positions last placed; 0 where the body has no finite energy before or after.
+        """
+        before = self._energy_at_present()
+        self._intact[pairs] = False
+        self._weigh_pairs(self.kinematics.break_bonds(pairs))
+        released = before - self._energy_at_present()
+        return released if np.isfinite(released) else 0.0
+
+    def _energy_at_present(self) -> float:
+        """Energy at the positions last placed; NaN where there is none."""
+        self.kinematics.update_gradients(self.kinematics.positions[: len(self.body)].copy())
+        self.pass_bonds(np.empty_like(self.body.points))
+        return np.nan if self._invalid.any() else self.energy()
+
+    def _weigh_pairs(self, pairs: np.ndarray) -> None:
+        """Bring m_i and beta up to date after a change at the given pairs, from what is intact and which points have a gradient."""
         bonds, body, n = self.body.bonds, self.body, len(self.body)
         supported = self.kinematics.supported.astype(bool)
-        counts = self._intact & supported[bonds.first] & supported[bonds.second]
-        strength = np.where(counts, self._strength, 0.0)
-        within = bonds.second < n
-        # The weighted volume m_i of every point.
-        mass = np.bincount(bonds.first, strength, n) + np.bincount(bonds.second[within], strength[within], n)
-        inverse = np.divide(body.volumes, mass, out=np.zeros(n), where=mass > 0)
-        share = inverse[bonds.first]
-        share[within] += inverse[bonds.second[within]]
-        self._weights = strength * share
-        rows = np.zeros(self.geometry.shape[0] * BLOCK)
-        rows[: self._n_pairs] = self._weights
-        self.geometry[:, 3] = rows.reshape(-1, BLOCK)
+        # A point without support has no gradient; its bonds carry nothing, and so are no part of the other end's m_i either.
+        carries = self._intact[pairs] & supported[bonds.first[pairs]] & supported[bonds.second[pairs]]
+        self._counted[pairs] = np.where(carries, self._strength[pairs], 0.0)
+        ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
+        touched = np.unique(ends[ends < n])
+        starts, counts = bonds.pointers[touched].astype(np.int64), np.diff(bonds.pointers).astype(np.int64)[touched]
+        entries = np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+        around = bonds.pair_of[entries]
+        mass = np.bincount(np.repeat(np.arange(len(touched)), counts), self._counted[around], len(touched))
+        self._inverse_mass[touched] = np.divide(body.volumes[touched], mass, out=np.zeros(len(touched)), where=mass > 0)
+        around = np.unique(around)
+        share = self._inverse_mass[bonds.first[around]]
+        within = bonds.second[around] < n
+        share[within] += self._inverse_mass[bonds.second[around][within]]
+        self._weights[around] = self._counted[around] * share
+        self.geometry[around // BLOCK, 3, around % BLOCK] = self._weights[around]
         bond, volumes = self.kinematics.weighted_bonds[self._image_bonds], body.all_volumes
         ratio = volumes[self._image_neighbours] / volumes[bonds.neighbours[self._image_bonds]]
         self._image_weighted_bonds = np.ascontiguousarray(-bond * ratio[:, None])
@@ -301,6 +335,3 @@ class BondEnergyEvaluation:
         bonds = body.bonds
         gradient.deformation_gradients(positions, bonds.pointers, bonds.neighbours, kinematics.gradient_weights, gradients)
         bond_energy.reflect_changes(gradients, n, images.mirror, images.parity, images.axis)
-
-
-__all__ = ["BondEnergyEvaluation", "BondEnergyForce", "outside"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from ..body import Body
@@ -9,8 +11,8 @@ from ..kernels import bond_pass, reference
 from ..kernels.blocks import BLOCK
 from ..kernels.exact import exact_bond_force
 from ..materials import Law
-from .kinematics import Kinematics, locate
-from .protocol import ForceSurrogate, InvalidState, OutsideDomain
+from .kinematics import Kinematics, at_point, locate
+from .protocol import EVERYWHERE, ForceSurrogate, InvalidState, OutsideDomain, OutsideDomainWarning
 from .settings import OUTSIDE_POLICIES, ForceSettings
 
 
@@ -35,7 +37,8 @@ class BondForceEvaluation:
         self.outside = settings.outside
         self.evaluations = 0
         self.pairs_outside = 0
-        self.kinematics = Kinematics(body, law, settings.rotation, self.precision)
+        self._warned = False
+        self.kinematics = Kinematics(body, law, settings.rotation, self.precision, keep_weighted_bonds=settings.breakable)
 
         bonds = body.bonds
         pairs = np.arange(len(bonds.first), dtype=np.uint32)
@@ -44,25 +47,17 @@ class BondForceEvaluation:
         # The pairs that pad the last block compute something that nobody reads.
         self.geometry = np.zeros((blocks, 5, BLOCK), dtype=self.precision)
         length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
-        strength = 2 * body.weigh(length) * length * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-        reference.pair_rows(
-            pairs,
-            bonds.first,
-            bonds.second,
-            body.all_points,
-            strength,
-            self.kinematics.inverse_shape,
-            self.kinematics.supported,
-            reference.CORRECTIONS[self.correction],
-            body.kappa,
-            body.horizon,
-            self.geometry,
-        )
+        self._strength = 2 * body.weigh(length) * length * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
+        self._find_geometry(pairs)
+        if not settings.breakable:
+            self._strength = None
         compiled = model.compiled(self.precision)
         self._compiled = compiled
         self._exact = exact_bond_force(self.precision)
-        self._guard = OUTSIDE_POLICIES[self.outside] if model.domain is not None else bond_pass.EXTRAPOLATE
-        self._domain = model.domain.as_array(self.precision) if model.domain is not None else np.zeros(8, dtype=self.precision)
+        self._guard = OUTSIDE_POLICIES[self.outside] if model.domain is not None else bond_pass.UNGUARDED
+        domain = EVERYWHERE if model.domain is None or self.outside == "extrapolate" else model.domain
+        within = domain.interior if self.outside == "fallback" else domain
+        self._domain = np.stack([domain.limits(self.precision), within.limits(self.precision)])
         chunks = self.kinematics.chunks
         self._buffers = np.zeros((chunks, bond_pass.BUFFER_ROWS, BLOCK), dtype=self.precision)
         self._work = np.zeros((chunks, max(compiled.work_rows, 1), BLOCK), dtype=self.precision)
@@ -80,8 +75,29 @@ class BondForceEvaluation:
                 f"{outside} of {len(self.body.bonds.first)} bonds are outside the domain of {self.model.name}, {self.model.domain}; "
                 "outside=fallback would use the exact bond force for them"
             )
+        if outside and self.outside == "warn" and not self._warned:
+            self._warned = True
+            warnings.warn(
+                f"{outside} of {len(self.body.bonds.first)} bonds are outside the domain of {self.model.name}, {self.model.domain}: "
+                "its force there is extrapolated",
+                OutsideDomainWarning,
+                stacklevel=2,
+            )
         if not np.isfinite(out).all():
-            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
+            raise InvalidState(self._diagnose(out))
+
+    def _diagnose(self, out: np.ndarray) -> str:
+        """Say which bond has no force."""
+        broken = np.flatnonzero(~np.isfinite(self._forces[: len(self.body.bonds.first)]).all(axis=1))
+        if len(broken) == 0:
+            return locate(self.body, out, "the force on it is not finite")
+        i, j = int(self.body.bonds.first[broken[0]]), int(self.body.bonds.second[broken[0]])
+        kinematics, points = self.kinematics, self.body.all_points
+        stretch = np.linalg.norm(kinematics.positions[j] - kinematics.positions[i]) / np.linalg.norm(points[j] - points[i])
+        J = kinematics.records[[i, j], 2].mean()
+        x1, x2 = points[j]
+        what = f"its bond to ({x1:.4g}, {x2:.4g}), stretched {stretch:.3g} times in a horizon of det F = {J:.3g}, has no finite force"
+        return at_point(self.body, i, f"{what}: that is beyond the limit of {self.law.name}")
 
     def pass_bonds(self, out: np.ndarray) -> None:
         """Bond pass and sum in the kinematic state last updated."""
@@ -92,7 +108,6 @@ class BondForceEvaluation:
             self._first,
             self._second,
             self.geometry,
-            len(bonds.first),
             self._compiled.address,
             self._compiled.sizes,
             self._compiled.weights,
@@ -108,6 +123,27 @@ class BondForceEvaluation:
             self._forces,
         )
         bond_pass.sum_pair_forces(self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence, self.law.shear_modulus, out)
+
+    def _find_geometry(self, pairs: np.ndarray) -> None:
+        body, bonds = self.body, self.body.bonds
+        reference.pair_rows(
+            pairs,
+            bonds.first,
+            bonds.second,
+            body.all_points,
+            self._strength,
+            self.kinematics.inverse_shape,
+            self.kinematics.supported,
+            reference.CORRECTIONS[self.correction],
+            body.kappa,
+            body.horizon,
+            self.geometry,
+        )
+
+    def break_bonds(self, pairs: np.ndarray) -> None:
+        """Take pairs out of the horizons, the correction and the forces."""
+        self._strength[pairs] = 0.0
+        self._find_geometry(self.kinematics.break_bonds(pairs))
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""

@@ -77,13 +77,6 @@ def domain_constants(domain: Domain, dtype) -> np.ndarray:
     return np.array([low, high, 1 / low, 1 / high, 1.0, 0.0, BLEND], dtype=dtype)
 
 
-def outside(domain: Domain, trace, area_ratio) -> np.ndarray:
-    """Which states have a principal stretch beyond the domain's bounds."""
-    low, high = domain.least_stretch**2, domain.greatest_stretch**2
-    square = area_ratio * area_ratio
-    return ~((trace <= high + square / high) & (trace <= low + square / low) & (area_ratio <= high) & (area_ratio >= low))
-
-
 def blended(surrogate: EnergyDerivatives, exact: EnergyDerivatives, domain: Domain, trace, J) -> EnergyDerivatives:
     """The surrogate's energy with the exact one taking over towards the edge of its domain, with second derivatives.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels.blocks import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
+from ..kernels.bond_state import lateral_stretch
 from ..kernels.compile import call_block, kernel
 from ..materials import Law
 from .analytic import bond_arrays
@@ -26,7 +27,7 @@ def kernel_tractions(model: ForceSurrogate, law: Law, dtype, stretch, rotation, 
     """
     stretch, rotation, length, C33, J = bond_arrays(stretch, rotation, length, C33, J)
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
-    full = np.stack([a, b, (J + b * b) / a, J, C33, length])
+    full = np.stack([a, b, lateral_stretch(a, b, J), J, C33, length])
     compiled = model.compiled(dtype)
     work = np.zeros((max(1, compiled.work_rows), BLOCK), dtype=dtype)
     tractions = np.empty((len(stretch), TRACTION_ROWS))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numba
 import numpy as np
 
@@ -23,7 +25,7 @@ class Kinematics:
     record_precision : {"float32", "float64"}
         Of the node records.
     keep_weighted_bonds : bool
-        Whether w x V_j is kept beside the gradient weights, for models whose force needs it.
+        Whether w x V_j is kept beside the gradient weights: for models whose force needs it, and where bonds may break.
 
     Attributes
     ----------
@@ -53,21 +55,10 @@ class Kinematics:
         self.inverse_shape = np.zeros((total, 3))
         self.supported = np.zeros(total, dtype=np.uint8)
         self.gradient_weights = np.empty_like(self.weighted_bonds) if keep_weighted_bonds else self.weighted_bonds
-        reference.shape_rows(
-            np.arange(n, dtype=np.uint32),
-            bonds.pointers,
-            bonds.neighbours,
-            points,
-            self.weighted_bonds,
-            self.inverse_shape,
-            self.gradient_weights,
-            self.supported,
-        )
+        self._find_shapes(np.arange(n, dtype=np.uint32))
         if not keep_weighted_bonds:
             self.weighted_bonds = None
         images = body.images
-        reference.reflect_shapes(n, images.mirror, self.inverse_shape, self.supported)
-        self.unsupported = np.flatnonzero(self.supported[:n] == 0).astype(np.uint32)
 
         self.positions = points.copy()
         self._shift = images.points - images.parity * points[images.mirror]
@@ -77,6 +68,56 @@ class Kinematics:
         self.records = np.empty((total, 4), dtype=record_precision)
         self.scratch = np.ones((self.chunks, SCRATCH_ROWS, BLOCK))
         self._unsolved = np.zeros(self.chunks, dtype=np.int64)
+
+    def _find_shapes(self, rows: np.ndarray) -> None:
+        """Shape tensors and gradient weights of the given points, then of all images."""
+        body, bonds = self.body, self.body.bonds
+        reference.shape_rows(
+            rows,
+            bonds.pointers,
+            bonds.neighbours,
+            body.all_points,
+            self.weighted_bonds,
+            self.inverse_shape,
+            self.gradient_weights,
+            self.supported,
+        )
+        reference.reflect_shapes(len(body), body.images.mirror, self.inverse_shape, self.supported)
+        self.unsupported = np.flatnonzero(self.supported[: len(body)] == 0).astype(np.uint32)
+
+    def break_bonds(self, pairs: np.ndarray) -> np.ndarray:
+        """Take pairs out of their ends' horizons.
+
+        Returns
+        -------
+        ndarray
+            All pairs at which anything changed: those of every point that lost a bond, and of its images.
+        """
+        bonds, n = self.body.bonds, len(self.body)
+        entries, starts = self._entries
+        self.weighted_bonds[np.concatenate([entries[starts[pairs]], entries[starts[pairs + 1] - 1]])] = 0.0
+        ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
+        touched = np.unique(ends[ends < n])
+        self._find_shapes(touched)
+        reached = np.zeros(len(self.body.all_points), dtype=bool)
+        reached[touched] = True
+        reached[n:] = reached[self.body.images.mirror]
+        outer = self._outer_pairs
+        own = [bonds.pair_of[bonds.pointers[i] : bonds.pointers[i + 1]] for i in touched]
+        return np.unique(np.concatenate([*own, outer[reached[bonds.second[outer]]]]))
+
+    @cached_property
+    def _entries(self) -> tuple[np.ndarray, np.ndarray]:
+        """Entries of the neighbour lists by pair, and where each pair's begin: two to a pair, one for a pair with an image."""
+        pair_of = self.body.bonds.pair_of
+        starts = np.zeros(len(self.body.bonds.first) + 1, dtype=np.int64)
+        starts[1:] = np.cumsum(np.bincount(pair_of, minlength=len(starts) - 1))
+        return np.argsort(pair_of, kind="stable"), starts
+
+    @cached_property
+    def _outer_pairs(self) -> np.ndarray:
+        """Numbers of the pairs with an image."""
+        return np.flatnonzero(self.body.bonds.second >= len(self.body)).astype(np.uint32)
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane: its images follow, odd components about the new place."""

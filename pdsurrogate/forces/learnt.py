@@ -11,6 +11,7 @@ import numpy as np
 
 from ..body import Body
 from ..kernels.blocks import BLOCK, STATE_ROWS, TRACTION_ROWS
+from ..kernels.bond_state import lateral_stretch
 from ..kernels.compile import call_block, kernel
 from ..kernels.feature_sets import FEATURE_SETS
 from ..materials import Law
@@ -97,7 +98,7 @@ class LearntBondForce(ABC):
         """Dimensionless (t_n, t_tau) of [1]; see `ForceSurrogate.bond_force`."""
         stretch, rotation, length, C33, J = bond_arrays(stretch, rotation, length, C33, J)
         a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
-        U_mm = (J + b * b) / a
+        U_mm = lateral_stretch(a, b, J)
         features = FEATURE_SETS[self.feature_set]
         with np.errstate(invalid="ignore"):  # a bond turned past a right angle has no stretch tensor: NaN
             outputs = self.outputs(np.stack(features.inputs(a, b, U_mm, J, C33, length), axis=1)) - self.at_rest

@@ -36,6 +36,7 @@ class CorrespondenceEvaluation:
         self.evaluations = 0
         self.kinematics = Kinematics(body, law, settings.rotation, "float64", keep_weighted_bonds=True)
         self._stresses = np.empty((len(body.all_points), 4))
+        self._broken = np.zeros(len(body.bonds.first), dtype=bool) if settings.breakable else None
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
@@ -61,6 +62,11 @@ class CorrespondenceEvaluation:
             self._stresses, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, self.body.volumes, out
         )
 
+    def break_bonds(self, pairs: np.ndarray) -> None:
+        """Take pairs out of the horizons, and with them out of the forces."""
+        self.kinematics.break_bonds(pairs)
+        self._broken[pairs] = True
+
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""
         self.kinematics.move_plane(plane, displacement)
@@ -71,4 +77,6 @@ class CorrespondenceEvaluation:
         bond = body.all_points[bonds.second] - body.all_points[bonds.first]
         factor = body.weigh(np.linalg.norm(bond, axis=1)) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
         matrices = (self._stresses[bonds.first] + self._stresses[bonds.second]).reshape(-1, 2, 2)
+        if self._broken is not None:
+            factor[self._broken] = 0
         return factor[:, None] * np.einsum("bji,bj->bi", matrices, bond)

@@ -8,12 +8,17 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from ..body import Body
+from ..kernels.bond_state import LEAST_NORMAL_STRETCH, lateral_stretch
 from ..materials import Law
 from .settings import ForceSettings
 
 
 class OutsideDomain(RuntimeError):
     """Bonds left the domain of a surrogate, and the policy is to stop."""
+
+
+class OutsideDomainWarning(RuntimeWarning):
+    """Bonds left the domain of a surrogate, and it is extrapolated."""
 
 
 class InvalidState(RuntimeError):
@@ -37,19 +42,35 @@ class Domain:
     least_bulk: float
     greatest_bulk: float
 
-    def as_array(self, dtype) -> np.ndarray:
-        """Constants of `pdsurrogate.kernels.bond_pass.is_outside`."""
-        low, high = self.least_stretch**2, self.greatest_stretch**2
-        return np.array([low, high, 1 / low, 1 / high, self.least_bulk, self.greatest_bulk, 0.0, 1.0], dtype=dtype)
+    @property
+    def interior(self) -> Domain:
+        """The part of the domain in which the surrogate alone counts; between the two its force goes over into the exact one.
+
+        Every bound lies a tenth nearer to rest, on a logarithmic scale.  A domain that rest is no part of has no such band.
+        """
+        bounds = (self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk)
+        if not (bounds[0] < 1 < bounds[1] and bounds[2] < 1 < bounds[3]):
+            return self
+        return Domain(*(bound**0.9 for bound in bounds))
+
+    def limits(self, dtype) -> np.ndarray:
+        """Constants of `pdsurrogate.kernels.bond_state.is_outside`."""
+        low, high = np.float64(self.least_stretch) ** 2, np.float64(self.greatest_stretch) ** 2
+        with np.errstate(divide="ignore"):
+            return np.array([low, high, 1 / low, 1 / high, self.least_bulk, self.greatest_bulk, LEAST_NORMAL_STRETCH], dtype=dtype)
 
     def contains(self, stretch, rotation, C33, J) -> np.ndarray:
         """Which bonds lie inside; arrays of lambda_b, dtheta, C33 and J."""
         a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
-        U_mm = (J + b * b) / a
+        U_mm = lateral_stretch(a, b, J)
         trace = a * a + 2 * b * b + U_mm * U_mm
         low, high, bulk = self.least_stretch**2, self.greatest_stretch**2, J * J * C33
-        within = (trace <= high + J * J / high) & (trace <= low + J * J / low) & (low <= J) & (high >= J) & (a > 0)
+        within = (trace <= high + J * J / high) & (trace <= low + J * J / low) & (low <= J) & (high >= J) & (a > LEAST_NORMAL_STRETCH)
         return within & (bulk >= self.least_bulk) & (bulk <= self.greatest_bulk)
+
+
+EVERYWHERE = Domain(0.0, np.inf, 0.0, np.inf)
+"""All states in which a bond has a stretch tensor."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +105,12 @@ class InternalForce(Protocol):
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""
+
+    def break_bonds(self, pairs: np.ndarray) -> float | None:
+        """Take pairs out of everything: horizons, corrections and forces.  Needs `ForceSettings.breakable`.
+
+        Gives the energy that is released, where the force has an energy.
+        """
 
     def pair_forces(self) -> np.ndarray:
         """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2)."""

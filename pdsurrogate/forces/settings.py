@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..kernels.bond_pass import COUNT, EXTRAPOLATE, FALL_BACK
+from ..kernels.bond_pass import FALL_BACK, TURNED
 from ..kernels.node_state import ROTATIONS
 from ..kernels.reference import CORRECTIONS
 
-OUTSIDE_POLICIES = {"fallback": FALL_BACK, "warn": COUNT, "raise": COUNT, "extrapolate": EXTRAPOLATE}
+OUTSIDE_POLICIES = {"fallback": FALL_BACK, "warn": TURNED, "raise": TURNED, "extrapolate": TURNED}
 """What is done about bonds outside a surrogate's domain."""
 
 PRECISIONS = ("float32", "float64")
@@ -27,13 +27,17 @@ class ForceSettings:
     rotation : {"polar", "convected"}
         Rotation of a horizon: of the polar decomposition, or the paper's (22)-(23).
     outside : {"fallback", "warn", "raise", "extrapolate"}
-        What is done about bonds outside the model's domain: the exact bond force, counting them with a warning, an error, or nothing.
+        What is done about bonds outside the model's domain: the exact bond force, a warning, an error, or nothing.  A bond turned by a
+        right angle from its horizon has no features, and gets the exact bond force even where extrapolation is asked for.
+    breakable : bool
+        Whether bonds may break, which keeps reference data that an unbreakable body has no use for.
     """
 
     precision: str | None = None
     correction: str | None = None
     rotation: str = "polar"
     outside: str = "fallback"
+    breakable: bool = False
 
     def __post_init__(self) -> None:
         for key, choices in (

@@ -16,9 +16,12 @@ import numpy as np
 from numba import prange
 
 from .blocks import BLOCK, block_rows, pair_records, quad_records
-from .bond_pass import EXTRAPOLATE, FALL_BACK
+from .bond_pass import FALL_BACK, UNGUARDED
 from .compile import call_block, inline, kernel, parallel_kernel
 from .records import subtract_positions, sum_matrix_products, sum_quad_records, sum_records, sum_signed_records
+
+COUNTED = 1
+"""Bonds outside the domain are counted and otherwise left to the surrogate; `FALL_BACK` and `UNGUARDED` are those of the bond pass."""
 
 BUFFER_ROWS = 14
 """Rows of the buffer in the precision of the pass: invariants, psi and its derivatives, the exact ones, the bond, c, e."""
@@ -109,7 +112,7 @@ def pair_energies(
     geometry : (n_blocks, 4, BLOCK) n1, n2, 1/l, beta.
     energy_density, sizes, weights : address of the model's block function, and its constants.
     exact, response, parameters : the exact energy and the material law behind it.
-    guard : EXTRAPOLATE, COUNT or FALL_BACK.
+    guard : UNGUARDED, COUNTED or FALL_BACK.
     domain : (DOMAIN_SIZE,) see `edge_distances`.
     buffers, work : (n_chunks, rows, BLOCK) in the precision of the pass.
     sums, scratch : (n_chunks, rows, BLOCK) doubles.
@@ -167,7 +170,7 @@ def pair_energies(
             if wrong > zero:
                 bad += int(wrong)
             call_block(energy_density, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], result)
-            if guard != EXTRAPOLATE:
+            if guard != UNGUARDED:
                 found = zero
                 near = zero
                 for k in range(BLOCK):

@@ -4,39 +4,17 @@ import numpy as np
 from numba import prange
 
 from .blocks import BLOCK, block_rows, pair_records
-from .compile import call_block, inline, parallel_kernel
+from .bond_state import LEAST_NORMAL_STRETCH, is_outside, lateral_stretch, share_inside
+from .compile import call_block, parallel_kernel
 from .records import subtract_positions, sum_records, sum_signed_records
 
-EXTRAPOLATE, COUNT, FALL_BACK = 0, 1, 2
-"""What is done about bonds outside the domain of a surrogate: nothing, counting, or counting and the exact bond force."""
+UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
+"""What is done about bonds outside the domain of a force model: it has no bounds; they are counted, and those turned so far that they have
+no stretch tensor, nor features, get the exact bond force; or all of them get it."""
 
 BUFFER_ROWS = 18
 """Rows of the buffer in the precision of the model: states, then the bond vector, the traction,
 the exact traction, and the sums of the node records."""
-
-
-@inline
-def is_outside(a, b, U_mm, J, C33, limits):
-    """1 for a state outside the domain, else 0.
-
-    With J the product of the principal stretches, both lie within [low, high] exactly if J lies within [low**2, high**2] and
-    tr C is at most high**2 + J**2/high**2 and low**2 + J**2/low**2: no eigenvalue is needed.  NaN is outside.
-
-    `limits` is a tuple of low**2, high**2 and their inverses, the least and greatest J3**2 = J**2 C33, 0 and 1.
-    """
-    trace = a * a + b * b + b * b + U_mm * U_mm
-    square = J * J
-    bulk = square * C33
-    inside = (
-        (trace <= limits[1] + square * limits[3])
-        & (trace <= limits[0] + square * limits[2])
-        & (limits[0] <= J)
-        & (limits[1] >= J)
-        & (bulk >= limits[4])
-        & (bulk <= limits[5])
-        & (a > limits[6])
-    )
-    return limits[6] if inside else limits[7]
 
 
 @parallel_kernel
@@ -46,7 +24,6 @@ def pair_forces(
     first,
     second,
     geometry,
-    n_pairs,
     bond_force,
     sizes,
     weights,
@@ -64,6 +41,8 @@ def pair_forces(
     """Dimensionless force on the first point of every pair.
 
     Each pair is evaluated once: its averaged features are the same seen from either end, so the force on the second point is the opposite.
+    Pairs that carry no force (alpha = 0: those that pad the last block, broken ones, those at points without support) are given the
+    state of rest: whatever becomes of them, they give no NaN and count for nothing.
 
     Parameters
     ----------
@@ -73,8 +52,8 @@ def pair_forces(
     geometry : (n_blocks, 5, BLOCK) see `pdsurrogate.kernels.reference.pair_rows`.
     bond_force, sizes, weights : address of the force model's block function, and its constants.
     exact_bond_force, response, parameters : the exact bond force and the material law behind it.
-    guard : EXTRAPOLATE, COUNT or FALL_BACK.
-    domain : (8,) see `is_outside`.
+    guard : UNGUARDED, TURNED or FALL_BACK.
+    domain : (2, 7) limits of the domain and of the part of it where nothing but the model counts, see `bond_state.is_outside`.
     buffers, work, scratch : (n_chunks, rows, BLOCK), the first two in the model's precision, the last doubles.
     outside : (n_chunks,) out: pairs outside the domain.
     forces : (n_blocks * BLOCK, 2) out.
@@ -89,9 +68,10 @@ def pair_forces(
         traction = block_rows(buffer[8:11])
         exact = block_rows(buffer[11:14])
         real = buffer.dtype.type
-        half = real(0.5)
-        # Scalars, not an array: loads from one would stand in the way of the vectoriser.
-        limits = (domain[0], domain[1], domain[2], domain[3], domain[4], domain[5], domain[6], domain[7])
+        zero, half, one, tiny = real(0.0), real(0.5), real(1.0), real(1e-30)
+        # Scalars, not arrays: loads from one would stand in the way of the vectoriser.
+        outer = (domain[0, 0], domain[0, 1], domain[0, 2], domain[0, 3], domain[0, 4], domain[0, 5], domain[0, 6])
+        inner = (domain[1, 0], domain[1, 1], domain[1, 2], domain[1, 3], domain[1, 4], domain[1, 5], domain[1, 6])
         count = 0
         for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
             at = block * BLOCK
@@ -101,46 +81,51 @@ def pair_forces(
             for k in range(0, BLOCK, 4):
                 subtract_positions(positions, first, second, at + k, bond, k)
             for k in range(BLOCK):
-                # The mean of two rotations is the direction of the sum of their (cos, sin).
+                # The mean of two rotations is the direction of the sum of their (cos, sin); two opposite ones have none.
                 c = means[0, k]
                 s = means[1, k]
-                norm = real(1.0) / np.sqrt(c * c + s * s)
+                norm = one / np.sqrt(c * c + s * s + tiny)
                 c = c * norm
                 s = s * norm
                 r1 = c * reference[0, k] - s * reference[1, k]
                 r2 = s * reference[0, k] + c * reference[1, k]
                 d1 = bond[0, k]
                 d2 = bond[1, k]
-                a = r1 * d1 + r2 * d2
-                b = r1 * d2 - r2 * d1
-                J = half * means[2, k]
-                C33 = half * means[3, k]
+                live = reference[2, k] > zero
+                a = r1 * d1 + r2 * d2 if live else one
+                b = r1 * d2 - r2 * d1 if live else zero
+                J = half * means[2, k] if live else one
+                C33 = half * means[3, k] if live else one
                 states[0, k] = a
                 states[1, k] = b
-                states[2, k] = (J + b * b) / a
+                states[2, k] = lateral_stretch(a, b, J)
                 states[3, k] = J
                 states[4, k] = C33
                 states[5, k] = reference[4, k]
                 bond[0, k] = r1
                 bond[1, k] = r2
             call_block(bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], traction)
-            if guard != EXTRAPOLATE:
-                size = min(BLOCK, n_pairs - at)
+            if guard != UNGUARDED:
                 # Counted in the precision of the lanes, which another width would halve.
-                found = real(0.0)
+                near = zero
                 for k in range(BLOCK):
-                    found += is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], limits)
-                # The pairs that pad the last block are bonds of no length, and outside every domain.
-                found -= real(BLOCK - size)
-                if found > real(0.0):
-                    count += int(found)
-                    if guard == FALL_BACK:
-                        call_block(exact_bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], exact)
-                        for k in range(BLOCK):
-                            if is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], limits) > real(0.0):
-                                traction[0, k] = exact[0, k]
-                                traction[1, k] = exact[1, k]
-                                traction[2, k] = exact[2, k]
+                    strange = is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], inner)
+                    near += strange if reference[2, k] > zero else zero
+                if near > zero:
+                    call_block(exact_bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], exact)
+                    for k in range(BLOCK):
+                        a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
+                        if reference[2, k] > zero and is_outside(a, b, U_mm, J, C33, outer) > zero:
+                            count += 1
+                        if guard == FALL_BACK:
+                            share = real(share_inside(a, b, U_mm, J, C33, outer, inner))
+                        else:
+                            share = one if a > real(LEAST_NORMAL_STRETCH) else zero
+                        if share < one:
+                            # Not a sum with a factor 0: outside its domain a model may give NaN.
+                            for row in range(3):
+                                learnt = share * traction[row, k] if share > zero else zero
+                                traction[row, k] = learnt + (one - share) * exact[row, k]
             pair = pair_records(forces[at : at + BLOCK])
             for k in range(BLOCK):
                 r1 = bond[0, k]

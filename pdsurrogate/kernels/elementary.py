@@ -35,6 +35,16 @@ def real_of(typingctx, bits):
     return REAL_OF[bits](bits), codegen
 
 
+def positive_or_nan(x):
+    """Give x where it is positive, else NaN: how a law says that it ends before a state, without a branch."""
+    return np.where(x > 0, x, np.nan)
+
+
+@overload(positive_or_nan, jit_options=INLINE_OPTIONS)
+def _positive_or_nan(x):
+    return lambda x: x if x > 0 else np.nan
+
+
 def inverse_cube_root(x):
     """x**(-1/3) for x > 0.  Error below 3e-7 (float32) and 4e-16 (float64) over all normal numbers."""
     return np.cbrt(x) ** -1.0

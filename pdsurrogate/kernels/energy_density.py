@@ -1,7 +1,8 @@
 """The plane-stress energy of a sheet, psi(tr C, det F) with C33 condensed out, as block functions: exact for any law, and learnt.
 
 Both give psi and its two derivatives, dimensionless, from the two invariants.  By the envelope theorem the derivatives at the C33 that
-solves P33 = 0 are those at fixed C33: 2 dpsi/dtr C = p and J dpsi/dJ = q, the coefficients of R^T P = p U + q U^-1 (`pdsurrogate.materials.law`).
+solves P33 = 0 are those at fixed C33: 2 dpsi/dtr C = p and J dpsi/dJ = q, the coefficients of R^T P = p U + q U^-1
+(`pdsurrogate.materials.law`).
 """
 
 from functools import cache

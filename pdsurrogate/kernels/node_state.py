@@ -8,6 +8,9 @@ from .compile import call_block, kernel, parallel_kernel
 
 MOST_ITERATIONS = 40
 
+SWELLING = 0.02
+"""Share by which J3 grows in an iteration that finds the law at its end."""
+
 POLAR, CONVECTED = 0, 1
 ROTATIONS = {"polar": POLAR, "convected": CONVECTED}
 """How the rotation of a horizon is taken from F: exactly, or as the paper's mean turn of the two base vectors (22)-(23)."""
@@ -32,6 +35,8 @@ def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8)
             # A negative slope or a large step: halve or double, which keeps J3 positive from any start.
             step = step if result[3, k] > 0.0 else np.copysign(J3, result[2, k])
             step = min(max(step, -J3), 0.5 * J3)
+            # Past the law's limit at this J3, which a state with more volume may keep: swell, until there is one.
+            step = step if result[2, k] == result[2, k] else -SWELLING * J3
             states[2, k] = J3 - step
             largest = max(largest, abs(step) / J3)
         if largest < last_step:

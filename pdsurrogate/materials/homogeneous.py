@@ -65,14 +65,26 @@ def uniaxial(law: Law, stretch: float) -> HomogeneousState:
     def lateral_stress(lateral_stretch):
         return biaxial(law, stretch, lateral_stretch).lateral_stress
 
-    # The incompressible lateral stretch, widened on either side until the root is enclosed; a bound past the law's limit is drawn in.
+    # From the incompressible lateral stretch outwards, but not past the law's limit, which may be near.
     middle = stretch**-0.5
-    low, high = 0.9 * middle, 1.1 * middle
-    for _ in range(40):
-        if lateral_stress(low) < 0 < lateral_stress(high):
-            break
-        low, high = 0.9 * low, 1.1 * high
+    low, high = (_enclosing(lateral_stress, middle, sign) for sign in (-1, 1))
     return biaxial(law, stretch, brentq(lateral_stress, low, high, xtol=1e-15, rtol=1e-15))
+
+
+def _enclosing(function, middle: float, sign: int) -> float:
+    """Where a rising function has the given sign, beyond `middle` on that side; ValueError if it ends before."""
+    near, far, step = 0.0, np.inf, 1e-3
+    for _ in range(60):
+        place = middle * np.exp(sign * step)
+        try:
+            if sign * function(place) > 0:
+                return place
+            near = step
+        except ValueError:
+            far = step
+        step = 2 * step if np.isinf(far) else (near + far) / 2
+    function(place)
+    raise ValueError(f"no state with zero lateral stress between {middle:g} and {place:g}")
 
 
 def equibiaxial(law: Law, stretch: float) -> HomogeneousState:

@@ -77,6 +77,10 @@ class Law(ABC):
     def response(self, trace, area_ratio, volume_ratio):
         """Stress response on NumPy arrays: (p, q, residual, slope, energy), dimensionless."""
 
+    def limit(self, trace: float, area_ratio: float) -> str:
+        """Why there is no plane-stress state at tr C and J in the plane, for the error that says so."""
+        return "beyond the law's limit"
+
     @classmethod
     @abstractmethod
     def response_block(cls):

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..kernels.bond_state import lateral_stretch
+from ..kernels.node_state import SWELLING
 from .law import Law
 
 
@@ -44,7 +46,8 @@ def volume_ratio(law: Law, trace, area_ratio):
             _, _, residual, slope, _ = law.response(trace, J, J3)
             step = np.where(slope > 0, residual / slope, np.sign(residual) * J3)
             # J3 halves or doubles at the most in one step, so it stays positive from any start.
-            J3 = J3 - np.clip(step, -J3, 0.5 * J3)
+            # Past the law's limit, where the residual is NaN, it swells: a state with more volume may keep the limit.
+            J3 = J3 - np.where(np.isnan(residual), -SWELLING * J3, np.clip(step, -J3, 0.5 * J3))
             if np.all(np.abs(step) <= 1e-15 * J3):
                 break
         residual = law.response(trace, J, J3)[2]
@@ -53,9 +56,8 @@ def volume_ratio(law: Law, trace, area_ratio):
     failed = ~(np.abs(residual) <= 1e-9 * scale)
     if np.any(failed):
         first = np.flatnonzero(failed.ravel())[0]
-        raise ValueError(
-            f"{law.name}: no plane-stress state at tr C = {trace.ravel()[first]:g}, det F = {J.ravel()[first]:g}: beyond the law's limit"
-        )
+        state = float(trace.ravel()[first]), float(J.ravel()[first])
+        raise ValueError(f"{law.name}: no plane-stress state at tr C = {state[0]:g}, det F = {state[1]:g}: {law.limit(*state)}")
     return J3
 
 
@@ -157,6 +159,6 @@ def bond_traction(law: Law, normal_stretch, shear_stretch, area_ratio, C33):
         Components of R^T P / mu along and across the reference bond.
     """
     a, b, J, C33 = (np.asarray(value, dtype=float) for value in (normal_stretch, shear_stretch, area_ratio, C33))
-    U_mm = (J + b * b) / a
+    U_mm = lateral_stretch(a, b, J)
     p, q, *_ = law.response(a * a + 2 * b * b + U_mm * U_mm, J, J * np.sqrt(C33))
     return p * a + q * U_mm / J, (p - q / J) * b, p * U_mm + q * a / J

@@ -44,6 +44,19 @@ def draw_cells(axis, cells: np.ndarray, values: np.ndarray, **limits):
     return drawn
 
 
+def loading_figure(stretches: list[float], stresses: list[float], references: list[tuple[float, float]], unit: str) -> Figure:
+    """Nominal stress against stretch, with reference values as circles."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(4.8, 3.2), layout="constrained")
+        axis = figure.subplots()
+        axis.plot(stretches, stresses, lw=1.2, label="peridynamics")
+        if references:
+            axis.plot(*zip(*references, strict=True), "o", mfc="none", color="black", label="reference")
+            axis.legend(frameon=False)
+        axis.set(xlabel="stretch", ylabel=f"nominal stress ({unit})")
+        return figure
+
+
 def contour_figure(cells: list[np.ndarray], values: list[np.ndarray], label: str, titles: list[str]) -> Figure:
     """Deformed bodies, to one scale of length, side by side or one below the other, whichever fits a page.
 

@@ -12,6 +12,7 @@ import numpy as np
 from ..body import Body
 from ..scenes import Scene
 from .files import write_json, write_text
+from .states import States, StatesInFiles, StatesInMemory
 
 
 @dataclass
@@ -26,15 +27,16 @@ class Result:
         What ``summary.json`` holds: identity, size, convergence, cost and ``levels``.
     history : list of dict
         Rows of ``history.csv``.
-    states : list of (stretch, fields)
-        Fields on the points at every level, see `pdsurrogate.results.measures.point_fields`.
+    states : States
+        Fields on the points at every level, and at every output of the dynamics: pairs of stretch or time and fields, see
+        `pdsurrogate.results.measures.point_fields`.
     """
 
     scene: Scene
     body: Body
     summary: dict
     history: list[dict] = field(default_factory=list)
-    states: list[tuple[float, dict[str, np.ndarray]]] = field(default_factory=list)
+    states: States = field(default_factory=StatesInMemory)
 
     @property
     def levels(self) -> list[dict]:
@@ -50,13 +52,19 @@ class Result:
 
         Every file is written whole; the summary last, so that a folder with a summary is complete.
         """
-        from . import figures, vtk
+        from . import animation, figures
 
         folder = Path(folder)
         write_text(folder / "history.csv", _as_csv(self.history))
         if self.states:
-            vtk.write_series(folder, self.body.points, self.states, self.scene.name)
+            if not (isinstance(self.states, StatesInFiles) and self.states.folder == folder):
+                written = StatesInFiles(folder, self.body.points, self.scene.name)
+                for state in self.states:
+                    written.append(*state)
             figures.save(self.figure(), folder / f"{self.scene.name}.png")
+            if self.scene.dynamics is not None:
+                figures.save(self.loading_figure(), folder / f"{self.scene.name}-loading.png")
+                animation.save(self, folder / f"{self.scene.name}.gif")
         write_json(folder / "summary.json", self.summary)
 
     def figure(self):
@@ -64,18 +72,53 @@ class Result:
         from . import figures
 
         lateral = 1 - self.scene.loaded_axis
-        return figures.contour_figure(
-            [figures.deformed_cells(self.body.points, fields, self.body.spacing) for _, fields in self.states],
-            [fields["displacement"][:, lateral] for _, fields in self.states],
-            f"u{lateral + 1} ({self.scene.units.length})",
-            [f"stretch {stretch:g}" for stretch, _ in self.states],
-        )
+        chosen = self.chosen_states()
+        cells = [figures.deformed_cells(self.body.points, self.states[n][1], self.body.spacing) for n in chosen]
+        if self.scene.fracture is not None and chosen[-1] >= len(self.levels):
+            return figures.contour_figure(cells, [self.states[n][1]["damage"] for n in chosen], "damage", [self.title(n) for n in chosen])
+        label = f"u{lateral + 1} ({self.scene.units.length})"
+        values = [self.states[n][1]["displacement"][:, lateral] for n in chosen]
+        return figures.contour_figure(cells, values, label, [self.title(n) for n in chosen])
+
+    def chosen_states(self, most: int = 4) -> list[int]:
+        """Numbers of the states that a figure shows: all levels, or a few outputs of the dynamics while its crack runs."""
+        if self.scene.dynamics is None:
+            return list(range(len(self.states)))
+        first, last = len(self.levels), len(self.states) - 1
+        if last <= first:
+            return [last] if last >= 0 else []
+        chosen = np.linspace(first, last, most)
+        if self.scene.fracture is not None:
+            broken = np.array([entry["broken_bonds"] for entry in self.summary["crack"]["tips"]])
+            if broken[-1] > 0:
+                # Evenly over the growth of the crack, which takes a small part of the time.
+                chosen = first + np.searchsorted(broken, np.linspace(0.1, 1.0, most) * broken[-1])
+        return sorted(set(chosen.round().astype(int).tolist()))
+
+    def title(self, number: int) -> str:
+        """What a figure says above a state: its stretch, and the time in dynamics."""
+        value = self.states.times[number]
+        if number < len(self.levels):
+            return f"stretch {value:g}"
+        stretch = np.interp(value, *np.array([(row["time"], row["stretch"]) for row in self.history if "time" in row]).T)
+        return f"stretch {stretch:.3f}, {value:.4g} {self.scene.units.time}"
+
+    def loading_figure(self):
+        """Nominal stress against stretch, over levels and dynamics."""
+        from . import figures
+
+        rows = [*self.levels, *(row for row in self.history if "time" in row)]
+        references = [(level["stretch"], level["nominal_stress_reference"]) for level in self.levels if "nominal_stress_reference" in level]
+        stress = [row["nominal_stress"] for row in rows]
+        return figures.loading_figure([row["stretch"] for row in rows], stress, references, self.scene.units.stress)
 
 
 def _as_csv(rows: list[dict]) -> str:
     text = io.StringIO()
     if rows:
-        writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
+        # Equilibrium and dynamics fill different columns.
+        columns = list(dict.fromkeys(key for row in rows for key in row))
+        writer = csv.DictWriter(text, fieldnames=columns, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
     return text.getvalue()

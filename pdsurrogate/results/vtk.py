@@ -11,26 +11,24 @@ import numpy as np
 from .files import write_text, write_with
 
 
-def write_series(folder: Path, points: np.ndarray, states: list[tuple[float, dict[str, np.ndarray]]], name: str) -> None:
-    """Write one VTU a state and a PVD that lists them with their times (here, the stretch).
+def write_state(path: Path, points: np.ndarray, fields: dict[str, np.ndarray]) -> None:
+    """Write the fields of one state.
 
     Points are vertices at their reference positions; warp by ``displacement`` to see the deformed body.
 
     Parameters
     ----------
-    folder : Path
+    path : Path
     points : ndarray, shape (n, 2)
-    states : list of (time, fields)
-    name : str
-        Stem of the file names.
+    fields : dict of ndarray, each of shape (n,) or (n, k)
     """
     coordinates = np.column_stack([points, np.zeros(len(points))])
-    cells = [("vertex", np.arange(len(points))[:, None])]
-    entries = []
-    for number, (time, fields) in enumerate(states):
-        file = f"{name}-{number:03d}.vtu"
-        mesh = meshio.Mesh(coordinates, cells, point_data=fields)
-        write_with(folder / file, lambda path, mesh=mesh: meshio.write(path, mesh, file_format="vtu"))
-        entries.append(f'    <DataSet timestep="{time:.17g}" part="0" file={quoteattr(file)}/>')
-    text = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>\n'
-    write_text(folder / f"{name}.pvd", text + "\n".join(entries) + "\n  </Collection>\n</VTKFile>\n")
+    mesh = meshio.Mesh(coordinates, [("vertex", np.arange(len(points))[:, None])], point_data=fields)
+    write_with(path, lambda temporary: meshio.write(temporary, mesh, file_format="vtu"))
+
+
+def write_index(path: Path, entries: list[tuple[float, str]]) -> None:
+    """Write a PVD that lists VTU files with their times."""
+    lines = [f'    <DataSet timestep="{time:.17g}" part="0" file={quoteattr(file)}/>' for time, file in entries]
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>\n'
+    write_text(path, head + "\n".join(lines) + "\n  </Collection>\n</VTKFile>\n")

@@ -1,6 +1,25 @@
 """Scenes: what is simulated, described by a user or built in."""
 
-from .model import Grip, Hold, MaterialSpec, Rectangle, Scene, SolverSpec, Units
+from .model import Dynamics, Fracture, Grip, Hold, MaterialSpec, Scene, SolverSpec, Units
 from .reading import SceneError, load_scene, scene_names
+from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle
 
-__all__ = ["Grip", "Hold", "MaterialSpec", "Rectangle", "Scene", "SceneError", "SolverSpec", "Units", "load_scene", "scene_names"]
+__all__ = [
+    "Circle",
+    "Dynamics",
+    "Ellipse",
+    "Fracture",
+    "Grip",
+    "Hold",
+    "MaterialSpec",
+    "Mesh",
+    "Polygon",
+    "Precut",
+    "Rectangle",
+    "Scene",
+    "SceneError",
+    "SolverSpec",
+    "Units",
+    "load_scene",
+    "scene_names",
+]

@@ -6,30 +6,15 @@ import dataclasses
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
 
 from ..body import WEIGHT_FUNCTIONS
 from ..materials import LAWS, Law
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+from .part import Part, Point, Positive
+from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle
 
 EDGES = {"left": (0, -1), "right": (0, +1), "bottom": (1, -1), "top": (1, +1)}
 """Coordinate held by each edge of the bounding box, and the side of the body it lies on."""
-
-
-class Part(BaseModel):
-    """Base of all parts of a scene: unknown keys are errors, and nothing changes once read."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Rectangle(Part):
-    """A rectangle with its lower left corner at `lower`."""
-
-    shape: Literal["rectangle"] = "rectangle"
-    size: tuple[Positive, Positive]
-    lower: tuple[Finite, Finite] = (0.0, 0.0)
 
 
 class MaterialSpec(BaseModel):
@@ -88,10 +73,10 @@ class Hold(Part):
     The points are those in a box, or those listed.  They move with the loading by ``travel`` times the elongation of the body.
     """
 
-    box: tuple[tuple[Finite, Finite], tuple[Finite, Finite]] | None = None
+    box: tuple[Point, Point] | None = None
     points: tuple[Annotated[int, Field(ge=0)], ...] | None = None
     components: Annotated[tuple[Literal["x1", "x2"], ...], Field(min_length=1)] = ("x1", "x2")
-    travel: tuple[Finite, Finite] = (0.0, 0.0)
+    travel: Point = (0.0, 0.0)
 
     @model_validator(mode="after")
     def _one_region(self) -> Hold:
@@ -109,11 +94,78 @@ class SolverSpec(Part):
     largest_increment: Positive = 0.5
 
 
+class Fracture(Part):
+    """When bonds break: beyond a critical stretch, given, or from a fracture energy (`pdsurrogate.critical_stretch_of`)."""
+
+    critical_stretch: Annotated[float, Field(gt=1, allow_inf_nan=False)] | None = None
+    energy: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_criterion(self) -> Fracture:
+        if (self.critical_stretch is None) == (self.energy is None):
+            raise ValueError("fracture needs either a critical_stretch or an energy")
+        return self
+
+
+class Dynamics(Part):
+    """Explicit dynamics from the last equilibrium on, while the grips move apart at a constant rate.
+
+    Attributes
+    ----------
+    stretch : float
+        Where the programme ends, unless the body comes apart before.
+    stretch_rate : float
+        Change of the stretch per unit time.
+    density : float
+        Mass per volume, in stress * time^2 / length^2; with kPa and cm, 1e-4 is 1000 kg/m^3 and time is in seconds.
+    damping : float
+        Rate c of M (a + c v) = f, per unit time.
+    viscosity : float
+        Retardation time tau of a Kelvin-Voigt solid: damps what is as short as bonds, where a crack lets material snap back.
+    outputs : int
+        States written on the way, evenly over the programme.
+    safety : float
+        Time step over the critical one.
+    """
+
+    stretch: Positive
+    stretch_rate: Positive
+    density: Positive
+    damping: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    viscosity: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    outputs: Annotated[int, Field(ge=1, le=10_000)] = 30
+    safety: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.7
+
+
+def _shape_of(value: Any) -> str:
+    return (value.get("shape", "rectangle") if isinstance(value, dict) else getattr(value, "shape", "")) or ""
+
+
+SHAPES = ("rectangle", "circle", "ellipse", "polygon", "mesh")
+
+AnyShape = Annotated[
+    Annotated[Rectangle, Tag("rectangle")]
+    | Annotated[Circle, Tag("circle")]
+    | Annotated[Ellipse, Tag("ellipse")]
+    | Annotated[Polygon, Tag("polygon")],
+    Discriminator(_shape_of),
+]
+AnyBody = Annotated[
+    Annotated[Rectangle, Tag("rectangle")]
+    | Annotated[Circle, Tag("circle")]
+    | Annotated[Ellipse, Tag("ellipse")]
+    | Annotated[Polygon, Tag("polygon")]
+    | Annotated[Mesh, Tag("mesh")],
+    Discriminator(_shape_of),
+]
+
+
 class Units(Part):
     """Names of the units in which a scene is written; nothing is converted."""
 
     length: str = "cm"
     stress: str = "kPa"
+    time: str = "s"
 
 
 class Scene(Part):
@@ -126,8 +178,10 @@ class Scene(Part):
     name: Annotated[str, Field(min_length=1)]
     title: str = ""
     spacing: Positive
-    stretches: Annotated[tuple[Positive, ...], Field(min_length=1)]
-    body: Rectangle
+    stretches: tuple[Positive, ...]
+    body: AnyBody
+    holes: tuple[AnyShape, ...] = ()
+    precuts: tuple[Precut, ...] = ()
     material: MaterialSpec
     grips: Annotated[tuple[Grip, ...], Field(min_length=2, max_length=2)]
     holds: tuple[Hold, ...] = ()
@@ -139,8 +193,10 @@ class Scene(Part):
     precision: Literal["float32", "float64"] | None = None
     outside: Literal["fallback", "warn", "raise", "extrapolate"] = "fallback"
     solver: SolverSpec = SolverSpec()
+    fracture: Fracture | None = None
+    dynamics: Dynamics | None = None
     units: Units = Units()
-    reference: Literal["uniaxial"] | None = None
+    reference: Literal["uniaxial", "finite-elements"] | None = None
 
     @field_validator("stretches", mode="before")
     @classmethod
@@ -162,6 +218,16 @@ class Scene(Part):
         travel = sum(grip.travel for grip in self.grips)
         if not math.isclose(travel, 1.0):
             raise ValueError(f"the travel of the two grips must add up to 1, not {travel:g}")
+        return self
+
+    @model_validator(mode="after")
+    def _programme(self) -> Scene:
+        if not self.stretches and self.dynamics is None:
+            raise ValueError("the programme is empty: give stretches, or dynamics")
+        if self.fracture is not None and self.dynamics is None:
+            raise ValueError("fracture needs dynamics: a crack that runs is not in equilibrium")
+        if self.dynamics is not None and self.dynamics.stretch <= (self.stretches[-1] if self.stretches else 1.0):
+            raise ValueError("dynamics.stretch must be greater than the last of stretches, where the dynamics start")
         return self
 
     @property

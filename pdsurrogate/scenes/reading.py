@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from .model import Scene
+from .model import SHAPES, Scene
 
 
 class SceneError(ValueError):
@@ -50,6 +50,10 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
         pairs = [parse_change(change) for change in changes]
     for key, value in [*pairs, *parameters.items()]:
         _apply(data, key, value)
+    body = data.get("body")
+    if isinstance(body, dict) and isinstance(body.get("file"), str) and str(reference) not in scene_names():
+        # A scene file names its mesh from where it stands itself.
+        body["file"] = str(Path(reference).parent / body["file"])
     try:
         return Scene.model_validate(data)
     except ValidationError as error:
@@ -105,10 +109,13 @@ def explain(error: ValidationError) -> str:
     """One line a problem, each with its dotted key."""
     lines = []
     for problem in error.errors():
-        key = ".".join(str(part) for part in problem["loc"])
+        # Pydantic adds which of several shapes it took a part for; the user's file has no such key.
+        key = ".".join(str(part) for part in problem["loc"] if part not in SHAPES)
         message = problem["msg"].removeprefix("Value error, ")
         if problem["type"] == "extra_forbidden":
             message = "unknown key"
+        elif problem["type"] == "union_tag_invalid":
+            message = f"unknown shape {problem['ctx']['tag']!r}; there are {problem['ctx']['expected_tags']}"
         given = problem.get("input")
         shown = f" (given {given!r})" if isinstance(given, str | int | float) and not message.endswith(repr(given)) else ""
         lines.append(f"{key}: {message}{shown}" if key else message)

@@ -1,5 +1,6 @@
 """Solvers: they know forces by their protocol alone."""
 
+from .dynamics import ExplicitDynamics
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged
 from .quasi_newton import Automatic, QuasiNewton
 from .stability import FrequencyEstimate
@@ -15,6 +16,7 @@ __all__ = [
     "DynamicRelaxation",
     "Equilibrium",
     "EquilibriumSolver",
+    "ExplicitDynamics",
     "FrequencyEstimate",
     "NotConverged",
     "QuasiNewton",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -105,6 +106,45 @@ class Loading:
         if self.scene.support == "reflected":
             for number, grip in enumerate(self.scene.grips):
                 force.move_plane(number, self._travel(grip) * elongation)
+
+    def reactions(self, force: InternalForce, forces: np.ndarray) -> np.ndarray:
+        """Pull of every grip on the body along the loaded axis, outwards, per unit thickness, shape (2,).
+
+        Parameters
+        ----------
+        force : InternalForce
+            In the state last evaluated.
+        forces : ndarray, shape (n, 2)
+            Internal forces there.
+        """
+        sides = np.array([EDGES[grip.edge][1] for grip in self.scene.grips])
+        if self.scene.support == "points":
+            # Points held by a grip take from it what the bonds pull them inwards with.
+            held = self._held[len(self.scene.holds) :]
+            return sides * np.array([-forces[grip.points, self.axis].sum() for grip in held])
+        pair_forces = force.pair_forces()[self._outer_pairs, self.axis]
+        return sides * np.bincount(self._outer_planes, pair_forces, len(sides))
+
+    def travels(self) -> np.ndarray:
+        """Share of the elongation that each grip takes, shape (2,)."""
+        return np.array([grip.travel for grip in self.scene.grips])
+
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points that each grip holds directly."""
+        if self.scene.support == "points":
+            low, high = self._held[len(self.scene.holds) :]
+            return low.points, high.points
+        images = self.body.images
+        low, high = (images.mirror[images.plane == plane] for plane in range(2))
+        return low, high
+
+    @cached_property
+    def _outer_pairs(self) -> np.ndarray:
+        return np.flatnonzero(self.body.bonds.second >= len(self.body))
+
+    @cached_property
+    def _outer_planes(self) -> np.ndarray:
+        return self.body.images.plane[self.body.bonds.second[self._outer_pairs] - len(self.body)]
 
     def stretched(self, positions: np.ndarray, before: float, after: float) -> np.ndarray:
         """First guess: positions stretched along the loaded axis between the grips."""

@@ -61,6 +61,8 @@ class EquilibriumSolver(ABC):
     """
 
     name: str
+    gave_up = False
+    """Whether a quicker method has been found to fail on this body: all that a solver remembers from one call to the next."""
 
     def __init__(self, free: np.ndarray, volumes: np.ndarray, tolerance: float = 1e-6, most_evaluations: int = 50_000) -> None:
         self.free, self.volumes = free, volumes

@@ -112,7 +112,7 @@ class Automatic(EquilibriumSolver):
     """The quasi-Newton method where it works, dynamic relaxation where it does not.
 
     Relaxation is also taken from the outset for bodies whose factor would outgrow memory.  Once the quasi-Newton
-    method has failed on a body it is not tried there again.
+    method has failed on a body it is not tried there again: `gave_up` says so.
     """
 
     name = "automatic"
@@ -122,18 +122,19 @@ class Automatic(EquilibriumSolver):
     def __init__(self, free, volumes, tolerance=1e-6, most_evaluations=50_000) -> None:
         super().__init__(free, volumes, tolerance, most_evaluations)
         settings = (free, volumes, tolerance, most_evaluations)
-        self._quick = QuasiNewton(*settings) if len(volumes) <= self.MOST_POINTS else None
+        self._quick = QuasiNewton(*settings)
+        self.gave_up = len(volumes) > self.MOST_POINTS
         self._sure = DynamicRelaxation(*settings)
 
     def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
         start, began = positions.copy(), force.evaluations
-        if self._quick is not None:
+        if not self.gave_up:
             try:
                 return self._quick.solve(force, positions, tolerance, report)
             except (Diverging, InvalidState, NotConverged):
                 if force.evaluations - began >= self.most_evaluations:
                     raise
-                self._quick = None
+                self.gave_up = True
                 positions[:] = start
         found = self._sure.solve(force, positions, tolerance, report)
         return Equilibrium(found.residual, force.evaluations - began, found.method)

@@ -20,12 +20,10 @@ class SteppingSolver(EquilibriumSolver):
     MOST_GROWTH = 1e3
     MOST_RESTARTS = 6
 
-    def __init__(self, free, volumes, tolerance=1e-6, most_evaluations=50_000) -> None:
-        super().__init__(free, volumes, tolerance, most_evaluations)
-        self.frequency = FrequencyEstimate(volumes, free)
-
     def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
         start, began = positions.copy(), force.evaluations
+        # Anew for every call, so that a run that was resumed does what an uninterrupted one does.
+        self.frequency = FrequencyEstimate(self.volumes, self.free)
         for restart in range(self.MOST_RESTARTS):
             try:
                 return self._iterate(force, positions, tolerance or self.tolerance, 2.0**restart, began, report)

@@ -1,0 +1,48 @@
+"""The command that puts force models to hard cases."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from .application import app, bad_input, err, out
+
+
+@app.command("stress-test")
+def stress_test(
+    force: Annotated[
+        list[str] | None, typer.Option(metavar="REF", help="Force model (NAME, NAME@VERSION, path); may be repeated; all by default.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A fiftieth of the explicit steps.")] = False,
+    folder: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write stress-test.json here.")] = None,
+) -> None:
+    """Put every force model to hard cases: what was asked, what came, pass or a named weakness."""
+    from ..artifacts import ArtifactError
+    from ..results.files import check_writable, write_json
+    from ..stress_test import report as report_module
+
+    if folder is not None:
+        with bad_input(OSError):
+            check_writable(folder)
+    with bad_input(ArtifactError), err.status("Starting") as status:
+        report = report_module.stress_test(force, quick, lambda text: status.update(escape(text)))
+    header, rows = report_module.table(report)
+    printed = Table(title="Hard cases", title_justify="left", show_lines=True)
+    for title in header:
+        printed.add_column(title, overflow="fold")
+    for row in rows:
+        printed.add_row(*(f"[yellow]{escape(cell)}[/]" if cell.startswith("WEAK") else escape(cell) for cell in row))
+    Console(width=max(out.width, 60 + 24 * len(report["models"]))).print(printed)
+    for name, what in report["weaknesses"].items():
+        out.print(f"[yellow]{name}[/]: {escape(what)}", soft_wrap=True)
+    for model in report["models"]:
+        counts = report_module.count(model)
+        out.print(f"{model['force']}: {', '.join(f'{number} {verdict}' for verdict, number in counts.items() if number)}", soft_wrap=True)
+    if folder is not None:
+        write_json(folder / "stress-test.json", report)
+        out.print(f"Results in {folder}", soft_wrap=True)

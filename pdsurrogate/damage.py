@@ -1,0 +1,157 @@
+"""Damage: bonds that break for good beyond a critical stretch (paper, Eqs. (29)-(31)), and what that stretch should be."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from scipy.optimize import brentq
+
+from .body import Body
+from .kernels.blocks import BLOCK
+from .kernels.damage import find_overstretched
+from .materials import Law, homogeneous
+
+
+class Damage:
+    """Which bonds of a body have broken.
+
+    Parameters
+    ----------
+    body : Body
+    critical_stretch : float
+        Bond stretch above 1 at which a bond breaks.
+
+    Attributes
+    ----------
+    broken : ndarray of bool, shape (n_pairs,)
+    """
+
+    def __init__(self, body: Body, critical_stretch: float) -> None:
+        if not (np.isfinite(critical_stretch) and critical_stretch > 1):
+            raise ValueError(f"the critical stretch must be finite and greater than 1, not {critical_stretch}")
+        self.body, self.critical_stretch = body, float(critical_stretch)
+        bonds = body.bonds
+        self.broken = np.zeros(len(bonds.first), dtype=bool)
+        blocks = -(-len(self.broken) // BLOCK)
+        self._first, self._second = np.zeros((2, blocks * BLOCK), dtype=np.uint32)
+        self._first[: len(self.broken)], self._second[: len(self.broken)] = bonds.first, bonds.second
+        self._weights = body.weigh(_lengths(body, bonds.first, bonds.second))
+        self._limits = np.full(blocks * BLOCK, np.inf)
+        self._limits[: len(self.broken)] = (self.critical_stretch * _lengths(body, bonds.first, bonds.second)) ** 2
+        self._found = np.empty(blocks * BLOCK, dtype=np.uint32)
+        self._counts = np.zeros(numba.get_num_threads(), dtype=np.int64)
+        self._buffers = np.zeros((len(self._counts), 2, BLOCK))
+        self._whole = self._sum(np.ones(len(self.broken))) + _cut_weights(body)
+
+    def overstretched(self, positions: np.ndarray) -> np.ndarray:
+        """Numbers of the intact pairs whose stretch exceeds the critical one, rising.
+
+        Parameters
+        ----------
+        positions : ndarray, shape (n + m, 2)
+            Of the points and their images.
+        """
+        limits = self._limits.reshape(-1, BLOCK)
+        find_overstretched(positions, self._first, self._second, limits, self._buffers, self._found, self._counts)
+        if not self._counts.any():
+            return self._found[:0]
+        chunks, blocks = len(self._counts), len(limits)
+        starts = [chunk * blocks // chunks * BLOCK for chunk in range(chunks)]
+        return np.concatenate([self._found[start : start + count] for start, count in zip(starts, self._counts, strict=True)])
+
+    def break_bonds(self, pairs: np.ndarray) -> None:
+        """Mark pairs as broken."""
+        self.broken[pairs] = True
+        self._limits[pairs] = np.inf
+
+    def at_points(self) -> np.ndarray:
+        """Damage (31) of every point, shape (n,): share of its bonds, by weight and volume, that are cut or broken."""
+        return 1 - self._sum(~self.broken) / self._whole
+
+    def _sum(self, intact: np.ndarray) -> np.ndarray:
+        bonds, body, n = self.body.bonds, self.body, len(self.body)
+        shares = self._weights * intact
+        total = np.bincount(bonds.first, shares * body.all_volumes[bonds.second], n)
+        within = bonds.second < n
+        return total + np.bincount(bonds.second[within], (shares * body.all_volumes[bonds.first])[within], n)
+
+
+def _lengths(body: Body, first, second) -> np.ndarray:
+    return np.linalg.norm(body.all_points[second] - body.all_points[first], axis=1)
+
+
+def _cut_weights(body: Body) -> np.ndarray:
+    """Sum of w V over the bonds that were cut from the outset, for every point."""
+    n, cut = len(body), body.bonds.cut
+    weights = body.weigh(_lengths(body, cut[:, 0], cut[:, 1]))
+    total = np.zeros(len(body.all_points))
+    for end in (0, 1):
+        np.add.at(total, cut[:, end], weights * body.all_volumes[cut[:, 1 - end]])
+    return total[:n]
+
+
+TIP_DIAMETER = 1.15
+"""Effective diameter of a crack tip in horizons: energy release rate at which a crack runs, over the uniaxial energy density
+at the critical stretch.  Measured in the tear scene at spacings of 0.02 to 0.05 cm, between 1.11 and 1.22
+(`pipelines/reproduce_paper.py`)."""
+
+
+def critical_stretch_of(law: Law, fracture_energy: float, horizon: float) -> float:
+    """Critical bond stretch at which a crack runs once its energy release rate reaches the fracture energy.
+
+    At a blunted tip rubber fails in uniaxial tension, and the fracture energy is the energy density at failure times an effective diameter
+    of the tip (Thomas 1955).  Here the horizon sets that diameter, d = `TIP_DIAMETER` delta:
+
+        G = psi_uniaxial(lambda_c) d,
+
+    so the stretch falls with the horizon while the energy stays.
+
+    Parameters
+    ----------
+    law : Law
+    fracture_energy : float
+        Energy per unit area of crack in the undeformed state, in units of stress times length.
+    horizon : float
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        If the energy or the horizon is not positive, or no stretch up to the law's limit holds as much.
+
+    References
+    ----------
+    Thomas, J. Polym. Sci. 18 (1955) 177-188.
+    """
+    for name, value in (("fracture energy", fracture_energy), ("horizon", horizon)):
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"the {name} must be positive and finite, not {value}")
+    wanted = fracture_energy / (TIP_DIAMETER * horizon)
+
+    def excess(stretch: float) -> float:
+        return homogeneous.uniaxial(law, stretch).energy_density - wanted
+
+    upper = 1.1
+    while excess(upper) < 0:
+        lower, upper = upper, 1.1 * upper
+        try:
+            excess(upper)
+        except ValueError:
+            raise ValueError(f"{law.name} reaches its limit at stretch {lower:.3g}, before it holds that fracture energy") from None
+    return float(brentq(excess, 1.0, upper, xtol=1e-12))
+
+
+def greatest_bond_stretch(body: Body, positions: np.ndarray) -> float:
+    """Greatest stretch of the bonds between points of a body at positions (n, 2).
+
+    With the equilibrium of a precut body at the loading at which its crack is seen to start, this is the critical stretch that
+    makes it start there: the paper's calibration from a loading curve.
+    """
+    bonds, n = body.bonds, len(body)
+    within = bonds.second < n
+    first, second = bonds.first[within], bonds.second[within]
+    deformed = np.linalg.norm(positions[second] - positions[first], axis=1)
+    return float((deformed / _lengths(body, first, second)).max())

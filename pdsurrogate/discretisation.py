@@ -1,0 +1,118 @@
+"""From the description of a scene to the points of its body."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from .body import Body, grid
+from .scenes import Mesh, Rectangle, Scene, SceneError
+from .solvers.conditions import reflection_planes
+
+
+def build_body(scene: Scene) -> Body:
+    """The points of a scene, less its holes, with its precuts and the images beyond its grips.
+
+    Raises
+    ------
+    SceneError
+        If the spacing does not fit the body, the holes leave nothing of it, or a hole or precut misses it.
+    """
+    try:
+        points, volumes = _points_of(scene)
+        points, volumes = _without_holes(scene, points, volumes)
+        lower, upper = bounding_box(scene)
+        planes = reflection_planes(scene, lower, upper)
+        body = Body(points, volumes, scene.horizon, scene.spacing, scene.weight, planes, _cuts(scene))
+        _check_precuts(scene, body)
+        return body
+    except ValueError as error:
+        raise SceneError(f"scene {scene.name}: {error}") from None
+
+
+def bounding_box(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Lower left and upper right corner of a scene's body, holes not considered."""
+    if isinstance(scene.body, Mesh):
+        corners = np.concatenate([cells.reshape(-1, 2) for cells in _mesh_cells(scene.body)])
+        return corners.min(axis=0), corners.max(axis=0)
+    return scene.body.bounds()
+
+
+def _points_of(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    if isinstance(scene.body, Mesh):
+        parts = [_centroids(cells) for cells in _mesh_cells(scene.body)]
+        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+    lower, upper = scene.body.bounds()
+    if not isinstance(scene.body, Rectangle):
+        # A grid of whole cells about the same centre: the outline is not made of cells anyway.
+        cells = np.ceil((upper - lower) / scene.spacing - 1e-6)
+        middle, half = (lower + upper) / 2, cells * scene.spacing / 2
+        lower, upper = middle - half, middle + half
+    points = grid(lower, upper, scene.spacing)
+    points = points[scene.body.contains(points)]
+    return points, np.full(len(points), scene.spacing**2)
+
+
+def _without_holes(scene: Scene, points: np.ndarray, volumes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    keep = np.ones(len(points), dtype=bool)
+    for number, hole in enumerate(scene.holes):
+        inside = hole.contains(points)
+        if not inside.any():
+            raise ValueError(f"holes.{number}: no point of the body lies in it; is it outside, or smaller than the spacing?")
+        keep &= ~inside
+    if not keep.any():
+        raise ValueError(
+            "body: no point is left" + (": its holes take all of it" if scene.holes else f"; the spacing is {scene.spacing:g}")
+        )
+    return points[keep], volumes[keep]
+
+
+def _cuts(scene: Scene):
+    if not scene.precuts:
+        return None
+
+    def separates(starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        crossing = np.zeros(len(starts), dtype=bool)
+        for precut in scene.precuts:
+            crossing |= precut.crosses(starts, ends)
+        return crossing
+
+    return separates
+
+
+def _check_precuts(scene: Scene, body: Body) -> None:
+    cut = body.all_points[body.bonds.cut]
+    for number, precut in enumerate(scene.precuts):
+        if not len(cut) or not precut.crosses(cut[:, 0], cut[:, 1]).any():
+            raise ValueError(f"precuts.{number}: it cuts no bond; it lies outside the body")
+
+
+def _mesh_cells(mesh: Mesh) -> list[np.ndarray]:
+    """Corners of the triangles and quadrilaterals of a mesh file, arrays of shape (n, 3 or 4, 2)."""
+    import meshio
+
+    if not Path(mesh.file).is_file():
+        raise ValueError(f"body.file: there is no file {mesh.file}")
+    try:
+        read = meshio.read(mesh.file)
+    except (Exception, SystemExit) as error:  # meshio's readers raise whatever they meet, and exit on unknown formats
+        raise ValueError(f"body.file: meshio cannot read {mesh.file}: {error}") from None
+    points = np.asarray(read.points, dtype=float)
+    if points.shape[1] == 3 and np.ptp(points[:, 2]) > 0:
+        raise ValueError(f"body.file: {mesh.file} is not flat: its third coordinate varies")
+    cells = [points[block.data][:, :, :2] for block in read.cells if block.type in ("triangle", "quad")]
+    if not sum(map(len, cells)):
+        raise ValueError(f"body.file: {mesh.file} has no triangles or quadrilaterals")
+    return cells
+
+
+def _centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Centroids and areas of polygons, shapes (n, 2) and (n,)."""
+    following = np.roll(cells, -1, axis=1)
+    cross = cells[..., 0] * following[..., 1] - following[..., 0] * cells[..., 1]
+    area = cross.sum(axis=1) / 2
+    if (area == 0).any():
+        raise ValueError("body.file: a cell has no area")
+    centroids = ((cells + following) * cross[..., None]).sum(axis=1) / (6 * area[:, None])
+    return centroids, np.abs(area)

@@ -1,0 +1,67 @@
+"""Gent's law of rubber whose chains have a greatest extension; the paper's Eq. (32)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..kernels.elementary import logarithm, positive_or_nan
+from .law import InvariantLaw
+
+
+@dataclass(frozen=True)
+class Gent(InvariantLaw):
+    """Psi = -mu Jm/2 log(1 - (I1bar - 3)/Jm) + K/2 ((J3^2 - 1)/2 - log J3).
+
+    The law ends at I1bar - 3 = Jm: there and past it every response is NaN, which the plane-stress solution reports as an error.
+
+    Parameters
+    ----------
+    shear_modulus : float
+        mu, any unit of stress.
+    bulk_modulus : float
+        K, same unit; 2/D of the paper, whose D = 0.01 makes 200 mu.
+    chain_limit : float
+        Jm; 120 in the paper's section 6.7.
+
+    References
+    ----------
+    Gent, Rubber Chem. Technol. 69 (1996) 59.  Chen, Yang, Liu, Int. J. Mech. Sci. 273 (2024) 109234, Eq. (32).
+    """
+
+    name: ClassVar[str] = "gent"
+    reference: ClassVar[str] = "Gent 1996; Chen et al. 2024, Eq. (32)"
+    n_parameters: ClassVar[int] = 2
+
+    bulk_modulus: float = 200.0
+    chain_limit: float = 120.0
+
+    def check(self) -> None:
+        if self.chain_limit <= 0:
+            raise ValueError(f"{self.name}: chain_limit must be positive, not {self.chain_limit:g}")
+
+    @property
+    def parameters(self) -> np.ndarray:
+        return np.array([self.bulk_modulus / self.shear_modulus, self.chain_limit])
+
+    @property
+    def shape(self) -> dict[str, float]:
+        return {"chain_limit": self.chain_limit}
+
+    def limit(self, trace: float, area_ratio: float) -> str:
+        strain = trace + area_ratio**-2 - 3
+        return f"I1bar - 3 is {strain:.4g} there at constant volume, and the law ends at chain_limit = {self.chain_limit:g}"
+
+    @staticmethod
+    def isochoric(I1, I2, parameters):
+        limit = parameters[1]
+        gap = positive_or_nan(1 - (I1 - 3) / limit)
+        zero = 0 * I1
+        # 0 * gap carries the NaN, which the kernels' logarithm does not.
+        return 0 * gap - limit / 2 * logarithm(gap), 1 / (2 * gap), zero, 1 / (2 * limit * gap * gap), zero, zero
+
+    @staticmethod
+    def volumetric(J3, parameters):
+        K = parameters[0]
+        inverse = 1 / J3
+        return K / 2 * ((J3 * J3 - 1) / 2 - logarithm(J3)), K / 2 * (J3 - inverse), K / 2 * (1 + inverse * inverse)

@@ -1,0 +1,1 @@
+"""Loading programmes: levels in equilibrium, and explicit dynamics."""

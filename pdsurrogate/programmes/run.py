@@ -1,0 +1,196 @@
+"""One simulation under way: what every part of its programme works on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from ..body import Body
+from ..discretisation import bounding_box, build_body
+from ..forces import ForceModel, ForceSettings
+from ..materials import Law
+from ..results.checkpoint import Checkpoint
+from ..results.states import States, StatesInFiles, StatesInMemory
+from ..scenes import Scene, SceneError
+from ..solvers.conditions import Loading
+
+
+class Progress(Protocol):
+    """Where a simulation reports to."""
+
+    def compiling(self) -> None:
+        """Kernels are being compiled, which happens once on a machine."""
+
+    def level(self, number: int, stretch: float) -> None:
+        """A level of the loading programme begins."""
+
+    def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
+        """How far the level has come."""
+
+    def dynamics(self, done: float, stretch: float, broken_bonds: int) -> None:
+        """How far the dynamics have come, from 0 to 1."""
+
+
+class Silent:
+    """Progress that goes nowhere."""
+
+    def compiling(self) -> None:
+        """Say nothing."""
+
+    def level(self, number: int, stretch: float) -> None:
+        """Say nothing."""
+
+    def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
+        """Say nothing."""
+
+    def dynamics(self, done: float, stretch: float, broken_bonds: int) -> None:
+        """Say nothing."""
+
+
+class Stopwatch:
+    """An internal force that measures the time spent in it."""
+
+    def __init__(self, force) -> None:
+        self._force, self.seconds, self.timed = force, 0.0, 0
+
+    def __call__(self, positions, out) -> None:
+        began = time.perf_counter()
+        self._force(positions, out)
+        self.seconds += time.perf_counter() - began
+        self.timed += 1
+
+    def resume(self, evaluations: int, pairs_outside: int) -> None:
+        """Go on counting from where an interrupted run was."""
+        self._force.evaluations = evaluations
+        if hasattr(self._force, "pairs_outside"):
+            self._force.pairs_outside = pairs_outside
+
+    def __getattr__(self, name):
+        return getattr(self._force, name)
+
+
+@dataclass
+class Run:
+    """One simulation under way.
+
+    Attributes
+    ----------
+    scene, model, progress
+        What was asked for.
+    folder : Path or None
+        Where states and checkpoints are written as they are reached.
+    law, body, loading, force
+        What was built for it.
+    positions : ndarray, shape (n, 2)
+    stretch, target : float
+        At the positions; and of the level that is under way.
+    critical_stretch : float or None
+        Where bonds break, if they do.
+    steps : int
+        Of the dynamics.
+    levels, history : list of dict
+        Measures at every level; rows of the history.
+    states : States
+    residual : float or None
+        Latest of the equilibrium iteration.
+    crack : dict or None
+        What the dynamics tell about a crack.
+    """
+
+    scene: Scene
+    model: ForceModel
+    progress: Progress
+    folder: Path | None = None
+    stretch: float = 1.0
+    target: float = 1.0
+    critical_stretch: float | None = None
+    steps: int = 0
+    levels: list[dict] = field(default_factory=list)
+    history: list[dict] = field(default_factory=list)
+    residual: float | None = None
+    crack: dict | None = None
+
+    def __post_init__(self) -> None:
+        scene = self.scene
+        self.law: Law = scene.material.build()
+        self.body: Body = build_body(scene)
+        lower, upper = bounding_box(scene)
+        settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None)
+        try:
+            self.loading = Loading(scene, self.body, lower, upper)
+            self.force = Stopwatch(self.model.bind(self.body, self.law, settings))
+        except ValueError as error:
+            raise SceneError(f"scene {scene.name}: {error}") from None
+        self.width = (upper - lower)[1 - self.loading.axis]
+        self.middle = (lower + upper)[self.loading.axis] / 2
+        self.positions = self.body.points.copy()
+        self.states: States = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.body.points, scene.name)
+
+    def warm_up(self) -> None:
+        """Compile everything before the clock of the evaluations starts."""
+        self.force(self.positions, np.empty_like(self.positions))
+        self.force.seconds, self.force.timed = 0.0, 0
+
+    @property
+    def identity(self) -> dict:
+        """What a checkpoint of this run must have in common with it."""
+        law = self.model.law if hasattr(self.model, "law") else ""
+        payload = self.model.payload() if hasattr(self.model, "payload") else {}
+        return {
+            "scene": self.scene.model_dump(mode="json"),
+            "force": [self.model.name, str(law), _digest(payload)],
+            "n_points": len(self.body),
+            "n_pairs": len(self.body.bonds.first),
+        }
+
+    def checkpoint(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
+        """Write a checkpoint, if there is a folder for it."""
+        if self.folder is None:
+            return
+        common = {
+            "stretch": self.stretch,
+            "levels": self.levels,
+            "history": self.history,
+            "times": self.states.times,
+            "evaluations": self.force.evaluations,
+            "outside": int(getattr(self.force, "pairs_outside", 0)),
+        }
+        held = {"positions": self.positions, "volume_ratios": self.force.kinematics.volume_ratios}
+        Checkpoint(self.identity, {**common, **progress}, {**held, **arrays}).write(self.folder)
+
+    def restore(self) -> Checkpoint:
+        """Take up what a checkpoint holds of everything but the dynamics."""
+        kinematics = self.force.kinematics
+        shapes = {
+            "positions": (self.positions.shape, np.float64),
+            "volume_ratios": (kinematics.volume_ratios.shape, np.float64),
+        }
+        found = Checkpoint.read(self.folder, self.identity, shapes)
+        progress = found.progress
+        self.positions[:] = found.arrays["positions"]
+        kinematics.volume_ratios[:] = found.arrays["volume_ratios"]
+        self.stretch, self.levels, self.history = progress["stretch"], progress["levels"], progress["history"]
+        self.states = StatesInFiles(self.folder, self.body.points, self.scene.name, progress["times"])
+        self.force.resume(progress["evaluations"], progress["outside"])
+        return found
+
+
+def _digest(payload) -> str:
+    """Digest of the numbers of a learnt model."""
+
+    def plain(value):
+        if isinstance(value, np.ndarray):
+            return [value.shape, hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()]
+        if isinstance(value, dict):
+            return {str(key): plain(item) for key, item in value.items()}
+        if isinstance(value, list | tuple):
+            return [plain(item) for item in value]
+        return value if isinstance(value, str | int | float | bool | None) else str(value)
+
+    return hashlib.sha256(json.dumps(plain(payload), sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,306 @@
+"""Explicit dynamics with the grips in motion: how cracks start and run, and where the work of the grips goes."""
+
+from __future__ import annotations
+
+import time as clock
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from ..body import Body
+from ..forces import InvalidState
+from ..materials import plane_stress
+from ..results import measures
+from ..results.checkpoint import Checkpoint
+from ..solvers import Diverging, ExplicitDynamics
+from .run import Run
+
+if TYPE_CHECKING:
+    from ..damage import Damage
+
+STEPS_PER_ROW = 20
+"""Steps between rows of the history; work and damped energy are summed over them by the trapezoidal rule.
+Waves take longer than that to cross a few horizons."""
+
+SECONDS_BETWEEN_CHECKPOINTS = 60.0
+
+LEAST_AREA_RATIO = 0.1
+"""det F in the plane below which a point that has lost bonds counts as failed: intact rubber in a tear stays above 0.5."""
+
+
+@dataclass
+class Account:
+    """What a checkpoint keeps of the dynamics beside arrays.
+
+    Attributes
+    ----------
+    begin : float
+        Stretch at which the dynamics started.
+    time : float
+        Since then.
+    work, damped_energy : float
+        Work of the grips and energy taken by the damping since then, per unit thickness.
+    power, damped_power : float
+        At the last row of the history.
+    rate_time : float
+        When that row was.
+    outputs : int
+        States written so far.
+    failed_points : int
+        Points let go because their deformation gradient was turned inside out.
+    recent : list of int
+        Pairs broken since the last state was written.
+    """
+
+    begin: float
+    time: float = 0.0
+    work: float = 0.0
+    damped_energy: float = 0.0
+    released_energy: float = 0.0
+    power: float = 0.0
+    damped_power: float = 0.0
+    rate_time: float = 0.0
+    outputs: int = 0
+    failed_points: int = 0
+    recent: list[int] = field(default_factory=list)
+
+
+class Transient:
+    """The dynamics of one run.
+
+    Parameters
+    ----------
+    run : Run
+        With its positions in equilibrium at its stretch, or as a checkpoint left them.
+    damage : Damage or None
+        None where the scene has no fracture: then there is nothing of it here.
+    """
+
+    def __init__(self, run: Run, damage: Damage | None) -> None:
+        self.run, self.damage, self.spec = run, damage, run.scene.dynamics
+        self.account = Account(run.stretch)
+        self.integrator = ExplicitDynamics(
+            run.force,
+            self._hold,
+            run.positions,
+            np.zeros_like(run.positions),
+            run.loading.free,
+            self.spec.density * run.body.volumes,
+            self.spec.damping,
+            self.spec.viscosity,
+            self.spec.safety,
+        )
+        if damage is not None:
+            run.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What a checkpoint holds of the dynamics."""
+        integrator = self.integrator
+        arrays = {"velocities": integrator.velocities, "forces": integrator.forces, "mode": integrator.frequency.vector}
+        if self.damage is not None:
+            arrays["broken"] = self.damage.broken
+        return arrays
+
+    def begin(self) -> None:
+        """Start from equilibrium, with the velocities of a homogeneous extension so that the grips send no shock."""
+        run, velocities = self.run, self.integrator.velocities
+        ahead = run.loading.stretched(run.positions, run.stretch, run.stretch + 1e-6)
+        velocities[:] = (ahead - run.positions) / 1e-6 * self.spec.stretch_rate * run.loading.free
+        self.integrator.begin()
+        self._row(first=True)
+
+    def resume(self, checkpoint: Checkpoint) -> None:
+        """Take up what a checkpoint holds."""
+        run, integrator, kept = self.run, self.integrator, checkpoint.progress["dynamics"]
+        self.account = Account(**kept["account"])
+        run.crack = kept["crack"]
+        integrator.time_step, integrator.steps = kept["time_step"], kept["steps"]
+        integrator.velocities[:], integrator.forces[:] = checkpoint.arrays["velocities"], checkpoint.arrays["forces"]
+        integrator.frequency.vector, integrator.frequency.fresh = checkpoint.arrays["mode"].copy(), False
+        if self.damage is not None:
+            pairs = np.flatnonzero(checkpoint.arrays["broken"])
+            if len(pairs):
+                self.damage.break_bonds(pairs)
+                run.force.break_bonds(pairs)
+        run.loading.apply(run.stretch, run.force, run.positions)
+
+    def go(self) -> None:
+        """Run to the end of the programme, or until the body has come apart."""
+        run, spec, account, integrator = self.run, self.spec, self.account, self.integrator
+        span = spec.stretch - account.begin
+        saved = clock.monotonic()
+        while account.outputs < spec.outputs:
+            self._step()
+            if integrator.steps % STEPS_PER_ROW == 0:
+                self._row()
+                run.progress.dynamics((run.stretch - account.begin) / span, run.stretch, run.crack["broken_bonds"] if run.crack else 0)
+            if run.stretch >= account.begin + span * (account.outputs + 1) / spec.outputs - 1e-12:
+                self._output()
+                if run.crack is not None and run.crack["through"]:
+                    break
+            elif clock.monotonic() - saved < SECONDS_BETWEEN_CHECKPOINTS:
+                continue
+            saved = clock.monotonic()
+            self._checkpoint()
+
+    def _step(self) -> None:
+        run, account, integrator = self.run, self.account, self.integrator
+        integrator.move()
+        account.time += integrator.time_step
+        run.steps = integrator.steps
+        run.stretch = run.target = min(account.begin + self.spec.stretch_rate * account.time, self.spec.stretch)
+        self._hold(run.positions, 0.0)
+        if self.damage is None:
+            integrator.evaluate()
+            return
+        run.force.kinematics.place(run.positions)
+        pairs = self.damage.overstretched(run.force.kinematics.positions)
+        if len(pairs):
+            self._break(pairs)
+        while True:
+            try:
+                integrator.evaluate()
+                error = None
+            except InvalidState as invalid:
+                error = invalid
+            failed = self._bonds_of_failed_points()
+            if len(failed):
+                self._break(failed)
+            elif error is not None:
+                raise error
+            else:
+                return
+
+    def _hold(self, positions: np.ndarray, ahead: float) -> None:
+        """Bring grips and held points to where they are a time `ahead` from now."""
+        self.run.loading.apply(self.run.stretch + ahead * self.spec.stretch_rate, self.run.force, positions)
+
+    def _bonds_of_failed_points(self) -> np.ndarray:
+        """Intact pairs of points that have lost bonds and whose deformation gradient has collapsed.
+
+        The few bonds that are left at a crack front or on a fragment need not make a deformation gradient that means
+        anything: a point that they turn inside out, or press to a tenth of its area, has lost its support, and is let go.
+        A point with all its bonds is not touched; there det F <= 0 is an error.
+        """
+        run = self.run
+        bonds, n, mirror = run.body.bonds, len(run.body), run.body.images.mirror
+        F = run.force.kinematics.gradients[:n]
+        collapsed = np.flatnonzero(~(F[:, 0] * F[:, 3] - F[:, 1] * F[:, 2] > LEAST_AREA_RATIO))
+        if not len(collapsed):
+            return collapsed
+        broken = np.flatnonzero(self.damage.broken)
+        failed = np.zeros(len(run.body.all_points), dtype=bool)
+        failed[np.intersect1d(collapsed, np.concatenate([bonds.first[broken], bonds.second[broken]]))] = True
+        failed[n:] = failed[mirror]
+        pairs = np.flatnonzero((failed[bonds.first] | failed[bonds.second]) & ~self.damage.broken)
+        if len(pairs):
+            self.account.failed_points += int(failed[:n].sum())
+        return pairs
+
+    def _break(self, pairs: np.ndarray) -> None:
+        run, crack = self.run, self.run.crack
+        if crack["start"] is None:
+            where = _midpoints(run.body, pairs).mean(axis=0)
+            stress = run.history[-1]["nominal_stress"]
+            crack["start"] = {"time": self.account.time, "stretch": run.stretch, "nominal_stress": stress, "x": where.tolist()}
+        crack["broken_bonds"] += len(pairs)
+        self.damage.break_bonds(pairs)
+        self.account.released_energy += run.force.break_bonds(pairs) or 0.0
+        self.account.recent += pairs.tolist()
+
+    def _row(self, first: bool = False) -> None:
+        """A row of the history, and work and damped energy up to it."""
+        run, account, integrator = self.run, self.account, self.integrator
+        rate = self.spec.stretch_rate * run.loading.length
+        reactions = run.loading.reactions(run.force, integrator.forces)
+        kinetic = integrator.kinetic_energy()
+        if not np.isfinite(kinetic):
+            raise Diverging("the kinetic energy is not finite")
+        power, damped_power = float(reactions @ run.loading.travels() * rate), integrator.damped_power()
+        if not first:
+            elapsed = account.time - account.rate_time
+            account.work += 0.5 * elapsed * (account.power + power)
+            account.damped_energy += 0.5 * elapsed * (account.damped_power + damped_power)
+        account.power, account.damped_power, account.rate_time = power, damped_power, account.time
+        row = {
+            "time": account.time,
+            "stretch": run.stretch,
+            "nominal_stress": float(reactions @ run.loading.travels() / run.width),
+            "work": account.work,
+            "kinetic_energy": kinetic,
+            "damped_energy": account.damped_energy,
+            "strain_energy": self._strain_energy(),
+        }
+        if hasattr(run.force, "energy"):
+            row["released_energy"] = account.released_energy
+        if self.damage is not None:
+            row |= {"broken_bonds": run.crack["broken_bonds"], "free_points": len(run.force.kinematics.unsupported)}
+        run.history.append(row)
+
+    def _strain_energy(self) -> float:
+        """The force's own energy; of a force map, which has none, that of the points' deformation gradients."""
+        if hasattr(self.run.force, "energy"):
+            return self.run.force.energy()
+        kinematics, law, n = self.run.force.kinematics, self.run.law, len(self.run.body)
+        trace, J = plane_stress.invariants(kinematics.deformation_gradients())
+        density = law.response(trace, J, kinematics.volume_ratios[:n])[4]
+        return float(law.shear_modulus * (density * self.run.body.volumes).sum())
+
+    def _output(self) -> None:
+        run, account = self.run, self.account
+        self._hold(run.positions, 0.0)
+        fields = measures.point_fields(run.force, run.positions)
+        if self.damage is not None:
+            fields["damage"] = self.damage.at_points()
+            entry = {"time": account.time, "stretch": run.stretch, "broken_bonds": run.crack["broken_bonds"]}
+            run.crack["tips"].append({**entry, "tips": crack_tips(run.body, np.array(account.recent, dtype=np.int64))})
+            run.crack["failed_points"] = account.failed_points
+            run.crack["through"] = not connected(run.body, self.damage.broken, *run.loading.ends())
+            account.recent = []
+        run.states.append(account.time, fields)
+        account.outputs += 1
+
+    def _checkpoint(self) -> None:
+        integrator = self.integrator
+        kept = {
+            "account": asdict(self.account),
+            "crack": self.run.crack,
+            "time_step": integrator.time_step,
+            "steps": integrator.steps,
+        }
+        self.run.checkpoint({"phase": "dynamics", "dynamics": kept}, self.arrays())
+
+
+def crack_tips(body: Body, recent: np.ndarray) -> list[list[float]]:
+    """Where cracks have grown: mean places of the pairs broken of late, one for each group of them within a horizon, the largest first."""
+    if not len(recent):
+        return []
+    places = _midpoints(body, recent)
+    near = cKDTree(places).query_pairs(body.horizon, output_type="ndarray")
+    graph = sparse.coo_matrix((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(places),) * 2)
+    count, group = connected_components(graph, directed=False)
+    sizes = np.bincount(group)
+    # The front of a group is where its latest bonds broke: the last tenth of it, in the order of breaking.
+    tips = []
+    for number in np.argsort(-sizes, kind="stable")[:count]:
+        members = np.flatnonzero(group == number)
+        tips.append(places[members[-max(1, len(members) // 10) :]].mean(axis=0).tolist())
+    return tips
+
+
+def connected(body: Body, broken: np.ndarray, some: np.ndarray, others: np.ndarray) -> bool:
+    """Whether intact bonds connect any of `some` points with any of the `others`."""
+    bonds, n = body.bonds, len(body)
+    intact = (bonds.second < n) & ~broken
+    graph = sparse.coo_matrix((np.ones(intact.sum()), (bonds.first[intact], bonds.second[intact])), shape=(n, n))
+    _, group = connected_components(graph, directed=False)
+    return bool(np.isin(group[some], group[others]).any())
+
+
+def _midpoints(body: Body, pairs: np.ndarray) -> np.ndarray:
+    points = body.all_points
+    return (points[body.bonds.first[pairs]] + points[body.bonds.second[pairs]]) / 2

@@ -1,0 +1,50 @@
+"""Animations of crack scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib
+from matplotlib.animation import PillowWriter
+from matplotlib.figure import Figure
+
+from .figures import STYLE, deformed_cells, draw_cells
+from .files import write_with
+
+if TYPE_CHECKING:
+    from .result import Result
+
+FRAMES_PER_SECOND = 8
+
+
+def save(result: Result, path: Path) -> None:
+    """Write a GIF of the dynamics, one frame a state, coloured by damage where there is any, else by the greatest stretch."""
+    first, last = len(result.levels), len(result.states)
+    if last <= first:
+        return
+    frames = range(first, last)
+    fields = result.states[last - 1][1]
+    quantity, limits = ("damage", (0.0, 1.0)) if "damage" in fields else ("stretch", (1.0, float(fields["stretch"].max())))
+    points, spacing = result.body.points, result.body.spacing
+    corners = deformed_cells(points, fields, spacing)
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    size = (high - low) / (high - low).max() * 6.0
+    with matplotlib.rc_context({**STYLE, "savefig.bbox": None}):
+        figure = Figure(figsize=(size[0] + 1.2, size[1] + 0.4), dpi=100, layout="constrained")
+        axis = figure.subplots()
+        drawn = draw_cells(axis, corners, fields[quantity], clim=limits)
+        axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        figure.colorbar(drawn, ax=axis, label=quantity, fraction=0.05, pad=0.01)
+
+        def write(temporary: Path) -> None:
+            writer = PillowWriter(fps=FRAMES_PER_SECOND)
+            with writer.saving(figure, str(temporary), dpi=100):
+                for number in frames:
+                    state = result.states[number][1]
+                    drawn.set_verts(deformed_cells(points, state, spacing))
+                    drawn.set_array(state[quantity])
+                    axis.set_title(result.title(number), pad=2)
+                    writer.grab_frame()
+
+        write_with(path, write)

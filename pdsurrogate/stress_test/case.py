@@ -1,0 +1,151 @@
+"""What a hard case is, what it is put to, and what comes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ..artifacts import load_card, load_surrogate
+from ..body import Body
+from ..forces import FORCES, ForceModel, ForceSettings, InternalForce
+from ..materials import Law, NeoHookean
+from ..scenes import MaterialSpec
+
+SPACING = 0.1
+"""Of the small sheets; every figure is dimensionless."""
+
+PASS, WEAK, STOPS, INAPPLICABLE = "pass", "weak", "stops", "-"
+"""Verdicts: passed; a named weakness; a clear stop where there is no answer; the case does not apply to the model."""
+
+WEAKNESSES = {
+    "zero-energy modes": "the force does not feel modes that leave the deformation gradients alone (paper, Eq. (10)): "
+    "points move against their neighbours for next to nothing",
+    "not conservative": "averaged features make a force that is not the gradient of an energy (THEORY section 9): the tangent is "
+    "unsymmetric, and undamped motion may gain energy; damp, or use an energy model",
+    "force at rest": "a fit on features without a rest state built in leaves a force on a body that is merely turned",
+    "weights do not add up": "the weights (13) of BA-NOSB do not add up to the volume of the horizon, so that exact bond stresses give a mean "
+    "stress that is off by about a per cent",
+    "no transverse stress": "the paper's features do not give T_mm, which the tensor correction of incomplete horizons needs; the scalar one "
+    "(24) leaves errors of per cents at edges",
+    "sparse horizons": "few points share both horizons of a bond, or surround a point: the gradient taken over them is poor, or blind to some modes",
+    "loses stability": "the tangent of the homogeneous state has a direction without resistance, where that of the material has none",
+    "does not converge": "no equilibrium was found within the evaluations allowed",
+    "accuracy": "the error is larger than asked for",
+}
+"""Named weaknesses, explained."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a case.
+
+    Attributes
+    ----------
+    verdict : str
+    figure : str
+        What came, in words for a table.
+    value, limit : float, optional
+        The measured figure, and what it was held against.
+    weakness : str, optional
+        One of `WEAKNESSES`.
+    """
+
+    verdict: str
+    figure: str
+    value: float | None = None
+    limit: float | None = None
+    weakness: str | None = None
+
+    @classmethod
+    def below(cls, value: float, limit: float, weakness: str, figure: str = "{:.1e}") -> Outcome:
+        """Passed if the value is at most the limit."""
+        passed = bool(value <= limit)
+        return cls(PASS if passed else WEAK, figure.format(value), float(value), limit, None if passed else weakness)
+
+    @classmethod
+    def above(cls, value: float, limit: float, weakness: str, figure: str = "{:.2g}") -> Outcome:
+        """Passed if the value is at least the limit."""
+        passed = bool(value >= limit)
+        return cls(PASS if passed else WEAK, figure.format(value), float(value), limit, None if passed else weakness)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A hard case: what is asked, and the function that finds out."""
+
+    title: str
+    asked: str
+    function: Callable[[Subject], Outcome]
+
+    @property
+    def key(self) -> str:
+        """Name in JSON."""
+        return self.function.__name__
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A force model under test.
+
+    Parameters
+    ----------
+    reference : str
+        As on the command line.
+    quick : bool
+        Fewer steps, for tests and a first look.
+    """
+
+    reference: str
+    quick: bool = False
+    measured: dict = field(default_factory=dict)
+    """What several cases share, measured once."""
+
+    @cached_property
+    def model(self) -> ForceModel:
+        """The force model."""
+        return load_surrogate(self.reference)
+
+    @cached_property
+    def law(self) -> Law:
+        """A material that the model describes: its own, or Neo-Hookean rubber with K = 100 mu."""
+        if self.reference in FORCES:
+            return NeoHookean()
+        return MaterialSpec.model_validate(load_card(self.reference).material.trained_with).build()
+
+    def bind(self, body: Body, law: Law | None = None, precision: str = "float64") -> InternalForce:
+        """The model on a body."""
+        return self.model.bind(body, law or self.law, ForceSettings(precision=precision))
+
+    def describes(self, law: Law) -> bool:
+        """Whether the model can be used for a material."""
+        try:
+            self.model.check_material(law)
+        except AttributeError:
+            return True
+        except ValueError:
+            return False
+        return True
+
+
+def square_sheet(cells: int, ratio: float = 3.15, **options) -> Body:
+    """A square of ``cells`` by ``cells`` points."""
+    return Body.rectangle(cells * SPACING, cells * SPACING, SPACING, ratio * SPACING, **options)
+
+
+def spring_stiffness(body: Body, shear_modulus: float) -> float:
+    """Stiffness that holds a point of a full horizon if its bonds were springs along and across: 4 mu V^2 sum(w)/kappa.
+
+    A spring of 6 mu w V^2/kappa along every bond and a third of it across give the small-strain moduli of rubber, E = 3 mu.
+    """
+    cells = np.arange(-8, 9) * body.spacing
+    distance = np.hypot(*np.meshgrid(cells, cells))
+    reach = (distance > 0) & (distance <= body.horizon * (1 + 1e-9))
+    return float(4 * shear_modulus * body.spacing**4 * body.weigh(distance[reach]).sum() / body.kappa)
+
+
+def middle_point(body: Body) -> int:
+    """The point nearest to the middle of a body."""
+    return int(np.linalg.norm(body.points - body.points.mean(axis=0), axis=1).argmin())

@@ -1,0 +1,121 @@
+"""Explicit steps: too long ones must be noticed, and very many must not heat a body up."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..forces import InvalidState
+from ..kernels.relaxation import central_difference_step
+from ..materials import homogeneous
+from ..solvers import FrequencyEstimate
+from .case import PASS, SPACING, WEAK, Case, Outcome, Subject, square_sheet
+
+STEPS = 100_000
+
+
+class _Motion:
+    """Motion of a body of unit density by central differences, with damping proportional to mass."""
+
+    def __init__(self, force, positions: np.ndarray, free: np.ndarray, share_of_critical: float, damping: float = 0.0) -> None:
+        self.force, self.positions, self.free = force, positions, free
+        self.mass, self.damping = force.body.volumes, damping
+        highest = FrequencyEstimate(self.mass, free)(force, positions)
+        self.step = share_of_critical * 2 / np.sqrt(highest)
+        self._forces = np.empty_like(positions)
+        self.shake()
+
+    def shake(self) -> None:
+        """Random velocities of a thousandth of the speed of shear waves: waves of small strain."""
+        random = np.random.default_rng(0)
+        self.velocities = 1e-3 * np.sqrt(self.force.law.shear_modulus) * random.standard_normal(self.positions.shape) * self.free
+
+    @property
+    def kinetic_energy(self) -> float:
+        return float((self.mass[:, None] * self.velocities**2).sum() / 2)
+
+    def advance(self, steps: int) -> None:
+        for _ in range(steps):
+            self.force(self.positions, self._forces)
+            central_difference_step(self.positions, self.velocities, self._forces, self.free, self.mass, self.damping, self.step)
+
+
+def time_step(subject: Subject) -> Outcome:
+    """A hundred steps of 0.5, 0.9, 1.1 and 2 times the critical one of a free sheet at rest with small random velocities.
+
+    Above 1 a wave grows by a factor of 2.4 and more a step, its energy by 5.8, and must end in a clear stop, not in figures.  Below 1 nothing
+    grows for the length of the step; what a force that is not conservative adds (see `undamped_steps`) is told apart
+    by allowing the kinetic energy a tenth a step.
+    """
+    body = square_sheet(10)
+    for share in (0.5, 0.9):
+        motion = _Motion(subject.bind(body), body.points.copy(), np.ones_like(body.points), share)
+        first = motion.kinetic_energy
+        motion.advance(100)
+        growth = (motion.kinetic_energy / first) ** 0.01
+        if not growth < 1.1:
+            return Outcome(WEAK, f"at {share} the energy grew {growth:.2g} times a step", growth, 1.1, "not conservative")
+    notes = []
+    for share in (1.1, 2.0):
+        motion = _Motion(subject.bind(body), body.points.copy(), np.ones_like(body.points), share)
+        for step in range(1, 101):
+            try:
+                motion.advance(1)
+            except InvalidState:
+                break
+        else:
+            return Outcome(WEAK, f"at {share} nothing was noticed in 100 steps", 100.0, 100.0, "accuracy")
+        notes.append(f"{step} at {share}")
+    return Outcome(PASS, f"bounded below 1; caught after {', '.join(notes)}")
+
+
+def _held_sheet(subject: Subject) -> _Motion:
+    """A sheet stretched to 1.5 and held at both ends, stepped at half of the critical step with the damping of `DampedExplicit`."""
+    body, lateral = square_sheet(8), homogeneous.uniaxial(subject.law, 1.5).lateral_stretch
+    free = np.ones_like(body.points)
+    free[np.abs(body.points[:, 0] - body.points[:, 0].mean()) > np.ptp(body.points[:, 0]) / 2 - 1e-9] = 0
+    damping = 2 * np.pi / (8 * SPACING) * np.sqrt(3 * subject.law.shear_modulus)
+    return _Motion(subject.bind(body), body.points * [1.5, lateral], free, 0.5, damping)
+
+
+def damped_steps(subject: Subject) -> Outcome:
+    """10^5 explicit steps on a sheet held at stretch 1.5, damped at the rate of `DampedExplicit`: it must come to rest.
+
+    The figure is the kinetic energy at the end over that at the start.  At the damping rate c the slowest mode loses
+    exp(-c t) of it until rounding is reached, 1e-13 squared of the speed of waves over 1e-3 squared; 1e-16 is asked.
+    """
+    motion = _held_sheet(subject)
+    first = motion.kinetic_energy
+    try:
+        motion.advance(STEPS // 50 if subject.quick else STEPS)
+    except InvalidState as error:
+        return Outcome(WEAK, str(error), None, None, "loses stability")
+    return Outcome.below(motion.kinetic_energy / first, 1e-16, "loses stability")
+
+
+def undamped_steps(subject: Subject) -> Outcome:
+    """10^5 steps without damping on the same sheet at rest, after a shake: growth of the kinetic energy.
+
+    The mean over the last tenth of the steps over that over the first; small waves share their energy between motion and strain evenly, so 1
+    within the scatter of some hundred modes, taken as 1.2.
+    """
+    motion, pieces = _held_sheet(subject), 100
+    steps = (STEPS // 50 if subject.quick else STEPS) // pieces
+    energies = []
+    motion.advance(2000)
+    motion.damping = 0.0
+    motion.shake()
+    for _ in range(pieces):
+        try:
+            motion.advance(steps)
+        except InvalidState as error:
+            return Outcome(WEAK, f"within {(len(energies) + 1) * steps} steps: {error}", None, None, "not conservative")
+        energies.append(motion.kinetic_energy)
+    growth = np.mean(energies[-pieces // 10 :]) / np.mean(energies[: pieces // 10])
+    return Outcome.below(growth, 1.2, "not conservative", "{:.3g}")
+
+
+CASES = (
+    Case("time step 0.5, 0.9, 1.1, 2 of critical", "bounded below 1, caught within 100 steps above", time_step),
+    Case("10^5 damped explicit steps at stretch 1.5", "kinetic energy falls to 1e-16", damped_steps),
+    Case("10^5 undamped explicit steps at stretch 1.5", "kinetic energy grows by 1.2 at the most", undamped_steps),
+)
