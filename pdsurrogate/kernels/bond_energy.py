@@ -35,7 +35,8 @@ def edge_distances(trace, J, domain):
     """How far a state is beyond the four edges of the domain; positive outside, all negative inside.
 
     With L and H the squares of the least and the greatest stretch: both stretches lie within unless tr C > H + J^2/H (one above),
-    J > H (both), tr C > L + J^2/L (one below) or J < L (both).  Each distance is of the size of a relative change of the offending squared stretch.
+    J > H (both), tr C > L + J^2/L (one below) or J < L (both).  Each distance is of the size of a relative change of the offending
+    squared stretch.
     """
     low, high, inverse_low, inverse_high = domain[0], domain[1], domain[2], domain[3]
     square = J * J

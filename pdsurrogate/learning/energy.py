@@ -94,7 +94,7 @@ def energy_pipeline(regressor: SobolevNetwork | None = None) -> InputAwareTarget
     Parameters
     ----------
     regressor : SobolevNetwork, optional
-        `SobolevRegressor` with 8 units by default; its `anchor`, `flat` and `size` are set here.
+        `SobolevRegressor` with 12 units by default; its `anchor`, `flat` and `size` are set here.
     """
     inner = SobolevRegressor(random_state=0) if regressor is None else clone(regressor)
     inner.set_params(anchor=(0.0, 0.0), flat=(0,), size=rubber_energy_size)

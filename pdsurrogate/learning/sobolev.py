@@ -119,7 +119,7 @@ class SobolevRegressor(SobolevNetwork):
 
     Parameters
     ----------
-    n_units : int, default=8
+    n_units : int, default=12
     activation : {"algebraic", "logistic", "tanh"}, default="algebraic"
     gradient_weight : float, default=1.0
         Weight of the derivatives' residuals beside the values', each over their spread.
@@ -131,6 +131,8 @@ class SobolevRegressor(SobolevNetwork):
         ``size(X)``, shape (n_samples,): known size of the function and its derivatives, by which residuals are divided.
     max_iter : int, default=400
         Most iterations, each an accepted step.
+    alpha : float, default=1e-12
+        Penalty on the mean square of the output weights, beside residuals of order one: large weights that cancel each other cost digits.
     tol : float, default=1e-3
         Training ends when the loss falls by less than this, relatively, over `n_iter_no_change` iterations.
     n_iter_no_change : int, default=50
@@ -161,6 +163,7 @@ class SobolevRegressor(SobolevNetwork):
     _parameter_constraints: ClassVar = {
         **SobolevNetwork._parameter_constraints,
         "max_iter": [Interval(Integral, 1, None, closed="left")],
+        "alpha": [Interval(Real, 0, None, closed="left")],
         "tol": [Interval(Real, 0, None, closed="left")],
         "n_iter_no_change": [Interval(Integral, 1, None, closed="left")],
         "n_init": [Interval(Integral, 1, None, closed="left")],
@@ -169,13 +172,14 @@ class SobolevRegressor(SobolevNetwork):
 
     def __init__(
         self,
-        n_units=8,
+        n_units=12,
         activation="algebraic",
         gradient_weight=1.0,
         anchor=None,
         flat=(),
         size=None,
         max_iter=400,
+        alpha=1e-12,
         tol=1e-3,
         n_iter_no_change=50,
         n_init=1,
@@ -189,6 +193,7 @@ class SobolevRegressor(SobolevNetwork):
         self.flat = flat
         self.size = size
         self.max_iter = max_iter
+        self.alpha = alpha
         self.tol = tol
         self.n_iter_no_change = n_iter_no_change
         self.n_init = n_init
@@ -203,21 +208,24 @@ class SobolevRegressor(SobolevNetwork):
     def _descend(self, network, theta, X, Y, weights):
         columns = Y.shape[1]
 
-        def residuals(theta):
-            return ((network.outputs(theta, X, columns) - Y) * weights).ravel()
+        penalty = np.zeros(theta.size)
+        penalty[network.output_weights] = self.alpha * Y.size
 
-        damping, loss, iterations = self.initial_damping, (residuals(theta) ** 2).mean(), 0
+        def loss_of(theta):
+            return (((network.outputs(theta, X, columns) - Y) * weights) ** 2).mean() + (penalty * theta**2).sum() / Y.size
+
+        damping, loss, iterations = self.initial_damping, loss_of(theta), 0
         losses = [loss]
         while iterations < self.max_iter:
             outputs, jacobian = network.jacobian(theta, X, columns)
             A = (jacobian * weights[:, :, None]).reshape(-1, theta.size)
-            gradient = A.T @ ((outputs - Y) * weights).ravel()
-            normal = A.T @ A
+            gradient = A.T @ ((outputs - Y) * weights).ravel() + penalty * theta
+            normal = A.T @ A + np.diag(penalty)
             diagonal = np.diag(normal) + 1e-12 * max(np.trace(normal), 1e-300)
             while damping < 1e12:
                 try:
                     trial = theta - cho_solve(cho_factor(normal + damping * np.diag(diagonal), check_finite=False), gradient)
-                    trial_loss = (residuals(trial) ** 2).mean()
+                    trial_loss = loss_of(trial)
                 except (LinAlgError, ValueError):  # not positive definite, or not finite
                     damping *= 10
                     continue
@@ -299,6 +307,11 @@ class _Function:
     def __init__(self, n_features, n_units, activation, anchored, flat):
         self.d, self.units, self.activation, self.anchored, self.flat = n_features, n_units, activation, anchored, flat
         self.n_parameters = n_units * (n_features + 2) + (not anchored)
+
+    @property
+    def output_weights(self):
+        """Where the output weights stand among the parameters."""
+        return slice((self.d + 1) * self.units, (self.d + 2) * self.units)
 
     def first(self, random):
         W = random.normal(size=(self.d, self.units)) * np.sqrt(2 / self.d)
