@@ -14,7 +14,7 @@ from ..kernels.energy_density import exact_energy_density
 from ..materials import Law
 from .energy_density import EnergyDerivatives, EnergySurrogate, ExactEnergyDensity, blended, domain_constants
 from .kinematics import Kinematics, at_point, locate
-from .protocol import InvalidState, OutsideDomain, OutsideDomainWarning
+from .protocol import InvalidState, OutsideDomain, OutsideDomainWarning, Release
 from .settings import ForceSettings
 
 
@@ -263,24 +263,34 @@ class BondEnergyEvaluation:
 
         return Tangent(self, positions)
 
-    def break_bonds(self, pairs: np.ndarray) -> float:
+    def break_bonds(self, pairs: np.ndarray) -> Release:
         """Take pairs out of the horizons, the deformation gradients and the sum of energies.
 
         Returns
         -------
-        float
-            The energy that this releases, at the positions last placed; 0 where the body has no finite energy before or after.
+        Release
+            What they had held, at the positions last placed; nothing where the body has no finite energy before or after.
         """
-        before = self._energy_at_present()
+        forces, remaining = np.zeros_like(self.body.points), np.zeros_like(self.body.points)
+        before = self._energy_at_present(forces)
         self._intact[pairs] = False
         self._weigh_pairs(self.kinematics.break_bonds(pairs))
-        released = before - self._energy_at_present()
-        return released if np.isfinite(released) else 0.0
+        energy, forces = before - self._energy_at_present(remaining), forces - remaining
+        if not (np.isfinite(energy) and np.isfinite(forces).all()):
+            return Release(0.0, np.zeros_like(forces))
+        return Release(energy, forces)
 
-    def _energy_at_present(self) -> float:
-        """Energy at the positions last placed; NaN where there is none."""
+    def inverted_pairs(self) -> np.ndarray:
+        """Numbers of the pairs that were turned inside out in the last evaluation."""
+        if not self._invalid.any():
+            return np.empty(0, dtype=np.int64)
+        c, e = self.bond_columns()
+        return np.flatnonzero((self._weights > 0) & ~(c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0] > 0))
+
+    def _energy_at_present(self, out: np.ndarray) -> float:
+        """Energy at the positions last placed, NaN where there is none; forces to `out`."""
         self.kinematics.update_gradients(self.kinematics.positions[: len(self.body)].copy())
-        self.pass_bonds(np.empty_like(self.body.points))
+        self.pass_bonds(out)
         return np.nan if self._invalid.any() else self.energy()
 
     def _weigh_pairs(self, pairs: np.ndarray) -> None:

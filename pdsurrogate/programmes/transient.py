@@ -190,13 +190,20 @@ class Transient:
         bonds, n, mirror = run.body.bonds, len(run.body), run.body.images.mirror
         F = run.force.kinematics.gradients[:n]
         collapsed = np.flatnonzero(~(F[:, 0] * F[:, 3] - F[:, 1] * F[:, 2] > LEAST_AREA_RATIO))
-        if not len(collapsed):
+        inverted = run.force.inverted_pairs() if hasattr(run.force, "inverted_pairs") else collapsed[:0]
+        if not len(collapsed) and not len(inverted):
             return collapsed
         broken = np.flatnonzero(self.damage.broken)
         failed = np.zeros(len(run.body.all_points), dtype=bool)
         failed[np.intersect1d(collapsed, np.concatenate([bonds.first[broken], bonds.second[broken]]))] = True
         failed[n:] = failed[mirror]
-        pairs = np.flatnonzero((failed[bonds.first] | failed[bonds.second]) & ~self.damage.broken)
+        failing = failed[bonds.first] | failed[bonds.second]
+        if len(inverted):
+            # A bond turned inside out is let go where an end of it has lost others.
+            lost = np.zeros(len(run.body.all_points), dtype=bool)
+            lost[bonds.first[broken]] = lost[bonds.second[broken]] = True
+            failing[inverted[lost[bonds.first[inverted]] | lost[bonds.second[inverted]]]] = True
+        pairs = np.flatnonzero(failing & ~self.damage.broken)
         if len(pairs):
             self.account.failed_points += int(failed[:n].sum())
         return pairs
@@ -209,7 +216,10 @@ class Transient:
             crack["start"] = {"time": self.account.time, "stretch": run.stretch, "nominal_stress": stress, "x": where.tolist()}
         crack["broken_bonds"] += len(pairs)
         self.damage.break_bonds(pairs)
-        self.account.released_energy += run.force.break_bonds(pairs) or 0.0
+        release = run.force.break_bonds(pairs)
+        if release is not None:
+            self.account.released_energy += release.energy
+            self.integrator.kick(release.forces)
         self.account.recent += pairs.tolist()
 
     def _row(self, first: bool = False) -> None:
