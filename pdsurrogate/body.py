@@ -28,6 +28,9 @@ class WeightFunction:
     moment: float
 
 
+MOST_POINTS, MOST_BONDS = 20_000_000, 500_000_000
+"""Larger bodies are refused: they take some 2 kB a point and 80 bytes a bond, beyond the memory of a workstation."""
+
 WEIGHT_FUNCTIONS = {
     weight.name: weight
     for weight in (
@@ -200,12 +203,16 @@ def grid(lower: tuple[float, float], upper: tuple[float, float], spacing: float)
     counts = []
     for low, high, axis in zip(lower, upper, ("x1", "x2"), strict=True):
         cells = (high - low) / spacing
+        if not cells <= MOST_POINTS:
+            raise ValueError(f"spacing {spacing:g} makes {cells:.3g} points along {axis}; at most {MOST_POINTS:.3g} are taken")
         count = round(cells)
         if cells < 0.99:
             raise ValueError(f"spacing {spacing:g} is larger than the body, {high - low:g} along {axis}")
         if abs(cells - count) > 0.01:
             raise ValueError(f"spacing {spacing:g} does not divide the body's {high - low:g} along {axis}; {(high - low) / count:g} would")
         counts.append(count)
+    if counts[0] * counts[1] > MOST_POINTS:
+        raise ValueError(f"spacing {spacing:g} makes {counts[0] * counts[1]:.3g} points; at most {MOST_POINTS:.3g} are taken")
     x1, x2 = (low + (np.arange(count) + 0.5) * spacing for low, count in zip(lower, counts, strict=True))
     return np.stack([np.tile(x1, counts[1]), np.repeat(x2, counts[0])], axis=1)
 
@@ -255,6 +262,11 @@ class Bonds:
     def of(cls, body: Body) -> Bonds:
         n = len(body)
         points = body.all_points
+        estimate = n / 2 * min(len(points), np.pi * (body.horizon / body.spacing) ** 2)
+        if estimate > MOST_BONDS:
+            raise ValueError(
+                f"a horizon of {body.horizon / body.spacing:.3g} spacings makes {estimate:.1g} bonds; at most {MOST_BONDS:.1g} are taken"
+            )
         # The tolerance keeps points at exactly the horizon, whose computed distance may exceed it by rounding.
         pairs = cKDTree(points).query_pairs(body.horizon * (1 + 1e-9), output_type="ndarray")
         pairs.sort(axis=1)

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from . import artifacts
 from .forces import ForceModel, InvalidState, OutsideDomain
 from .kernels.compile import compilation_clock, thread_count
+from .programmes.interruption import Interrupted
 from .programmes.quasistatic import go_through_levels, solver_of
 from .programmes.run import Progress, Run, Silent
 from .results import Result
@@ -18,7 +19,7 @@ from .results.checkpoint import CheckpointError
 from .scenes import Scene
 from .solvers import Diverging, NotConverged
 
-__all__ = ["Progress", "SimulationFailed", "simulate"]
+__all__ = ["Progress", "SimulationFailed", "SimulationInterrupted", "simulate"]
 
 
 class SimulationFailed(RuntimeError):
@@ -27,6 +28,20 @@ class SimulationFailed(RuntimeError):
     def __init__(self, message: str, result: Result) -> None:
         super().__init__(message)
         self.result = result
+
+
+class SimulationInterrupted(SimulationFailed):
+    """A run that was stopped by Ctrl-C; with a folder, its checkpoint is in it."""
+
+
+ADVICE = {
+    NotConverged: "allow more solver.most_evaluations, take a smaller solver.largest_increment, or another solver.method",
+    Diverging: "take a smaller solver.largest_increment",
+    InvalidState: "take a smaller solver.largest_increment or a finer spacing; or the material itself does not reach this far",
+}
+"""What to change, by what went wrong between levels in equilibrium."""
+
+DYNAMICS_ADVICE = "take a smaller dynamics.safety, more dynamics.viscosity or damping, or a finer spacing"
 
 
 def simulate(
@@ -66,6 +81,8 @@ def simulate(
         If the scene and the force model do not fit, or the body cannot be built.
     CheckpointError
         If there is nothing to resume from, or it belongs to another run.
+    SimulationInterrupted
+        After Ctrl-C, at the next place where the state is whole; the part that was reached is kept.
     SimulationFailed
         If a level does not converge, or the deformation leaves the states that the material has; the part that was reached is kept.
     """
@@ -82,9 +99,14 @@ def simulate(
         run = Run(scene, model, progress, None if folder is None else Path(folder))
         run.warm_up()
         try:
-            _go(run, resume)
+            with run.interruption:
+                _go(run, resume)
+        except Interrupted as error:
+            message = f"stretch {run.stretch:g}: {error}"
+            raise SimulationInterrupted(message, _result(run, count, clock.seconds, began, message)) from None
         except (NotConverged, Diverging, InvalidState, OutsideDomain) as error:
-            message = f"stretch {run.target:g}: {error}"
+            advice = DYNAMICS_ADVICE if run.steps else ADVICE.get(type(error))
+            message = f"stretch {run.target:g}: {error}" + (f"; {advice}" if advice else "")
             raise SimulationFailed(message, _result(run, count, clock.seconds, began, message)) from error
         return _result(run, count, clock.seconds, began, None)
 

@@ -90,9 +90,9 @@ STEPS = 20_000
 def drift() -> str:
     """Undamped velocity Verlet of a free sheet let go from a stretch of 1.2, in steps of a twentieth of the critical one.
 
-    The energy is kinetic plus that of the force; for forces that have none, plus that of the points' deformation gradients, which for NOSB is
-    the energy of which its force is the gradient.  Drift is the change of its mean over 500 steps from the first
-    such span to the last, over the stored energy at the start; the greatest departure of any step from the start is beside it.
+    The energy is kinetic plus that of the force; for forces that have none, plus that of the points' deformation gradients, which for
+    NOSB is the energy of which its force is the gradient.  Drift is the change of its mean over 500 steps from the first such span to
+    the last, over the stored energy at the start; the greatest departure of any step from the start is beside it.
     """
     body, law = pd.Body.rectangle(2.0, 1.0, 0.1, 0.315), pd.NeoHookean()
     start = body.points @ np.diag([1.2, 1.0])

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from pdsurrogate.materials import Gent, NeoHookean
+from pdsurrogate.materials import ArrudaBoyce, FullNetwork, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
 
 # Kernels compile in the first example of a test; no deadline, and the same examples in every run.
 settings.register_profile("project", deadline=None, derandomize=True, max_examples=50)
@@ -35,7 +35,17 @@ def fem_uniaxial():
 
 NEO_HOOKEAN = [NeoHookean(), NeoHookean(2.5, 25.0), NeoHookean(0.3, 3000.0)]
 
-LAWS = [*NEO_HOOKEAN, Gent(), Gent(0.4, 40.0, 60.0)]
+LAWS = [
+    *NEO_HOOKEAN,
+    Gent(),
+    Gent(0.4, 40.0, 60.0),
+    MooneyRivlin(0.7, 70.0, 0.3),
+    Yeoh(0.34, 50.0),
+    ArrudaBoyce(0.27, 54.0),
+    Ogden(),
+    Ogden(moduli=(0.5,), exponents=(2.0,), bulk_modulus=20.0),
+    FullNetwork(0.3, 30.0),
+]
 """Every property test of materials runs over these; all of them reach stretches of 4 in both directions."""
 
 

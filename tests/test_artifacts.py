@@ -265,9 +265,9 @@ def test_polynomials_are_stored_too(tmp_path):
     payload = load_plain((path / "surrogate.joblib").read_bytes())
     for change in (
         {"half_width": np.array([1.0, 0.0])},
-        {"coefficients": np.zeros((2, 3, 4))},
-        {"coefficients": np.zeros((2, 40, 40))},
-        {"coefficients": np.ones((2, 3, 3))},
+        {"coefficients": np.zeros((3, 4, 4))},
+        {"coefficients": np.zeros((2, 4, 0))},
+        {"coefficients": np.zeros((2, 40, 4))},
         {"feature_set": "symmetric"},
         {"centre": np.zeros(3)},
     ):

@@ -117,6 +117,47 @@ def test_fit_evaluate_and_run(tmp_path, monkeypatch):
     assert invoke("run", "uniaxial", *FAST, "--force", "mine").exit_code == 0
 
 
+def test_materials_are_listed_with_their_parameters():
+    text = invoke("materials").output
+    for word in ("gent", "chain_limit", "ogden", "exponents", "full-network", "chain_links", "Yeoh 1993"):
+        assert word in text
+
+
+def test_from_test_data_to_a_simulation(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    data = tmp_path / "tests.csv"
+    rows = [f"uniaxial,{stretch},{0.4 * (stretch - stretch**-2)}" for stretch in (1.2, 1.6, 2.0, 2.5, 3.0)]
+    data.write_text("\n".join(["mode,stretch,nominal_stress", *rows]) + "\n")
+    found = invoke("identify", data, "--law", "mooney-rivlin", "--law", "gent", "--up-to", "2.6", "--out", tmp_path / "found")
+    assert found.exit_code == 0, found.output
+    laws = json.loads((tmp_path / "found" / "identify.json").read_text())["laws"]
+    assert laws[0]["rows"] == 4
+    assert laws[0]["parameters"]["shear_modulus"] == pytest.approx(0.4, rel=1e-3)
+    assert (tmp_path / "found" / "identify.png").stat().st_size > 5000
+    fitted = invoke("fit", "measured", "--data", data, "--law", "mooney-rivlin", "--samples", 2000, "--folds", 2)
+    assert fitted.exit_code == 0, fitted.output
+    card = json.loads(invoke("artifacts", "measured").stdout)
+    assert card["training"]["identification"]["parameters"]["shear_modulus"] == pytest.approx(0.4, rel=1e-3)
+    law = card["material"]["trained_with"]
+    parameters = [f"material.{key}={law[key]}" for key in ("shear_modulus", "bulk_modulus", "second_share")]
+    changes = [item for change in ("material=mooney-rivlin", *parameters) for item in ("--set", change)]
+    assert invoke("run", "uniaxial", *FAST, *changes, "--force", "measured").exit_code == 0
+
+
+def test_bad_identifications_exit_with_2(tmp_path):
+    for arguments, message in (
+        (["identify", "none.csv"], "cannot read test data"),
+        (["identify", "treloar", "--law", "granite"], "unknown law"),
+        (["identify", "treloar", "--up-to", "0.5"], "no row"),
+        (["identify", "kawabata", "--law", "gent", "--hold-out"], "nothing held out"),
+        (["fit", "x", "--data", "treloar", "--law", "gent", "--set", "chain_limit=3"], "choose one"),
+        (["fit", "x", "--degree", "high"], "--degree must be whole numbers"),
+    ):
+        done = invoke(*arguments)
+        assert done.exit_code == 2, done.output
+        assert message in done.stderr
+
+
 def test_lists():
     assert "uniaxial" in invoke("scenes").output
     assert "neo-hookean@1" in invoke("artifacts").output

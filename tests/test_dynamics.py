@@ -259,3 +259,42 @@ def test_a_fracture_energy_sets_the_critical_stretch():
     scene = small(fracture={"energy": 60.0}, **{"dynamics.stretch": 1.45, "dynamics.outputs": 1})
     summary = simulate(scene, "neo-hookean").summary
     assert summary["critical_stretch"] == pytest.approx(pd.critical_stretch_of(scene.material.build(), 60.0, scene.horizon))
+
+
+UNDAMPED = {
+    **SMALL,
+    "precuts": [],
+    "stretches": [1.2],
+    "fracture": None,
+    "dynamics.stretch": 2.5,
+    "dynamics.stretch_rate": 2.0,
+    "dynamics.outputs": 4,
+    "dynamics.viscosity": 0.0,
+    "dynamics.damping": 0.0,
+}
+
+
+@pytest.mark.parametrize("check", ["inversion", "energy"])
+def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, monkeypatch, check):
+    """BA-NOSB is not conservative (a wave at its edges grows by 2 % a step): undamped, the run must fail and say what to change.
+
+    Either the energy is found to be more than was put in, or a point is turned inside out; the state before is kept.
+    """
+    if check == "inversion":
+        monkeypatch.setattr(transient, "MOST_ENERGY", np.inf)
+    else:
+        monkeypatch.setattr(transient, "STEPS_PER_ROW", 1)
+    with pytest.raises(pd.SimulationFailed, match="runs away" if check == "energy" else "time .*:") as caught:
+        simulate(pd.load_scene("tear", UNDAMPED), "ba-nosb", folder=tmp_path)
+    assert "dynamics.safety" in str(caught.value)
+    assert caught.value.result.summary["n_steps"] < 1000
+    states = caught.value.result.states
+    assert len(states) == 2 if check == "inversion" else len(states) >= 1
+    for _, fields in states:
+        assert all(np.isfinite(values).all() for values in fields.values())
+
+
+def test_a_step_beyond_the_critical_one_is_refused():
+    for safety in (1.1, 2.0, 0.0, float("nan")):
+        with pytest.raises(pd.SceneError, match=r"dynamics\.safety"):
+            small(**{"dynamics.safety": safety})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import io
 import os
@@ -44,7 +45,9 @@ def list_artifacts() -> list[Path]:
     found: dict[tuple[str, str], Path] = {}
     for root in search_path():
         for card in sorted(root.glob(f"*/*/{CARD}")):
-            found.setdefault((card.parent.parent.name, card.parent.name), card.parent)
+            # What an interrupted writing leaves has a name that is no version.
+            if re.match(VERSION_PATTERN, card.parent.name):
+                found.setdefault((card.parent.parent.name, card.parent.name), card.parent)
     return [found[key] for key in sorted(found, key=lambda key: (key[0], _version_key(key[1])))]
 
 
@@ -66,7 +69,7 @@ def find_artifact(reference: str | Path) -> Path:
     if isinstance(reference, Path) or os.sep in text or path.is_dir():
         if (path / CARD).is_file():
             return path
-        versions = [card.parent for card in path.glob(f"*/{CARD}")]
+        versions = [card.parent for card in path.glob(f"*/{CARD}") if re.match(VERSION_PATTERN, card.parent.name)]
         if versions:
             return max(versions, key=lambda folder: _version_key(folder.name))
         raise ArtifactError(f"{text}: no artefact there: the folder of one holds {CARD}")
@@ -115,11 +118,15 @@ def load_surrogate(reference: str | Path) -> ForceModel:
         raise ArtifactError(f"{card.name}@{card.version}: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
     data = _checked_payload(reference, card, SURROGATE)
     try:
-        return KINDS[card.kind].from_payload(
+        model = KINDS[card.kind].from_payload(
             f"{card.name}@{card.version}", load_plain(data), card.domain.build(), card.material.law, card.material.shape
         )
-    except (UnsafePayload, ValueError) as error:
+    except (UnsafePayload, ValueError, TypeError, KeyError, OverflowError) as error:
         raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE}: {error}") from None
+    stated = card.features.get("set")
+    if getattr(model, "feature_set", stated) != stated:
+        raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE} has {model.feature_set} features, the card states {stated}")
+    return model
 
 
 def surrogate_for(law: Law) -> ForceModel:
@@ -201,7 +208,9 @@ def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce | E
         temporary.chmod(0o755)
         try:
             os.rename(temporary, target)
-        except OSError:
+        except OSError as error:
+            if error.errno not in (errno.EEXIST, errno.ENOTEMPTY):
+                raise
             raise ArtifactError(f"{card['name']}@{card['version']} exists already in {folder}; versions never change") from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
@@ -220,8 +229,9 @@ def _checked_payload(reference: str | Path, card: Card, name: str) -> bytes:
         raise ArtifactError(f"{where}: the artefact has none")
     stated = card.payloads[name]
     try:
-        with (find_artifact(reference) / name).open("rb") as file:
-            data = file.read(stated.bytes + 1)
+        path = find_artifact(reference) / name
+        # The size first: a card may state any, and reading makes room for as much.
+        data = path.read_bytes() if path.stat().st_size == stated.bytes else b""
     except OSError as error:
         raise ArtifactError(f"{where}: cannot be read: {error.strerror}") from None
     if len(data) != stated.bytes or hashlib.sha256(data).hexdigest() != stated.sha256:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -28,6 +29,35 @@ def bad_input(*kinds: type[Exception]) -> Iterator[None]:
     except kinds as error:
         err.print(f"[red]pdsurrogate:[/] {escape(' '.join(str(error).split()))}", soft_wrap=True)
         raise typer.Exit(2) from None
+
+
+@contextmanager
+def writing(folder) -> Iterator[None]:
+    """Turn errors of writing results, a full disk above all, into one line and exit status 1."""
+    try:
+        yield
+    except OSError as error:
+        err.print(f"[red]pdsurrogate:[/] could not write {escape(str(folder))}: {error.strerror or error}", soft_wrap=True)
+        raise typer.Exit(1) from None
+
+
+@contextmanager
+def said_aloud() -> Iterator[None]:
+    """Print warnings of the package as lines of its own."""
+    from ..forces import OutsideDomainWarning
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", OutsideDomainWarning)
+        before = warnings.showwarning
+
+        def show(message, category, *where) -> None:
+            if issubclass(category, OutsideDomainWarning):
+                err.print(f"[yellow]pdsurrogate:[/] {escape(str(message))}", soft_wrap=True)
+            else:
+                before(message, category, *where)
+
+        warnings.showwarning = show
+        yield
 
 
 def law_of(name: str, changes: list[str] | None):

@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from .application import app, bad_input, err, law_of, out
+from .application import app, bad_input, err, law_of, out, writing
 
 
 @app.command()
@@ -41,7 +41,8 @@ def compare(
         table.add_row(*row)
     Console(width=max(out.width, 190)).print(table)
     if folder is not None:
-        write_text(folder / "compare.csv", presentation.as_csv(report))
-        figures.save(presentation.pareto_figure(report), folder / "compare.png")
-        write_json(folder / "compare.json", report)
+        with writing(folder):
+            write_text(folder / "compare.csv", presentation.as_csv(report))
+            figures.save(presentation.pareto_figure(report), folder / "compare.png")
+            write_json(folder / "compare.json", report)
         out.print(f"Results in {folder}", soft_wrap=True)

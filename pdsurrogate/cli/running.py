@@ -11,7 +11,21 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from .application import app, bad_input, err, out
+from .application import app, bad_input, err, out, said_aloud, writing
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells give it: 128 and the number of the signal."""
+
+
+def how_to_resume(folder: Path | None) -> str:
+    """What to do after an interrupt."""
+    from ..results.checkpoint import NAME
+
+    if folder is None:
+        return "nothing was kept: give --out to be able to resume"
+    if not (folder / NAME).is_file():
+        return "it had not come to its first checkpoint"
+    return f"the checkpoint is in {escape(str(folder))}: the same command with --resume goes on from it"
 
 
 @app.command()
@@ -35,7 +49,7 @@ def run(
     from ..results.checkpoint import CheckpointError
     from ..results.files import check_writable
     from ..scenes import SceneError, load_scene
-    from ..simulation import SimulationFailed, simulate
+    from ..simulation import SimulationFailed, SimulationInterrupted, simulate
 
     with bad_input(SceneError, ArtifactError):
         described = load_scene(scene, change or [])
@@ -48,17 +62,14 @@ def run(
             check_writable(folder)
     failure = None
     try:
-        with bad_input(SceneError, CheckpointError, ValueError), _Bar(described) as bar:
+        with bad_input(SceneError, CheckpointError, ValueError), writing(folder), said_aloud(), _Bar(described) as bar:
             result = simulate(described, model, threads=threads, progress=bar, folder=folder, resume=resume)
     except SimulationFailed as error:
         failure, result = error, error.result
     _print_levels(result)
     if folder is not None:
-        try:
+        with writing(folder):
             result.save(folder)
-        except OSError as error:
-            err.print(f"[red]pdsurrogate:[/] could not write {folder}: {error.strerror}", soft_wrap=True)
-            raise typer.Exit(1) from None
         out.print(f"Results in {folder}", soft_wrap=True)
     outside = result.summary["fraction_outside_domain"]
     if outside:
@@ -66,6 +77,9 @@ def run(
         err.print(
             f"[yellow]{100 * outside:.2g} % of the bond evaluations were outside the surrogate's domain; {what} there.[/]", soft_wrap=True
         )
+    if isinstance(failure, SimulationInterrupted):
+        err.print(f"[yellow]pdsurrogate:[/] {escape(str(failure))}; {how_to_resume(folder)}", soft_wrap=True)
+        raise typer.Exit(INTERRUPTED)
     if failure is not None:
         err.print(f"[red]pdsurrogate: the run failed:[/] {escape(str(failure))}", soft_wrap=True)
         raise typer.Exit(1)

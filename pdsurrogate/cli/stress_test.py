@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from .application import app, bad_input, err, out
+from .application import app, bad_input, err, out, writing
 
 
 @app.command("stress-test")
@@ -44,5 +44,6 @@ def stress_test(
         counts = report_module.count(model)
         out.print(f"{model['force']}: {', '.join(f'{number} {verdict}' for verdict, number in counts.items() if number)}", soft_wrap=True)
     if folder is not None:
-        write_json(folder / "stress-test.json", report)
+        with writing(folder):
+            write_json(folder / "stress-test.json", report)
         out.print(f"Results in {folder}", soft_wrap=True)

@@ -11,7 +11,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .application import app, bad_input, err, law_of, out
+from .application import app, bad_input, err, law_of, out, writing
+from .materials import DATA_HELP, identified, print_identified
 
 Reference = Annotated[str, typer.Argument(metavar="REF", help="analytic, nosb, or an artefact: NAME, NAME@VERSION or a path.")]
 
@@ -22,20 +23,35 @@ def fit(
     version: Annotated[str, typer.Option(help="Its version; versions never change once written.")] = "1",
     law: Annotated[str, typer.Option(help="Material law.")] = "neo-hookean",
     change: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter of the law; may be repeated.")] = None,
-    features: Annotated[str, typer.Option(help="symmetric, or the paper's five (paper).")] = "symmetric",
-    units: Annotated[str, typer.Option(help="Hidden units; two layers with a comma between.")] = "20",
-    activation: Annotated[str, typer.Option(help="algebraic, logistic, tanh, relu or softplus.")] = "algebraic",
+    data: Annotated[Path | None, typer.Option(metavar="CSV", help=f"Identify the law's parameters first. {DATA_HELP}")] = None,
+    terms: Annotated[int, typer.Option(help="Terms of Ogden's law, with --data.", min=1, max=4)] = 3,
+    features: Annotated[
+        str | None, typer.Option(help="isochoric (for polynomials), symmetric (for networks), or the paper's five (paper).")
+    ] = None,
+    degree: Annotated[str, typer.Option(help="Degrees of a polynomial in the two isochoric features.")] = "12,6",
+    units: Annotated[str | None, typer.Option(help="Hidden units of a network instead; two layers with a comma between.")] = None,
+    activation: Annotated[str, typer.Option(help="Of a network: algebraic, logistic, tanh, relu or softplus.")] = "algebraic",
     samples: Annotated[int, typer.Option(help="Training samples.", min=200)] = 8000,
-    least: Annotated[float, typer.Option(help="Least principal stretch trained on.")] = 0.5,
-    greatest: Annotated[float, typer.Option(help="Greatest principal stretch trained on.")] = 4.0,
-    iterations: Annotated[int, typer.Option(help="Most iterations of the training.", min=1)] = 1000,
-    folds: Annotated[int, typer.Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 0,
+    least: Annotated[float | None, typer.Option(help="Least principal stretch trained on; 0.5, or as far as the law goes.")] = None,
+    greatest: Annotated[float | None, typer.Option(help="Greatest principal stretch trained on; 4, or as far as the law goes.")] = None,
+    iterations: Annotated[int, typer.Option(help="Most iterations of the training of a network.", min=1)] = 1000,
+    folds: Annotated[int, typer.Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5,
     seed: Annotated[int, typer.Option(help="Seed of samples, split and first weights.", min=0)] = 0,
     folder: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of artefacts.")] = Path("artifacts"),
 ) -> None:
-    """Fit a surrogate of a law's bond force and store it as an artefact."""
+    """Fit a surrogate of a law's bond force, cross-validate it, and store it as an artefact."""
     from ..artifacts import ArtifactError, load_card
-    from ..learning import LevenbergMarquardtRegressor, bond_force_pipeline, cross_validate, store, wide_design
+    from ..identification import report
+    from ..learning import (
+        ChebyshevRegressor,
+        LevenbergMarquardtRegressor,
+        bond_force_pipeline,
+        cross_validate,
+        reachable_stretches,
+        store,
+        wide_design,
+    )
+    from ..results.files import check_writable
     from ..scenes import SceneError
 
     if folds == 1:
@@ -47,23 +63,51 @@ def fit(
         )
         raise typer.Exit(2)
     with bad_input(SceneError, ArtifactError, ValueError, OSError):
-        material = law_of(law, change)
-        hidden = tuple(int(width) for width in units.split(","))
-        design = wide_design(material, samples, (least, greatest), random_state=seed)
-        network = LevenbergMarquardtRegressor(hidden, activation, max_iter=iterations, n_iter_no_change=100, random_state=seed)
-        model = bond_force_pipeline(features, network)
+        check_writable(folder)
+        found = None
+        if data is not None:
+            if change:
+                raise ValueError("--data finds the law's parameters, --set gives them: choose one")
+            with err.status(f"Fitting {law} to {data}"):
+                model, rows = identified(data, law, terms, None)
+            material, found = model.law_, report(model, rows)
+            print_identified(found)
+        else:
+            material = law_of(law, change)
+        reach = (least or 0.5, greatest or 4.0)
+        if least is None and greatest is None:
+            reach = reachable_stretches(material)
+        design = wide_design(material, samples, reach, random_state=seed)
+        if units is None:
+            degrees = _numbers(degree, "--degree")
+            regressor, what = ChebyshevRegressor(degrees if len(degrees) > 1 else degrees[0]), f"polynomial of degree {degree}"
+        else:
+            hidden = _numbers(units, "--units")
+            regressor = LevenbergMarquardtRegressor(hidden, activation, max_iter=iterations, n_iter_no_change=100, random_state=seed)
+            what = f"{units} units"
+        chosen = features or ("isochoric" if units is None else "symmetric")
+        model = bond_force_pipeline(chosen, regressor)
         with err.status("Fitting"):
             model.fit(design.X, design.y)
         table = []
         if folds:
             with err.status(f"Cross-validating, {folds} folds"):
                 table = cross_validate(model, design, folds, seed)
-        path = store(model, design, material, folder, name, version, f"Bond force of {law}, {features} features, {units} units", table)
+        description = f"Bond force of {law}, {chosen} features, {what}"
+        with writing(folder):
+            path = store(model, design, material, folder, name, version, description, table, identification=found)
         card = load_card(path)
     _print_errors(card.errors["box"])
     for row in card.training["cross_validation"]:
         out.print(f"fold {row['fold']}: relative RMS error {row['rms']:.2e} on samples left out")
     out.print(f"Wrote {path}", soft_wrap=True)
+
+
+def _numbers(text: str, option: str) -> tuple[int, ...]:
+    try:
+        return tuple(int(number) for number in text.split(","))
+    except ValueError:
+        raise ValueError(f"{option} must be whole numbers with commas between, not {text!r}") from None
 
 
 @app.command()

@@ -9,7 +9,7 @@ from ..body import Body
 from ..kernels import bond_associated
 from ..kernels.blocks import BLOCK, SCRATCH_ROWS
 from ..materials import Law
-from .kinematics import Kinematics, locate
+from .kinematics import Kinematics, at_point, locate
 from .protocol import InvalidState
 from .settings import ForceSettings
 
@@ -119,10 +119,31 @@ class BondAssociatedEvaluation:
         self.pass_bonds(out)
         if self._unsolved.any():
             self._volume_ratios[:] = 1.0
-            self.kinematics.update(positions)  # names the point, if one of them is at fault
-            raise InvalidState("the deformation gradient of a bond is turned inside out or has no plane-stress state")
+            raise InvalidState(self._diagnose())
         if not np.isfinite(out).all():
             raise InvalidState(locate(self.body, out, "the force on it is not finite"))
+
+    def _diagnose(self) -> str:
+        """Say which bond has no state: that of the least det F, formed anew for all of them."""
+        body, positions = self.body, self.kinematics.positions
+        owners = np.repeat(np.arange(len(positions)), np.diff(self._bond_pointers).astype(np.int64))
+        bonds = np.repeat(np.arange(len(owners)), np.diff(self._common_pointers).astype(np.int64))
+        entries = self._table_pointers[owners[bonds]].astype(np.int64) + self._common
+        vectors = positions[self._table[entries]] - positions[owners[bonds]]
+        F = np.zeros((len(owners), 2, 2))
+        np.add.at(F, bonds, np.einsum("ci,cj->cij", vectors, self._table_weights[entries]))
+        F = F @ self._inverse_shapes[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+        J = np.where(self._inverse_shapes[:, 0] == 0, 1.0, np.linalg.det(F))
+        bond = int(np.where(np.isfinite(J), J, -np.inf).argmin())
+        x1, x2 = body.all_points[self._targets[bond]]
+        owner = int(np.concatenate([np.arange(len(body)), body.images.mirror])[owners[bond]])
+        if not np.isfinite(J[bond]):
+            reason = "a position is not finite"
+        elif J[bond] <= 0:
+            reason = "it is turned inside out"
+        else:
+            reason = f"{self.law.name} has no plane-stress state in one of the bonds"
+        return at_point(body, owner, f"the deformation gradient of its bond to ({x1:.4g}, {x2:.4g}) has det F = {J[bond]:.3g}: {reason}")
 
     def pass_bonds(self, out: np.ndarray) -> None:
         """Everything but the placing of images, at the positions last given."""

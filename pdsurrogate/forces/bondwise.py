@@ -12,6 +12,7 @@ from ..kernels.blocks import BLOCK
 from ..kernels.exact import exact_bond_force
 from ..materials import Law
 from .kinematics import Kinematics, at_point, locate
+from .learnt_thickness import LearntThickness
 from .protocol import EVERYWHERE, ForceSurrogate, InvalidState, OutsideDomain, OutsideDomainWarning
 from .settings import OUTSIDE_POLICIES, ForceSettings
 
@@ -53,6 +54,8 @@ class BondForceEvaluation:
             self._strength = None
         compiled = model.compiled(self.precision)
         self._compiled = compiled
+        if law.costly and model.domain is not None and model.gives_transverse:
+            self.kinematics.learnt_thickness = LearntThickness(compiled, model.domain, law, self.precision, self.kinematics.chunks)
         self._exact = exact_bond_force(self.precision)
         self._guard = OUTSIDE_POLICIES[self.outside] if model.domain is not None else bond_pass.UNGUARDED
         domain = EVERYWHERE if model.domain is None or self.outside == "extrapolate" else model.domain

@@ -11,6 +11,7 @@ from ..body import Body
 from ..kernels import gradient, node_state, reference
 from ..kernels.blocks import BLOCK, SCRATCH_ROWS
 from ..materials import Law, plane_stress
+from .learnt_thickness import LearntThickness
 from .protocol import InvalidState
 
 
@@ -37,6 +38,8 @@ class Kinematics:
         J3, the start of the next plane-stress iteration.
     records : ndarray, shape (n + m, 4)
         (cos, sin, J, C33).
+    learnt_thickness : LearntThickness or None
+        What solves the plane-stress condition in the place of the law.
     """
 
     def __init__(self, body: Body, law: Law, rotation: str, record_precision: str, keep_weighted_bonds: bool = False) -> None:
@@ -68,6 +71,7 @@ class Kinematics:
         self.records = np.empty((total, 4), dtype=record_precision)
         self.scratch = np.ones((self.chunks, SCRATCH_ROWS, BLOCK))
         self._unsolved = np.zeros(self.chunks, dtype=np.int64)
+        self.learnt_thickness: LearntThickness | None = None
 
     def _find_shapes(self, rows: np.ndarray) -> None:
         """Shape tensors and gradient weights of the given points, then of all images."""
@@ -149,16 +153,20 @@ class Kinematics:
             Where det F <= 0, the law ends, or numbers are not finite; names the point.
         """
         self.update_gradients(positions)
-        node_state.node_states(
-            self.gradients,
-            self.volume_ratios,
-            self._rotation,
-            self.response.address,
-            self.parameters,
-            self.scratch,
-            self.records,
-            self._unsolved,
-        )
+        if self.learnt_thickness is not None:
+            law = self.response.address, self.parameters
+            self.learnt_thickness.update(self.gradients, self.volume_ratios, self._rotation, *law, self.records, self._unsolved)
+        else:
+            node_state.node_states(
+                self.gradients,
+                self.volume_ratios,
+                self._rotation,
+                self.response.address,
+                self.parameters,
+                self.scratch,
+                self.records,
+                self._unsolved,
+            )
         if self._unsolved.any():
             raise InvalidState(self._diagnose())
 
@@ -168,22 +176,30 @@ class Kinematics:
 
     def _diagnose(self) -> str:
         """Say which point has no state, and why.  The volume ratios are reset, so that a later evaluation starts afresh."""
-        n = len(self.body)
         self.volume_ratios[:] = 1.0
-        F = self.deformation_gradients()
-        broken = ~np.isfinite(F).all(axis=(1, 2))
-        if broken.any():
-            return locate(self.body, F, "its deformation gradient is not finite")
+        owners = np.concatenate([np.arange(len(self.body)), self.body.images.mirror.astype(np.int64)])
+
+        def at(number: int, what: str) -> str:
+            image = "" if number < len(self.body) else "its image beyond the grip: "
+            return at_point(self.body, int(owners[number]), image + what)
+
+        # Images too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
+        F = self.gradients.reshape(-1, 2, 2).transpose(0, 2, 1)
+        broken = np.flatnonzero(~np.isfinite(F).all(axis=(1, 2)))
+        if len(broken):
+            return at(int(broken[0]), "its deformation gradient is not finite")
         J = np.linalg.det(F)
         if J.min() <= 0:
-            return at_point(self.body, int(J.argmin()), f"det F = {J.min():.3g}: the material is turned inside out there")
+            return at(int(J.argmin()), f"det F = {J.min():.3g}: the material is turned inside out there")
         trace, _ = plane_stress.invariants(F)
-        for i in np.argsort(-trace)[: min(n, 100)]:
+        order = np.argsort(-trace)
+        for i in order[:100]:
             try:
                 plane_stress.volume_ratio(self.law, trace[i], J[i])
             except ValueError as error:
-                return at_point(self.body, int(i), str(error))
-        return "a point has no plane-stress state"
+                return at(int(i), str(error))
+        i = int(order[0])
+        return at(i, f"no plane-stress state was found there or nearby, at tr C = {trace[i]:.4g} and det F = {J[i]:.4g}")
 
 
 def at_point(body: Body, i: int, what: str) -> str:

@@ -148,7 +148,7 @@ def checked_feature_set(payload: dict) -> str:
     ValueError
         If it is unknown.
     """
-    if payload["feature_set"] not in FEATURE_SETS:
+    if not isinstance(payload["feature_set"], str) or payload["feature_set"] not in FEATURE_SETS:
         raise ValueError(f"unknown feature set {payload['feature_set']!r}")
     return payload["feature_set"]
 

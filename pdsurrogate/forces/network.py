@@ -59,7 +59,7 @@ class NetworkForce(LearntBondForce):
         if not isinstance(payload, dict) or set(payload) != {"feature_set", "activation", "layers", "at_rest"}:
             raise ValueError("a network's payload has feature_set, activation, layers and at_rest")
         feature_set = checked_feature_set(payload)
-        if payload["activation"] not in ACTIVATIONS:
+        if not isinstance(payload["activation"], str) or payload["activation"] not in ACTIVATIONS:
             raise ValueError(f"unknown activation {payload['activation']!r}")
         if not isinstance(payload["layers"], list) or not 2 <= len(payload["layers"]) <= MOST_HIDDEN + 1:
             raise ValueError(f"a network has one to {MOST_HIDDEN} hidden layers and an output layer")

@@ -9,23 +9,21 @@ from typing import ClassVar
 import numpy as np
 
 from ..kernels.feature_sets import FEATURE_SETS
-from ..kernels.polynomial import N_WORK_ROWS, pack, polynomial_block
+from ..kernels.polynomial import MOST_DEGREE, N_WORK_ROWS, pack, polynomial_block
 from .learnt import N_OUTPUTS, LearntBondForce, checked_array, checked_feature_set
 from .protocol import Domain
-
-MOST_DEGREE = 24
 
 
 @dataclass(frozen=True)
 class PolynomialForce(LearntBondForce):
-    """A sum of products of Chebyshev polynomials in two features, up to a total degree.
+    """A sum of products of Chebyshev polynomials in two features.
 
     Parameters
     ----------
     centre, half_width : ndarray, shape (2,)
         Features are mapped to (x - centre)/half_width, [-1, 1] where it was trained.
-    coefficients : ndarray, shape (2, degree + 1, degree + 1)
-        Of T_i(x1) T_j(x2), by output; zero where i + j > degree.
+    coefficients : ndarray, shape (2, degree1 + 1, degree2 + 1)
+        Of T_i(x1) T_j(x2), by output.
     """
 
     centre: np.ndarray
@@ -36,7 +34,8 @@ class PolynomialForce(LearntBondForce):
 
     @property
     def size(self) -> str:
-        return f"degree {self.coefficients.shape[1] - 1}"
+        first, second = (length - 1 for length in self.coefficients.shape[1:])
+        return f"degree {first}" if first == second else f"degrees {first} and {second}"
 
     def outputs(self, features: np.ndarray) -> np.ndarray:
         scaled = (features - self.centre) / self.half_width
@@ -66,12 +65,9 @@ class PolynomialForce(LearntBondForce):
         if not (half_width > 0).all():
             raise ValueError("half_width must be positive")
         coefficients = checked_array(payload["coefficients"], "coefficients")
-        if coefficients.ndim != 3 or coefficients.shape[0] != N_OUTPUTS or coefficients.shape[1] != coefficients.shape[2]:
+        if coefficients.ndim != 3 or coefficients.shape[0] != N_OUTPUTS:
             raise ValueError(f"coefficients have shape {coefficients.shape}, not ({N_OUTPUTS}, degree + 1, degree + 1)")
-        if not 1 <= coefficients.shape[1] <= MOST_DEGREE + 1:
-            raise ValueError(f"the degree must be 0 to {MOST_DEGREE}")
-        i, j = np.indices(coefficients.shape[1:])
-        if coefficients[:, i + j >= coefficients.shape[1]].any():
-            raise ValueError("coefficients beyond the total degree must be zero")
+        if not all(1 <= length <= MOST_DEGREE + 1 for length in coefficients.shape[1:]):
+            raise ValueError(f"the degrees must be 0 to {MOST_DEGREE}")
         at_rest = checked_array(payload["at_rest"], "at_rest", (N_OUTPUTS,))
         return cls(name, feature_set, at_rest, domain, law, dict(shape), centre, half_width, coefficients)

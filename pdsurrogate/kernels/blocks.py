@@ -53,3 +53,29 @@ block_rows = _with_row_length(BLOCK)
 
 pair_records, triple_records, quad_records = (_with_row_length(length) for length in (2, 3, 4))
 """The same two-dimensional array, stated to have records of exactly two, three or four values."""
+
+
+@intrinsic
+def stack_rows(typingctx, count):
+    """An array of rows of doubles on the stack, for intermediate values within a block function; `count` is a literal."""
+    if not isinstance(count, types.IntegerLiteral):
+        return None
+    rows = count.literal_value
+    result_type = types.Array(types.float64, 2, "C")
+
+    def codegen(context, builder, signature, arguments):
+        index, size = context.get_value_type(types.intp), context.get_abi_sizeof(ir.DoubleType())
+        memory = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), rows * BLOCK))
+        result = context.make_array(result_type)(context, builder)
+        context.populate_array(
+            result,
+            data=builder.bitcast(memory, ir.DoubleType().as_pointer()),
+            shape=cgutils.pack_array(builder, [ir.Constant(index, rows), ir.Constant(index, BLOCK)]),
+            strides=cgutils.pack_array(builder, [ir.Constant(index, BLOCK * size), ir.Constant(index, size)]),
+            itemsize=ir.Constant(index, size),
+            meminfo=None,
+            parent=None,
+        )
+        return result._getvalue()
+
+    return result_type(count), codegen

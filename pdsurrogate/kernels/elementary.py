@@ -35,14 +35,14 @@ def real_of(typingctx, bits):
     return REAL_OF[bits](bits), codegen
 
 
-def positive_or_nan(x):
-    """Give x where it is positive, else NaN: how a law says that it ends before a state, without a branch."""
-    return np.where(x > 0, x, np.nan)
+def select(condition, value, otherwise):
+    """`value` where the condition holds, else `otherwise`; both are computed, so that no branch keeps a loop scalar."""
+    return np.where(condition, value, otherwise)
 
 
-@overload(positive_or_nan, jit_options=INLINE_OPTIONS)
-def _positive_or_nan(x):
-    return lambda x: x if x > 0 else np.nan
+@overload(select, jit_options=INLINE_OPTIONS)
+def _select(condition, value, otherwise):
+    return lambda condition, value, otherwise: value if condition else otherwise
 
 
 def inverse_cube_root(x):

@@ -95,10 +95,13 @@ def isochoric_inputs(a, b, U_mm, J, C33, length):
 
 
 def isochoric_traction(o1, o2, a, b, U_mm, J, C33):
-    """T = o1 (U - C33 U^-1) + (o2 Jbar^-2) U^-1, times J3^(-2/3) and in the isochoric measure; zero at rest if o2 is."""
+    """T = p (U - C33 U^-1) + r U^-1 with p = J3^(-2/3) o1 and r = o2; zero at rest if o2 is.
+
+    r vanishes for every law of I1bar alone, where p is 2 W1 J3^(-2/3).
+    """
     c = inverse_cube_root(J * J * C33)
     p = c * o1
-    q = c * C33 * (o2 - o1) / J
+    q = (o2 - C33 * p) / J
     return p * a + q * U_mm, (p - q) * b, p * U_mm + q * a
 
 
@@ -106,8 +109,8 @@ def isochoric_outputs(T_nn, T_nm, a, b, U_mm, J, C33):
     """Inverse of `isochoric_traction`."""
     c = inverse_cube_root(J * J * C33)
     q = (T_nn - a * T_nm / b) / (a + U_mm)
-    o1 = (T_nm / b + q) / c
-    return o1, o1 + q * J / (c * C33)
+    p = T_nm / b + q
+    return p / c, q * J + C33 * p
 
 
 def paper_inputs(a, b, U_mm, J, C33, length):

@@ -14,7 +14,7 @@ from .export import surrogate_of
 from .fitting import cross_validate, domain_of, store
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .pipeline import bond_force_pipeline
-from .sampling import BondSamples, algorithm_1, wide_design
+from .sampling import BondSamples, algorithm_1, reachable_stretches, wide_design
 from .sobolev import SobolevRegressor, TorchSobolevRegressor
 from .target import InputAwareTargetRegressor
 from .torch_regressor import TorchMLPRegressor
@@ -39,6 +39,7 @@ __all__ = [
     "energy_surrogate_of",
     "evaluate",
     "evaluate_energy",
+    "reachable_stretches",
     "store",
     "store_energy",
     "surrogate_of",

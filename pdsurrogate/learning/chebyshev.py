@@ -18,8 +18,9 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
 
     Parameters
     ----------
-    degree : int, default=6
-        Total degree of the products.
+    degree : int or tuple of int, default=6
+        Total degree of the products; or one degree for each feature, the products then being those whose degrees, each over that of
+        its feature, add up to at most 1.
 
     Attributes
     ----------
@@ -30,7 +31,7 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
     n_features_in_ : int
     """
 
-    _parameter_constraints: ClassVar = {"degree": [Interval(Integral, 0, 24, closed="both")]}
+    _parameter_constraints: ClassVar = {"degree": [Interval(Integral, 0, 24, closed="both"), tuple]}
 
     def __init__(self, degree=6):
         self.degree = degree
@@ -59,7 +60,7 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
         low, high = X.min(axis=0), X.max(axis=0)
         self.centre_ = (low + high) / 2
         self.half_width_ = np.where(high > low, (high - low) / 2, 1.0)
-        self.powers_ = np.array(list(_powers(X.shape[1], self.degree)))
+        self.powers_ = np.array(list(_powers(self._degrees(X.shape[1]), 1.0)))
         self.coef_ = np.linalg.lstsq(self._terms(X), y.reshape(len(X), -1), rcond=1e-13)[0]
         return self
 
@@ -69,19 +70,27 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
         Y = self._terms(validate_data(self, X, dtype=np.float64, reset=False)) @ self.coef_
         return Y[:, 0] if self._single_output else Y
 
+    def _degrees(self, n_features):
+        if isinstance(self.degree, Integral):
+            return [int(self.degree)] * n_features
+        if len(self.degree) != n_features or not all(isinstance(value, Integral) and 0 <= value <= 24 for value in self.degree):
+            raise ValueError(f"degree must be one number from 0 to 24 for each of the {n_features} features, not {self.degree}")
+        return [int(value) for value in self.degree]
+
     def _terms(self, X):
-        basis = np.polynomial.chebyshev.chebvander((X - self.centre_) / self.half_width_, self.degree)
+        basis = np.polynomial.chebyshev.chebvander((X - self.centre_) / self.half_width_, self.powers_.max())
         terms = np.ones((len(X), len(self.powers_)))
         for feature in range(X.shape[1]):
             terms *= basis[:, feature, self.powers_[:, feature]]
         return terms
 
 
-def _powers(n_features, degree):
-    """All degrees of `n_features` features that add up to at most `degree`."""
-    if n_features == 0:
+def _powers(degrees, share):
+    """All degrees of the features whose shares of their greatest add up to at most `share`."""
+    if not degrees:
         yield ()
         return
-    for first in range(degree + 1):
-        for rest in _powers(n_features - 1, degree - first):
+    greatest, *others = degrees
+    for first in range(int(greatest * share + 1e-9) + 1):
+        for rest in _powers(others, share - (first / greatest if greatest else 0.0)):
             yield (first, *rest)

@@ -65,7 +65,7 @@ def _polynomial(regressor, scaling, target):
     if regressor.n_features_in_ != 2:
         raise ValueError(f"the kernels evaluate polynomials in two features, this one has {regressor.n_features_in_}")
     centre = scaling.mean_ + scaling.scale_ * regressor.centre_
-    coefficients = np.zeros((target.scale_.size, regressor.degree + 1, regressor.degree + 1))
+    coefficients = np.zeros((target.scale_.size, *(regressor.powers_.max(axis=0) + 1)))
     for (i, j), values in zip(regressor.powers_, regressor.coef_ * target.scale_, strict=True):
         coefficients[:, i, j] = values
     coefficients[:, 0, 0] += target.mean_

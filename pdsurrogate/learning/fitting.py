@@ -16,7 +16,7 @@ from ..body import WEIGHT_FUNCTIONS
 from ..forces import Domain
 from ..materials import Law
 from .export import surrogate_of
-from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples
+from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples, reachable_stretches
 from .validation import evaluate, relative_errors
 
 
@@ -54,6 +54,7 @@ def store(
     description: str,
     cross_validation: list[dict] | None = None,
     search: list[dict] | None = None,
+    identification: dict | None = None,
 ) -> Path:
     """Write the artefact of a fitted pipeline with a full card.
 
@@ -70,6 +71,8 @@ def store(
         What it is for, in a sentence.
     cross_validation, search : list of dict, optional
         Tables for the card.
+    identification : dict, optional
+        How the law's parameters were found, for the card (`pdsurrogate.identification.report`).
 
     Returns
     -------
@@ -82,7 +85,7 @@ def store(
     scaling, target = pipeline["scaling"], pipeline["regressor"].transformer_
     low, high = samples.design["stretch_range"]
     errors = {"box": evaluate(surrogate.bond_force, law, (low, high))}
-    if low > 0.5:
+    if low > 0.5 and reachable_stretches(law) == (0.5, 4.0):
         errors["outside_box"] = evaluate(surrogate.bond_force, law, (0.5, 4.0))
     card = {
         "name": name,
@@ -116,6 +119,7 @@ def store(
             },
             "cross_validation": cross_validation or [],
             "search": search or [],
+            **({"identification": identification} if identification else {}),
         },
         "domain": {
             "least_stretch": surrogate.domain.least_stretch,

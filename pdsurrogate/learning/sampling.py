@@ -171,6 +171,39 @@ def perturb(U_nn, U_nm, C33, strain, random):
     return stretch * np.cos(rotation), stretch * np.sin(rotation), C33
 
 
+def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0)) -> tuple[float, float]:
+    """The part of a range of principal stretches in which a law has every state of `wide_design`.
+
+    A law that locks ends within any range; both bounds are then drawn in, evenly in their logarithms, until the perturbed
+    corners of the box are short of the limit.
+    """
+    low, high = np.log(_checked_range(stretch_range))
+    # The bond perturbation stretches one direction at a held area; rotation adds a little, hence the margin.
+    stretch, thickness = 1.3 * PERTURBATION["log_stretch"], 1.1 * PERTURBATION["log_C33"]
+
+    def reached(share) -> bool:
+        logs = np.array([(first, second) for first in (low, high) for second in (low, high)]) * share
+        for move in (-stretch, 0, stretch):
+            first, second = np.exp(logs + np.array([move, -move])).T
+            for bulk in (-thickness, 0, thickness):
+                with np.errstate(all="ignore"):
+                    response = law.response(first**2 + second**2, first * second, np.full(len(first), np.exp(bulk / 2)))
+                if not np.isfinite(response).all():
+                    return False
+        return True
+
+    if reached(1.0):
+        return tuple(float(value) for value in stretch_range)
+    inside, outside = 0.0, 1.0
+    while outside - inside > 1e-3:
+        middle = (inside + outside) / 2
+        inside, outside = (middle, outside) if reached(middle) else (inside, middle)
+    if inside == 0:
+        raise ValueError(f"{law.name}: it locks too near the undeformed state for a surrogate")
+    # The force grows without bound towards the limit; a twentieth short of it a smooth model can still follow.
+    return float(np.exp(0.95 * low * inside)), float(np.exp(0.95 * high * inside))
+
+
 def states_of_strain(
     law: Law, strains: tuple[float, float], stretch_range: tuple[float, float], n_samples: int, random_state: int
 ) -> BondSamples:

@@ -1,9 +1,26 @@
 """Material laws, their plane-stress relations, and exact homogeneous solutions."""
 
+from .arruda_boyce import ArrudaBoyce
+from .full_network import FullNetwork
 from .gent import Gent
-from .law import InvariantLaw, Law
+from .law import InvariantLaw, Law, PrincipalStretchLaw
+from .mooney_rivlin import MooneyRivlin
 from .neo_hookean import NeoHookean
+from .ogden import Ogden
+from .yeoh import Yeoh
 
-LAWS: dict[str, type[Law]] = {law.name: law for law in (NeoHookean, Gent)}
+LAWS: dict[str, type[Law]] = {law.name: law for law in (NeoHookean, MooneyRivlin, Yeoh, Gent, ArrudaBoyce, Ogden, FullNetwork)}
 
-__all__ = ["LAWS", "Gent", "InvariantLaw", "Law", "NeoHookean"]
+__all__ = [
+    "LAWS",
+    "ArrudaBoyce",
+    "FullNetwork",
+    "Gent",
+    "InvariantLaw",
+    "Law",
+    "MooneyRivlin",
+    "NeoHookean",
+    "Ogden",
+    "PrincipalStretchLaw",
+    "Yeoh",
+]

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..kernels.elementary import logarithm, positive_or_nan
+from ..kernels.elementary import logarithm, select
 from .law import InvariantLaw
 
 
@@ -32,6 +32,7 @@ class Gent(InvariantLaw):
     name: ClassVar[str] = "gent"
     reference: ClassVar[str] = "Gent 1996; Chen et al. 2024, Eq. (32)"
     n_parameters: ClassVar[int] = 2
+    bounds: ClassVar[dict] = {"chain_limit": (0.01, 1e4)}
 
     bulk_modulus: float = 200.0
     chain_limit: float = 120.0
@@ -55,7 +56,8 @@ class Gent(InvariantLaw):
     @staticmethod
     def isochoric(I1, I2, parameters):
         limit = parameters[1]
-        gap = positive_or_nan(1 - (I1 - 3) / limit)
+        gap = 1 - (I1 - 3) / limit
+        gap = select(gap > 0, gap, np.nan)
         zero = 0 * I1
         # 0 * gap carries the NaN, which the kernels' logarithm does not.
         return 0 * gap - limit / 2 * logarithm(gap), 1 / (2 * gap), zero, 1 / (2 * limit * gap * gap), zero, zero

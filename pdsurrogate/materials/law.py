@@ -22,9 +22,9 @@ from typing import ClassVar
 import numpy as np
 from numba import carray
 
-from ..kernels.blocks import BLOCK
+from ..kernels.blocks import BLOCK, block_rows, stack_rows
 from ..kernels.compile import STRESS_RESPONSE, compile_block_function, inlined
-from ..kernels.elementary import inverse_cube_root
+from ..kernels.elementary import exponential, inverse_cube_root, logarithm, select
 
 TRACE, AREA_RATIO, VOLUME_RATIO = 0, 1, 2
 """Rows of the states handed to a stress response: tr C in the plane, J = det F in the plane, J3."""
@@ -33,6 +33,9 @@ STRESS_U, STRESS_INVERSE_U, THICKNESS_RESIDUAL, THICKNESS_SLOPE, ENERGY = 0, 1, 
 """Rows of its result: p, q, the residual J3 dPsi/dJ3 of P33 = 0 at fixed F in the plane, its derivative by J3, and Psi."""
 
 RESPONSE_ROWS = 5
+
+MOST_PARAMETERS = 4096
+"""More than the parameters of any law; an expression reads those that its law has."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +52,11 @@ class Law(ABC):
 
     name: ClassVar[str]
     reference: ClassVar[str]
-    n_parameters: ClassVar[int]
-    """Length of `parameters`."""
+    bounds: ClassVar[dict[str, tuple[float, float]]] = {}
+    """Bounds of the parameters beside the two moduli, within which they are identified from test data."""
+
+    costly: ClassVar[bool] = False
+    """Whether the response costs more than a learnt bond force, so that such a force does better to solve the thickness by itself."""
 
     shear_modulus: float = 1.0
     bulk_modulus: float = 100.0
@@ -71,7 +77,19 @@ class Law(ABC):
     @property
     @abstractmethod
     def parameters(self) -> np.ndarray:
-        """Dimensionless parameters, float64, in the order the law's expressions read them."""
+        """Dimensionless parameters, float64, in the order the law's expressions read them; the first is K/mu."""
+
+    @staticmethod
+    def volumetric(J3, parameters):
+        """U and its derivatives (U, U', U'') at the volume ratio; K/8 (J3 - 1/J3)^2, the paper's Eq. (6), unless a law has another."""
+        K = parameters[0]
+        inverse = 1 / J3
+        square = inverse * inverse
+        return (
+            K / 8 * (J3 - inverse) * (J3 - inverse),
+            K / 4 * (J3 - inverse * square),
+            K / 4 * (1 + 3 * square * square),
+        )
 
     @abstractmethod
     def response(self, trace, area_ratio, volume_ratio):
@@ -86,6 +104,25 @@ class Law(ABC):
     def response_block(cls):
         """The same compiled as a block function (`pdsurrogate.kernels.compile.STRESS_RESPONSE`)."""
 
+    @classmethod
+    @cache
+    def volumetric_block(cls):
+        """Block function of J3 U' and its derivative alone, in the rows that the whole response has for the residual and its slope."""
+        volumetric, prints = inlined(cls.volumetric)
+
+        def response(states, parameters, result):
+            prints  # noqa: B018  (part of the cache key)
+            states = carray(states, (3, BLOCK))
+            result = carray(result, (RESPONSE_ROWS, BLOCK))
+            parameters = carray(parameters, (MOST_PARAMETERS,))
+            for k in range(BLOCK):
+                J3 = states[2, k]
+                _, dU, ddU = volumetric(J3, parameters)
+                result[2, k] = J3 * dU
+                result[3, k] = dU + J3 * ddU
+
+        return compile_block_function(response, STRESS_RESPONSE)
+
     @property
     def shape(self) -> dict[str, float]:
         """Those dimensionless parameters that the bond force at given (a, b, J, C33) depends on; the bulk modulus is none."""
@@ -99,19 +136,17 @@ class Law(ABC):
 class InvariantLaw(Law):
     """A law W(I1bar, I2bar) + U(J3) of the isochoric invariants.
 
-    A subclass gives `isochoric` and `volumetric`, static methods that are plain elementwise expressions; everything else follows
-    (THEORY [4] for the stress).
+    A subclass gives `isochoric`, and `volumetric` where it has its own: static methods that are plain elementwise expressions.
+    Everything else follows (THEORY [4] for the stress).
     """
+
+    n_parameters: ClassVar[int] = 1
+    """Length of `parameters`."""
 
     @staticmethod
     @abstractmethod
     def isochoric(I1, I2, parameters):
         """W and its derivatives (W, W1, W2, W11, W12, W22) at the isochoric invariants."""
-
-    @staticmethod
-    @abstractmethod
-    def volumetric(J3, parameters):
-        """U and its derivatives (U, U', U'') at the volume ratio."""
 
     def response(self, trace, area_ratio, volume_ratio):
         I1, I2 = isochoric_invariants(trace, area_ratio, volume_ratio)
@@ -181,5 +216,139 @@ def invariant_response(trace, J, J3, W, W1, W2, W11, W12, W22, U, dU, ddU):
     return p, q, residual, slope, W + U
 
 
+class PrincipalStretchLaw(Law):
+    """A law W + U(J3) whose isochoric part W is a sum of like terms in the isochoric principal stretches.
+
+    The terms of Ogden's sum are such terms, and so are the directions of a quadrature on the sphere.  A subclass gives `coefficients`
+    and `term`, static methods that are plain elementwise expressions, and `n_terms`.  Its `parameters` are K/mu, the number of terms,
+    and whatever `coefficients` reads.
+    """
+
+    @property
+    @abstractmethod
+    def n_terms(self) -> int:
+        """Number of terms."""
+
+    @staticmethod
+    @abstractmethod
+    def coefficients(parameters, k):
+        """Constants of term k, a tuple of numbers."""
+
+    @staticmethod
+    @abstractmethod
+    def term(x1, x2, x3, s1, s2, s3, coefficients):
+        """One term of W: its energy, g1, g2, g3, h.
+
+        ``x`` are the logarithms of the isochoric principal stretches and ``s`` their squares; ``g`` are the derivatives by x1, x2 and
+        x3, and ``h`` is the second derivative along (-1, -1, 2)/3, the way J3 changes them while the plane is held.
+        """
+
+    def response(self, trace, area_ratio, volume_ratio):
+        trace, J, J3 = (np.asarray(value, dtype=float) for value in (trace, area_ratio, volume_ratio))
+        state = principal_state(trace, J, J3)
+        parameters = self.parameters
+        terms = (self.term(*state, self.coefficients(parameters, k)) for k in range(self.n_terms))
+        totals = [sum(parts) for parts in zip(*terms, strict=True)]
+        return principal_response(trace, J, J3, state[3], state[4], *totals, *self.volumetric(J3, parameters))
+
+    @classmethod
+    @cache
+    def response_block(cls):
+        coefficients, coefficients_print = inlined(cls.coefficients)
+        term, term_print = inlined(cls.term)
+        volumetric, volumetric_print = inlined(cls.volumetric)
+        prints = coefficients_print + term_print + volumetric_print
+
+        def response(states, parameters, result):
+            prints  # noqa: B018  (part of the cache key)
+            states = carray(states, (3, BLOCK))
+            result = carray(result, (RESPONSE_ROWS, BLOCK))
+            n_terms = np.int64(carray(parameters, (2,))[1])
+            # How long they are is for the law to know; it reads no further than its last term.
+            parameters = carray(parameters, (MOST_PARAMETERS,))
+            rows = block_rows(stack_rows(6))
+            for k in range(BLOCK):
+                x1, x2, x3, s1, s2, s3 = principal_state(states[0, k], states[1, k], states[2, k])
+                rows[0, k] = x1
+                rows[1, k] = x2
+                rows[2, k] = x3
+                rows[3, k] = s1
+                rows[4, k] = s2
+                rows[5, k] = s3
+                for row in range(RESPONSE_ROWS):
+                    result[row, k] = 0.0
+            for number in range(n_terms):
+                constants = coefficients(parameters, number)
+                for k in range(BLOCK):
+                    W, g1, g2, g3, h = term(rows[0, k], rows[1, k], rows[2, k], rows[3, k], rows[4, k], rows[5, k], constants)
+                    result[0, k] += W
+                    result[1, k] += g1
+                    result[2, k] += g2
+                    result[3, k] += g3
+                    result[4, k] += h
+            for k in range(BLOCK):
+                J3 = states[2, k]
+                U, dU, ddU = volumetric(J3, parameters)
+                p, q, residual, slope, energy = principal_response(
+                    states[0, k],
+                    states[1, k],
+                    J3,
+                    rows[3, k],
+                    rows[4, k],
+                    result[0, k],
+                    result[1, k],
+                    result[2, k],
+                    result[3, k],
+                    result[4, k],
+                    U,
+                    dU,
+                    ddU,
+                )
+                result[0, k] = p
+                result[1, k] = q
+                result[2, k] = residual
+                result[3, k] = slope
+                result[4, k] = energy
+
+        return compile_block_function(response, STRESS_RESPONSE)
+
+
+LEAST_SEPARATION = 3e-6
+"""Two equal in-plane stretches are set apart by this much of their logarithm.
+
+Everything asked of them is even in the difference, so this changes it by some 1e-11, as much as rounding does there.
+"""
+
+
+def principal_state(trace, J, J3):
+    """Logarithms and squares of the isochoric principal stretches, those in the plane first, from tr C and J in the plane and J3."""
+    half = trace / 2
+    # cosh and sinh of the difference of the logarithms; a trace below 2 J belongs to no stretch tensor, and is a rounding error.
+    excess = (half - J) * (half + J) / (J * J)
+    least = LEAST_SEPARATION * LEAST_SEPARATION
+    excess = select(excess < least, least, excess)
+    x1 = logarithm(half / J + np.sqrt(excess)) / 2
+    middle = logarithm(J) / 2 - logarithm(J3) / 3
+    x2 = middle - x1
+    x1 = middle + x1
+    x3 = -(x1 + x2)
+    return x1, x2, x3, exponential(2 * x1), exponential(2 * x2), exponential(2 * x3)
+
+
+def principal_response(trace, J, J3, s1, s2, W, g1, g2, g3, h, U, dU, ddU):
+    """Stress response from the derivatives of W(x1, x2, x3) + U(J3).
+
+    The principal stresses are P_a = (g_a - g_3)/lambda_a, the pressure eliminated by P33 = 0; p lambda_a^2 + q = g_a - g_3 for both.
+    """
+    unit = inverse_cube_root(J3 * J3)
+    p = unit * (g1 - g2) / (s1 - s2)
+    q = (g1 + g2) / 2 - g3 - p * trace / 2
+    residual = (2 * g3 - g1 - g2) / 3 + J3 * dU
+    slope = h / J3 + dU + J3 * ddU
+    return p, q, residual, slope, W + U
+
+
 isochoric_invariants = inlined(isochoric_invariants)[0]
 invariant_response = inlined(invariant_response)[0]
+principal_state = inlined(principal_state)[0]
+principal_response = inlined(principal_response)[0]

@@ -26,7 +26,6 @@ class NeoHookean(InvariantLaw):
 
     name: ClassVar[str] = "neo-hookean"
     reference: ClassVar[str] = "Treloar 1943; Chen et al. 2024, Eq. (6)"
-    n_parameters: ClassVar[int] = 1
 
     @property
     def parameters(self) -> np.ndarray:
@@ -36,14 +35,3 @@ class NeoHookean(InvariantLaw):
     def isochoric(I1, I2, parameters):
         zero = 0 * I1
         return (I1 - 3) / 2, zero + 1 / 2, zero, zero, zero, zero
-
-    @staticmethod
-    def volumetric(J3, parameters):
-        K = parameters[0]
-        inverse = 1 / J3
-        square = inverse * inverse
-        return (
-            K / 8 * (J3 - inverse) * (J3 - inverse),
-            K / 4 * (J3 - inverse * square),
-            K / 4 * (1 + 3 * square * square),
-        )

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..kernels.bond_state import lateral_stretch
 from ..kernels.node_state import SWELLING
-from .law import Law
+from .law import InvariantLaw, Law
 
 
 def invariants(F):
@@ -91,7 +91,8 @@ def energy_derivatives(law: Law, trace, area_ratio):
 
     Parameters
     ----------
-    law : InvariantLaw
+    law : Law
+        The second derivatives of one that is no `InvariantLaw` are fourth-order differences of the first ones, good to some ten digits.
     trace, area_ratio : array_like, shape (n,)
         tr C and J = det F > 0 in the plane.
 
@@ -107,6 +108,8 @@ def energy_derivatives(law: Law, trace, area_ratio):
     trace, J = (np.asarray(value, dtype=float) for value in (trace, area_ratio))
     x = volume_ratio(law, trace, J)
     p, q, _, slope, energy = law.response(trace, J, x)
+    if not isinstance(law, InvariantLaw):
+        return energy, p / 2, q / J, *_differences(law, trace, J)
     C33 = (x / J) ** 2
     c = x ** (-2 / 3)
     I1, I2 = c * (trace + C33), c * c * (J * J + C33 * trace)
@@ -140,6 +143,18 @@ def energy_derivatives(law: Law, trace, area_ratio):
         derivative("IJ") - by_I * by_J / stiffness,
         derivative("JJ") - by_J**2 / stiffness,
     )
+
+
+def _differences(law: Law, trace, J):
+    """psi_II, psi_IJ and psi_JJ by differences towards larger tr C and smaller J: away from tr C = 2 J, past which no state lies."""
+    weights = np.array([-25, 48, -36, 16, -3]) / 12
+    step_trace, step_J = 2e-3 * trace, 2e-3 * J
+    by_trace, by_J = np.zeros((2, *np.shape(J))), np.zeros((2, *np.shape(J)))
+    for number, weight in enumerate(weights):
+        for total, I, area in ((by_trace, trace + number * step_trace, J), (by_J, trace, J - number * step_J)):  # noqa: E741
+            p, q, *_ = law.response(I, area, volume_ratio(law, I, area))
+            total += weight * np.stack([p / 2, q / area])
+    return by_trace[0] / step_trace, by_trace[1] / step_trace, -by_J[1] / step_J
 
 
 def bond_traction(law: Law, normal_stretch, shear_stretch, area_ratio, C33):

@@ -60,6 +60,7 @@ def _solve(run: Run, solver: EquilibriumSolver, stretch: float, tolerance: float
         row = {"stretch": stretch, "evaluation": began + evaluations, "residual": residual}
         run.history.append(row | ({"energy": run.force.energy()} if hasattr(run.force, "energy") else {}))
         run.progress.residual(evaluations, residual, tolerance)
+        run.interruption.check()
 
     return solver.solve(run.force, run.positions, tolerance, report)
 
@@ -93,7 +94,10 @@ def _record(run: Run, equilibrium) -> None:
 
 def _references(run: Run, stretch: float) -> dict[str, float]:
     if run.scene.reference == "uniaxial":
-        exact = homogeneous.uniaxial(run.law, stretch)
+        try:
+            exact = homogeneous.uniaxial(run.law, stretch)
+        except ValueError:  # the law has no such state: there is nothing to compare with
+            return {}
         narrowing = (1 - exact.lateral_stretch) / 2 * run.width
         return {
             "nominal_stress": exact.nominal_stress,

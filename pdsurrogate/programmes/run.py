@@ -19,6 +19,7 @@ from ..results.checkpoint import Checkpoint
 from ..results.states import States, StatesInFiles, StatesInMemory
 from ..scenes import Scene, SceneError
 from ..solvers.conditions import Loading
+from .interruption import Interruption
 
 
 class Progress(Protocol):
@@ -101,6 +102,8 @@ class Run:
         Latest of the equilibrium iteration.
     crack : dict or None
         What the dynamics tell about a crack.
+    interruption : Interruption
+        Whether somebody wants it to stop.
     """
 
     scene: Scene
@@ -115,6 +118,7 @@ class Run:
     history: list[dict] = field(default_factory=list)
     residual: float | None = None
     crack: dict | None = None
+    interruption: Interruption = field(default_factory=Interruption)
 
     def __post_init__(self) -> None:
         scene = self.scene

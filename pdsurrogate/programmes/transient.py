@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time as clock
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,9 @@ Waves take longer than that to cross a few horizons."""
 
 SECONDS_BETWEEN_CHECKPOINTS = 60.0
 
+MOST_ENERGY = 1.5
+"""Motion and damping may take this share of the energy put in; more comes from an unstable step, or from a force that has no energy."""
+
 LEAST_AREA_RATIO = 0.1
 """det F in the plane below which a point that has lost bonds counts as failed: intact rubber in a tear stays above 0.5."""
 
@@ -42,6 +46,8 @@ class Account:
         Stretch at which the dynamics started.
     time : float
         Since then.
+    initial_energy : float
+        Motion and strain at the start, per unit thickness.
     work, damped_energy : float
         Work of the grips and energy taken by the damping since then, per unit thickness.
     power, damped_power : float
@@ -58,6 +64,7 @@ class Account:
 
     begin: float
     time: float = 0.0
+    initial_energy: float = 0.0
     work: float = 0.0
     damped_energy: float = 0.0
     released_energy: float = 0.0
@@ -134,7 +141,14 @@ class Transient:
         span = spec.stretch - account.begin
         saved = clock.monotonic()
         while account.outputs < spec.outputs:
-            self._step()
+            try:
+                self._step()
+            except InvalidState as error:
+                self._save_last_state()
+                raise InvalidState(f"time {account.time:.4g}: {error}") from None
+            if run.interruption.asked:
+                self._checkpoint()
+                run.interruption.check()
             if integrator.steps % STEPS_PER_ROW == 0:
                 self._row()
                 run.progress.dynamics((run.stretch - account.begin) / span, run.stretch, run.crack["broken_bonds"] if run.crack else 0)
@@ -146,6 +160,15 @@ class Transient:
                 continue
             saved = clock.monotonic()
             self._checkpoint()
+
+    def _save_last_state(self) -> None:
+        """Go back to before the step that failed, and record the state there."""
+        run, integrator = self.run, self.integrator
+        run.positions -= integrator.time_step * integrator.velocities
+        self.account.time -= integrator.time_step
+        run.stretch = min(self.account.begin + self.spec.stretch_rate * self.account.time, self.spec.stretch)
+        with suppress(InvalidState):
+            self._output()
 
     def _step(self) -> None:
         run, account, integrator = self.run, self.account, self.integrator
@@ -231,6 +254,7 @@ class Transient:
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
         power, damped_power = float(reactions @ run.loading.travels() * rate), integrator.damped_power()
+        strain = self._strain_energy()
         if not first:
             elapsed = account.time - account.rate_time
             account.work += 0.5 * elapsed * (account.power + power)
@@ -243,10 +267,19 @@ class Transient:
             "work": account.work,
             "kinetic_energy": kinetic,
             "damped_energy": account.damped_energy,
-            "strain_energy": self._strain_energy(),
+            "strain_energy": strain,
         }
         if hasattr(run.force, "energy"):
             row["released_energy"] = account.released_energy
+        if first:
+            account.initial_energy = kinetic + strain
+        # Half as much again for what the trapezoidal rule and the points' own strain energy leave out.
+        elif kinetic + account.damped_energy > MOST_ENERGY * (account.initial_energy + account.work):
+            put_in = account.initial_energy + account.work
+            raise Diverging(
+                f"time {account.time:.4g}: the motion runs away: it and the damping have taken {kinetic + account.damped_energy:.3g} "
+                f"of the {put_in:.3g} that was put in"
+            )
         if self.damage is not None:
             row |= {"broken_bonds": run.crack["broken_bonds"], "free_points": len(run.force.kinematics.unsupported)}
         run.history.append(row)

@@ -85,6 +85,9 @@ class Checkpoint:
             raise CheckpointError(f"there is no checkpoint in {folder}; run without --resume")
         try:
             with np.load(path, allow_pickle=False) as file:
+                # Written uncompressed, so that nothing in a checkpoint is larger than the file.
+                if any(member.compress_type != zipfile.ZIP_STORED for member in file.zip.infolist()):
+                    raise zipfile.BadZipFile
                 arrays = {key: file[key] for key in file.files}
             described = json.loads(arrays.pop(_DESCRIPTION).tobytes().decode())
             found, written, progress = described["format"], described["identity"], described["progress"]
@@ -98,4 +101,7 @@ class Checkpoint:
         for key, (shape, dtype) in shapes.items():
             if key not in arrays or arrays[key].shape != shape or arrays[key].dtype != dtype:
                 raise CheckpointError(f"{path} is damaged: {key} is missing or of another shape; run without --resume")
+        for key, array in arrays.items():
+            if array.dtype.kind not in "fiub" or not np.isfinite(array).all():
+                raise CheckpointError(f"{path} is damaged: {key} holds what is not a number; run without --resume")
         return cls(identity, progress, arrays)

@@ -13,6 +13,14 @@ from ..materials import LAWS, Law
 from .part import Part, Point, Positive
 from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle
 
+SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
+"""Result files are named after a scene: no path, and nothing that a terminal or a shell would read."""
+
+UnitName = Annotated[str, Field(pattern=r"^[\w/^*. -]{1,16}$")]
+
+Level = Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)]
+"""A stretch; rubber breaks below 10."""
+
 EDGES = {"left": (0, -1), "right": (0, +1), "bottom": (1, -1), "top": (1, +1)}
 """Coordinate held by each edge of the bounding box, and the side of the body it lies on."""
 
@@ -50,10 +58,17 @@ class MaterialSpec(BaseModel):
         for key, value in given.items():
             if key not in known:
                 raise ValueError(f"{self.law} has no parameter {key!r}; it has {', '.join(sorted(known))}")
-            if isinstance(value, bool) or not isinstance(value, int | float | list | tuple):
+            numbers = value if isinstance(value, list | tuple) else [value]
+            if any(isinstance(number, bool) or not isinstance(number, int | float) for number in numbers):
                 raise ValueError(f"{key} must be a number, not {value!r}")
-            given[key] = tuple(map(float, value)) if isinstance(value, list | tuple) else float(value)
-        return law(**given)
+            try:
+                given[key] = tuple(map(float, value)) if isinstance(value, list | tuple) else float(value)
+            except OverflowError:
+                raise ValueError(f"{key} is too large a number") from None
+        try:
+            return law(**given)
+        except TypeError:
+            raise ValueError(f"{self.law}: a parameter is a list where a number belongs, or the other way round") from None
 
 
 class Grip(Part):
@@ -91,7 +106,7 @@ class SolverSpec(Part):
     method: Literal["automatic", "minimiser", "quasi-newton", "relaxation", "explicit"] = "automatic"
     tolerance: Positive = 1e-6
     most_evaluations: Annotated[int, Field(gt=0)] = 50_000
-    largest_increment: Positive = 0.5
+    largest_increment: Annotated[float, Field(ge=1e-4, allow_inf_nan=False)] = 0.5
 
 
 class Fracture(Part):
@@ -128,7 +143,7 @@ class Dynamics(Part):
         Time step over the critical one.
     """
 
-    stretch: Positive
+    stretch: Level
     stretch_rate: Positive
     density: Positive
     damping: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
@@ -163,9 +178,9 @@ AnyBody = Annotated[
 class Units(Part):
     """Names of the units in which a scene is written; nothing is converted."""
 
-    length: str = "cm"
-    stress: str = "kPa"
-    time: str = "s"
+    length: UnitName = "cm"
+    stress: UnitName = "kPa"
+    time: UnitName = "s"
 
 
 class Scene(Part):
@@ -175,10 +190,10 @@ class Scene(Part):
     programme, in the order given: the distance of the two grips over its undeformed value.
     """
 
-    name: Annotated[str, Field(min_length=1)]
+    name: SceneName
     title: str = ""
     spacing: Positive
-    stretches: tuple[Positive, ...]
+    stretches: tuple[Level, ...]
     body: AnyBody
     holes: tuple[AnyShape, ...] = ()
     precuts: tuple[Precut, ...] = ()
@@ -186,7 +201,7 @@ class Scene(Part):
     grips: Annotated[tuple[Grip, ...], Field(min_length=2, max_length=2)]
     holds: tuple[Hold, ...] = ()
     support: Literal["reflected", "points"] = "reflected"
-    horizon_ratio: Annotated[float, Field(gt=1, allow_inf_nan=False)] = 3.15
+    horizon_ratio: Annotated[float, Field(gt=1, le=100, allow_inf_nan=False)] = 3.15
     weight: str = "inverse"
     correction: Literal["tensor", "scalar", "none"] | None = None
     rotation: Literal["polar", "convected"] = "polar"

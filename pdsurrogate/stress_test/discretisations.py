@@ -29,7 +29,7 @@ def _patch_error(subject: Subject, body: Body, F: np.ndarray) -> float:
 
 
 def jitter(subject: Subject) -> Outcome:
-    """Points moved by up to 30 % of the spacing in each direction: mean stress and stability at uniaxial stretch 2, the worst of three draws.
+    """Points moved by up to 30 % of the spacing in each direction: mean stress and stability at stretch 2, the worst of three draws.
 
     The least resistance is held against a tenth of a membrane's: beside what the horizon takes off (see
     `tangents.least_eigenvalue`), single horizons are now lopsided.
@@ -53,7 +53,8 @@ def jitter(subject: Subject) -> Outcome:
 def horizons(subject: Subject) -> Outcome:
     """Horizons of 2.015 to 6 spacings: stability at uniaxial stretch 2, the least over all.
 
-    Twelve spacings of sheet leave the longest horizon nothing but edges; a tenth of a membrane's resistance is asked, as for jittered points.
+    Twelve spacings of sheet leave the longest horizon nothing but edges; a tenth of a membrane's resistance is asked, as for
+    jittered points.
     """
     least = {ratio: resistance(subject, square_sheet(12, ratio), _stretch_2(subject)) for ratio in HORIZONS}
     ratio = min(least, key=least.get)
@@ -85,8 +86,8 @@ def loose_points(subject: Subject) -> Outcome:
 def folded_bond(subject: Subject) -> Outcome:
     """A point pushed through its neighbour to the far side, 2 spacings: the bond between them is folded back through 180 degrees.
 
-    On the way the force must push it back, or the run must stop and say where.  Then the body is let go from 1.2 spacings: it must come back
-    to rest within a thousandth of a spacing, the tolerance of the solver in positions with room to spare, or stop clearly.
+    On the way the force must push it back, or the run must stop and say where.  Then the body is let go from 1.2 spacings: it must come
+    back to rest within a thousandth of a spacing, the tolerance of the solver in positions with room to spare, or stop clearly.
     """
     body = square_sheet(12)
     force = subject.bind(body)
@@ -98,7 +99,7 @@ def folded_bond(subject: Subject) -> Outcome:
         try:
             restoring.append(force_densities(force, positions)[point, 0])
         except InvalidState as error:
-            stop = f"stops at {distance:.1f} dx: {error}"
+            stop = f"at {distance:.1f} dx: {error}"
             break
     least = min(restoring, default=np.inf)
     if least <= 0:

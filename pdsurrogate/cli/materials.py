@@ -1,0 +1,103 @@
+"""Commands about laws: what there are, and their parameters from test data."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from .application import app, bad_input, err, out
+
+DATA_HELP = "Test data: treloar, kawabata, or a CSV with mode, stretch and nominal_stress."
+
+
+@app.command()
+def materials() -> None:
+    """List the material laws with their parameters."""
+    from ..materials import LAWS
+
+    table = Table(title="Laws; every parameter is set by --set material.NAME=VALUE", title_justify="left")
+    for title in ("law", "parameter", "default", "bounds in identification", "source"):
+        table.add_column(title)
+    for law in LAWS.values():
+        default = law()
+        for number, field in enumerate(dataclasses.fields(law)):
+            value = getattr(default, field.name)
+            shown = ", ".join(f"{item:.4g}" for item in value) if isinstance(value, tuple) else f"{value:g}"
+            low, high = law.bounds.get(field.name, (0, None))
+            bounds = f"{low:g} to {high:g}" if high is not None else "positive" if field.name.endswith("modulus") else ""
+            table.add_row(law.name if number == 0 else "", field.name, shown, bounds, law.reference if number == 0 else "")
+        table.add_section()
+    out.print(table)
+
+
+def identified(data: Path, law: str, terms: int, stretch: float | None):
+    """A fitted regressor, and the test data that it was fitted to."""
+    from ..identification import LawRegressor, load_test_data
+    from ..materials import LAWS
+
+    if law not in LAWS:
+        raise ValueError(f"unknown law {law!r}; there are {', '.join(sorted(LAWS))}")
+    rows = load_test_data(data)
+    if stretch is not None:
+        rows = rows.up_to(stretch)
+    return LawRegressor(law, n_terms=terms).fit(rows.stretches, rows.nominal_stress, rows.balanced_weights()), rows
+
+
+def print_identified(found: dict) -> None:
+    """Parameters with their standard errors, and R^2 by mode."""
+    table = Table(title=f"{found['law']['law']} from {found['data']}, {found['rows']} rows", title_justify="left")
+    for title in ("parameter", "value", "standard error"):
+        table.add_column(title, justify="left" if title == "parameter" else "right")
+    for name, value in found["parameters"].items():
+        error = found["standard_errors"][name]
+        shown = "at its bound" if name in found["at_bound"] else "not told by the data" if error is None else f"{error:.2g}"
+        table.add_row(name, f"{value:.5g}", shown)
+    out.print(table)
+    out.print(", ".join(f"R^2 {mode} {value:.4f}" for mode, value in found["r_squared"].items()))
+
+
+@app.command()
+def identify(
+    data: Annotated[Path, typer.Argument(metavar="DATA", help=DATA_HELP)],
+    law: Annotated[list[str] | None, typer.Option(help="Law; may be repeated; all laws by default.")] = None,
+    terms: Annotated[int, typer.Option(help="Terms of Ogden's law.", min=1, max=4)] = 3,
+    stretch: Annotated[float | None, typer.Option("--up-to", help="Leave out rows beyond this stretch.")] = None,
+    hold_out: Annotated[bool, typer.Option("--hold-out", help="Hold out each mode in turn, and report how the others predict it.")] = False,
+    folder: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write identify.json and identify.png here.")] = None,
+) -> None:
+    """Find a law's parameters from test data."""
+    from sklearn.base import clone
+
+    from ..identification import figure, held_out_modes, report
+    from ..materials import LAWS
+    from ..results import figures
+    from ..results.files import check_writable, write_json
+
+    if folder is not None:
+        with bad_input(OSError):
+            check_writable(folder)
+    found, models = [], []
+    with bad_input(ValueError):
+        for name in law or LAWS:
+            with err.status(f"Fitting {name}"):
+                model, rows = identified(data, name, terms, stretch)
+            models.append(model)
+            found.append(report(model, rows))
+            print_identified(found[-1])
+        held_out = held_out_modes([clone(model) for model in models], rows) if hold_out else []
+    if held_out:
+        table = Table(title="Modes held out", title_justify="left")
+        for title in ("law", "fitted to", "R^2 of the mode held out", "relative RMS"):
+            table.add_column(title)
+        for row in held_out:
+            scores = ", ".join(f"{mode} {value:.3f}" for mode, value in row["held_out"].items())
+            table.add_row(row["law"], ", ".join(row["fitted_to"]), scores, f"{row['relative_rms']:.3f}")
+        out.print(table)
+    if folder is not None:
+        write_json(folder / "identify.json", {"laws": found})
+        figures.save(figure(models, rows), folder / "identify.png")
+        out.print(f"Results in {folder}", soft_wrap=True)

@@ -1,0 +1,60 @@
+"""The plane-stress condition solved with the learnt bond force, for laws that cost more than it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kernels import learnt_thickness
+from ..kernels.blocks import BLOCK
+from ..materials import Law
+from .protocol import CompiledBondForce, Domain
+
+TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
+"""Relative step of J3 at which the iteration ends, a few times what rounding in the force leaves of it at K = 10 mu."""
+
+
+class LearntThickness:
+    """J3 of all points from a learnt bond force (`pdsurrogate.kernels.learnt_thickness`).
+
+    Parameters
+    ----------
+    compiled : CompiledBondForce
+        Of a model that knows T_mm.
+    domain : Domain
+        Its domain; points outside are left to the law.
+    law : Law
+    precision : str
+        Of the model.
+    chunks : int
+        Threads.
+    """
+
+    def __init__(self, compiled: CompiledBondForce, domain: Domain, law: Law, precision: str, chunks: int) -> None:
+        self._compiled = compiled
+        self._domain = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
+        self._volumetric = law.volumetric_block()
+        self._tolerance = TOLERANCE[str(np.dtype(precision))]
+        self._buffers = np.ones((chunks, learnt_thickness.BUFFER_ROWS, BLOCK), dtype=precision)
+        self._work = np.zeros((chunks, max(compiled.work_rows, 1), BLOCK), dtype=precision)
+        self._scratch = np.ones((chunks, learnt_thickness.SCRATCH_ROWS, BLOCK))
+
+    def update(self, gradients, volume_ratios, rotation: int, response: int, parameters, records, unsolved) -> None:
+        """Bring `volume_ratios` and `records` up to date; see `pdsurrogate.kernels.node_state.node_states`."""
+        learnt_thickness.learnt_node_states(
+            gradients,
+            volume_ratios,
+            rotation,
+            response,
+            self._volumetric.address,
+            parameters,
+            self._compiled.address,
+            self._compiled.sizes,
+            self._compiled.weights,
+            self._domain,
+            self._tolerance,
+            self._buffers,
+            self._work,
+            self._scratch,
+            records,
+            unsolved,
+        )

@@ -1,0 +1,18 @@
+"""From test data to the parameters of a law."""
+
+from .data import MODES, TestData, load_test_data, test_data_names
+from .regressor import LawRegressor, nominal_stress
+from .reporting import figure, report
+from .selection import held_out_modes
+
+__all__ = [
+    "MODES",
+    "LawRegressor",
+    "TestData",
+    "figure",
+    "held_out_modes",
+    "load_test_data",
+    "nominal_stress",
+    "report",
+    "test_data_names",
+]

@@ -1,0 +1,162 @@
+"""Test data of rubber: nominal stress against stretch, in the modes of loading that laboratories know."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+MODES: dict[str, Callable] = {
+    "uniaxial": lambda stretch: stretch**-0.5,
+    "equibiaxial": lambda stretch: stretch,
+    "pure-shear": lambda stretch: np.ones_like(stretch),
+}
+"""Lateral stretch of each mode, rubber taken as incompressible."""
+
+BIAXIAL = "biaxial"
+"""Mode of rows that state both stretches and both stresses."""
+
+CURVES = ("mode", "stretch", "nominal_stress")
+GRID = ("stretch", "lateral_stretch", "nominal_stress", "lateral_stress")
+"""Columns of the two kinds of files."""
+
+
+@dataclass(frozen=True)
+class TestData:
+    """Rows of test data.
+
+    Attributes
+    ----------
+    name : str
+    mode : ndarray of str, shape (n,)
+    stretches : ndarray, shape (n, 2)
+        In the direction of the stress, and across it.
+    nominal_stress : ndarray, shape (n,)
+    weight : ndarray, shape (n,)
+        As given in the file, 1 otherwise.
+    """
+
+    __test__ = False  # not a test case, whatever pytest thinks of the name
+
+    name: str
+    mode: np.ndarray
+    stretches: np.ndarray
+    nominal_stress: np.ndarray
+    weight: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.nominal_stress)
+
+    @property
+    def modes(self) -> list[str]:
+        """Modes that occur, in the order of their first rows."""
+        return list(dict.fromkeys(self.mode.tolist()))
+
+    def of(self, *modes: str) -> TestData:
+        """The rows of some modes alone."""
+        chosen = np.isin(self.mode, modes)
+        return TestData(self.name, self.mode[chosen], self.stretches[chosen], self.nominal_stress[chosen], self.weight[chosen])
+
+    def up_to(self, stretch: float) -> TestData:
+        """The rows in which neither stretch exceeds a value."""
+        chosen = (self.stretches <= stretch).all(axis=1)
+        if not chosen.any():
+            raise ValueError(f"{self.name}: no row has stretches of {stretch:g} or less")
+        return TestData(self.name, self.mode[chosen], self.stretches[chosen], self.nominal_stress[chosen], self.weight[chosen])
+
+    def balanced_weights(self) -> np.ndarray:
+        """Weights under which the sum of squares is the sum over modes of 1 - R^2, so that no mode is fitted for the size of its stress."""
+        weights = self.weight.copy()
+        for mode in self.modes:
+            rows = self.mode == mode
+            stress = self.nominal_stress[rows]
+            spread = (self.weight[rows] * (stress - np.average(stress, weights=self.weight[rows])) ** 2).sum()
+            weights[rows] /= spread if spread > 0 else (self.weight[rows] * stress**2).sum()
+        return weights
+
+    def r_squared(self, predicted: np.ndarray) -> dict[str, float]:
+        """R^2 of predicted stresses in each mode that has two different ones."""
+        found = {}
+        for mode in self.modes:
+            rows = self.mode == mode
+            stress = self.nominal_stress[rows]
+            spread = ((stress - stress.mean()) ** 2).sum()
+            if spread > 0:
+                found[mode] = float(1 - ((predicted[rows] - stress) ** 2).sum() / spread)
+        return found
+
+
+def test_data_names() -> list[str]:
+    """Names of the test data that come with the package."""
+    return sorted(path.name.removesuffix(".csv") for path in resources.files(__package__).iterdir() if path.name.endswith(".csv"))
+
+
+test_data_names.__test__ = False
+
+
+def load_test_data(reference: str | Path) -> TestData:
+    """Test data by name (``treloar``, ``kawabata``), or from a CSV file.
+
+    A file has the columns ``mode`` (uniaxial, equibiaxial or pure-shear), ``stretch`` and ``nominal_stress``; or ``stretch``,
+    ``lateral_stretch``, ``nominal_stress`` and ``lateral_stress``; either may have a ``weight``.  Lines that begin with # are comments.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read, or a row makes no sense; names the row.
+    """
+    name = str(reference)
+    if name in test_data_names():
+        text = (resources.files(__package__) / f"{name}.csv").read_text("utf-8")
+    else:
+        try:
+            text = Path(reference).read_text("utf-8-sig")
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+            raise ValueError(f"cannot read test data {name}: {reason}; shipped are {', '.join(test_data_names())}") from None
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip() and not line.lstrip().startswith("#")]
+    reader = csv.DictReader(line for _, line in lines)
+    columns = set(reader.fieldnames or ())
+    kind = next((kind for kind in (CURVES, GRID) if columns - {"weight"} == set(kind)), None)
+    if kind is None:
+        raise ValueError(
+            f"{name}: the columns must be {', '.join(CURVES)}, or {', '.join(GRID)}, with or without weight; there are "
+            f"{', '.join(sorted(columns)) or 'none'}"
+        )
+    found: list[tuple[str, float, float, float, float]] = []
+    for (number, _), row in zip(lines[1:], reader, strict=True):
+        found += _rows(row, kind, f"{name}, line {number}")
+    if not found:
+        raise ValueError(f"{name}: there are no rows")
+    values = np.array([row[1:] for row in found])
+    return TestData(name, np.array([row[0] for row in found]), values[:, :2], values[:, 2], values[:, 3])
+
+
+def _rows(row, kind, where):
+    if None in row or any(value is None for value in row.values()):
+        raise ValueError(f"{where}: there are not as many values as columns")
+    numbers = {}
+    for key in row.keys() - {"mode"}:
+        try:
+            numbers[key] = float(row[key])
+        except ValueError:
+            raise ValueError(f"{where}: {key} is not a number: {row[key]!r}") from None
+        if not np.isfinite(numbers[key]):
+            raise ValueError(f"{where}: {key} must be finite")
+        if "stretch" in key and numbers[key] <= 0:
+            raise ValueError(f"{where}: {key} must be positive, not {numbers[key]:g}")
+    weight = numbers.get("weight", 1.0)
+    if weight <= 0:
+        raise ValueError(f"{where}: weight must be positive, not {weight:g}")
+    first, stress = numbers["stretch"], numbers["nominal_stress"]
+    if kind is GRID:
+        second = numbers["lateral_stretch"]
+        return [(BIAXIAL, first, second, stress, weight), (BIAXIAL, second, first, numbers["lateral_stress"], weight)]
+    mode = row["mode"].strip()
+    if mode not in MODES:
+        raise ValueError(f"{where}: unknown mode {mode!r}; there are {', '.join(MODES)}")
+    return [(mode, first, float(MODES[mode](np.float64(first))), stress, weight)]

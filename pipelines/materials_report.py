@@ -1,0 +1,198 @@
+"""Laws of rubber: identification from test data, and where a surrogate earns its keep.
+
+python pipelines/materials_report.py            print the tables, and write them with the figure of the fits to pipelines/figures
+python pipelines/materials_report.py --readme   and put them into the README
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from readme import FIGURES, markdown_table, replace_block
+from rich.console import Console
+from rich.table import Table
+
+import pdsurrogate as pd
+from pdsurrogate.identification import figure, held_out_modes, report
+from pdsurrogate.learning import domain_of, surrogate_of
+from pdsurrogate.materials import plane_stress
+from pdsurrogate.reports.compare import Candidate, measure_speed, processor
+from pdsurrogate.results import figures
+from pdsurrogate.results.files import write_json
+
+DEGREES = ((1, 0), (4, 2), (5, 2), (6, 3), (7, 3), (8, 3), (9, 3), (10, 3), (12, 6))
+"""Of the polynomials that are tried, from cheap to dear."""
+
+TOLERANCE = 2e-3
+"""Relative RMS force error, on and off the surface, that a surrogate must keep."""
+
+LIMITS = (30.0, 60.0, 120.0, 240.0)
+"""Chain limits, evenly spaced in their logarithm, between which one artefact would have to serve."""
+
+console = Console(width=150)
+
+
+def show(title: str, rows: list[dict]) -> None:
+    """Print rows as a table."""
+    table = Table(title=title, title_justify="left")
+    for key in rows[0]:
+        table.add_column(key, justify="left" if isinstance(rows[0][key], str) else "right")
+    for row in rows:
+        table.add_row(*(f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values()))
+    console.print(table)
+
+
+def as_markdown(rows: list[dict]) -> str:
+    """The same rows for the README."""
+    body = [[f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
+    return markdown_table(list(rows[0]), body)
+
+
+def identification(folder: Path) -> dict:
+    """All laws on Treloar's data; Kawabata's grid predicted with the same parameters."""
+    treloar, kawabata = pd.load_test_data("treloar"), pd.load_test_data("kawabata")
+    models, rows, found = [], [], []
+    for name in pd.LAWS:
+        model = pd.LawRegressor(name).fit(treloar.stretches, treloar.nominal_stress, treloar.balanced_weights())
+        uniform = pd.LawRegressor(name).fit(treloar.stretches, treloar.nominal_stress)
+        models.append(model)
+        found.append({**report(model, treloar), "uniform_weights": report(uniform, treloar)})
+        predicted = model.predict(kawabata.stretches)
+        pairs = zip(model.parameter_names_, model.parameters_, model.standard_errors_, strict=True)
+        rows.append(
+            {
+                "law": name,
+                "parameters (standard error)": ", ".join(f"{key} {value:.4g} ({error:.1g})" for key, value, error in pairs),
+                **{f"R2 {mode}": f"{value:.4f}" for mode, value in found[-1]["r_squared"].items()},
+                "R2 Kawabata": f"{kawabata.r_squared(predicted)['biaxial']:.4f}",
+            }
+        )
+        found[-1]["r_squared_kawabata"] = kawabata.r_squared(predicted)["biaxial"]
+    show("Treloar's data, the three modes weighted alike; Kawabata's grid is predicted, not fitted", rows)
+    held_out = held_out_modes([pd.LawRegressor(name) for name in pd.LAWS], treloar, ["uniaxial"])
+    show(
+        "Fitted to uniaxial tension alone",
+        [
+            {"law": row["law"], **{f"R2 {mode}": f"{value:.3f}" for mode, value in row["held_out"].items()}, "RMS": row["relative_rms"]}
+            for row in held_out
+        ],
+    )
+    figures.save(figure([model for model in models if model.law in ("gent", "yeoh", "ogden")], treloar), folder / "identification.png")
+    return {"laws": found, "fitted_to_uniaxial": held_out, "table": rows}
+
+
+def surrogate(law, degree):
+    """Polynomial surrogate of a law."""
+    samples = pd.wide_design(law, 8000, pd.reachable_stretches(law), random_state=0)
+    model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(degree)).fit(samples.X, samples.y)
+    return surrogate_of(model, law, domain_of(samples))
+
+
+def errors_of(model, law) -> tuple[float, float]:
+    """Relative RMS force error on and off the surface."""
+    found = pd.evaluate(model.bond_force, law, pd.reachable_stretches(law))
+    return found["on_surface"]["rms"], found["off_surface"]["rms"]
+
+
+def cheapest(law):
+    """The smallest polynomial within the tolerance."""
+    return next(model for model in (surrogate(law, degree) for degree in DEGREES) if max(errors_of(model, law)) <= TOLERANCE)
+
+
+def scene_errors(law, model) -> tuple[float, float]:
+    """Relative errors of nominal stress and lateral displacement in the uniaxial scene at stretch 2."""
+    scene = pd.load_scene("uniaxial", {"spacing": 0.05, "stretches": [2.0]}, material=law.describe())
+    level = pd.simulate(scene, model).levels[-1]
+    return abs(level["nominal_stress_error"]), abs(level["lateral_displacement_error"])
+
+
+def thickness_error(model, law, precision: str) -> float:
+    """Greatest relative error of J3 from the learnt force in the waved state of the comparison; NaN where the law is solved."""
+    from pdsurrogate.forces import ForceSettings
+    from pdsurrogate.reports.compare import bench_positions
+
+    body = pd.Body.rectangle(3.0, 1.0, 0.05, 3.15 * 0.05)
+    positions = bench_positions(body, law)
+    force = model.bind(body, law, ForceSettings(precision=precision))
+    force(positions, np.empty_like(positions))
+    if force.kinematics.learnt_thickness is None:
+        return float("nan")
+    trace, J = plane_stress.invariants(force.kinematics.deformation_gradients())
+    return float(np.abs(force.kinematics.volume_ratios[: len(body)] / plane_stress.volume_ratio(law, trace, J) - 1).max())
+
+
+def speed(quick: bool) -> list[dict]:
+    """Cost of the exact bond force and of its surrogate for every law."""
+    rows = []
+    for law in (law() for law in pd.LAWS.values()):
+        model, finer = cheapest(law), surrogate(law, DEGREES[-1])
+        entries = [Candidate("exact", pd.AnalyticBondForce(law), "float64"), Candidate("surrogate", model, "float32")]
+        exact, learnt = measure_speed(entries, law, 0.02, 3 if quick else 9, 0.05 if quick else 0.2)
+        slope = pd.evaluate(pd.AnalyticBondForce(law).bond_force, law, pd.reachable_stretches(law), 5000)["least_slope_exact"]
+        errors = [errors_of(candidate, law) for candidate in (model, finer)]
+        stress, displacement = scene_errors(law, model)
+        ratio = exact["ns_per_bond_1"] / learnt["ns_per_bond_1"]
+        thickness = thickness_error(model, law, "float32")
+        rows.append(
+            {
+                "law": law.name,
+                "exact ns/bond": exact["ns_per_bond_1"],
+                "its bond pass": exact["ns_bond_pass_1"],
+                "surrogate ns/bond": learnt["ns_per_bond_1"],
+                "exact / surrogate": ratio,
+                "surrogate": model.size.removeprefix("degrees "),
+                "RMS on / off": f"{errors[0][0]:.0e} / {errors[0][1]:.0e}",
+                "12 and 6": f"{errors[1][0]:.0e} / {errors[1][1]:.0e}",
+                "J3 error": "exact" if np.isnan(thickness) else f"{thickness:.0e}",
+                "scene at 2: stress, displ. (%)": f"{100 * stress:.3f}, {100 * displacement:.3f}",
+                "least slope, exact": f"{slope:.2f}",
+                "better": "surrogate" if ratio > 1.2 else "exact" if ratio < 1 / 1.2 else "exact, at the same cost",
+            }
+        )
+        console.print(f"{law.name}: {ratio:.2f}")
+    show(f"Whole force evaluation, one thread, {processor()}", rows)
+    return rows
+
+
+def chain_limit_as_input() -> list[dict]:
+    """Error of one polynomial with Gent's chain limit as a third feature, on limits between those it was fitted to."""
+    from pdsurrogate.learning.pipeline import feature_values, force_of_outputs, outputs_of_force
+
+    def states(limits, seed):
+        found = [pd.wide_design(pd.Gent(chain_limit=limit), 3000, (0.6, 2.8), random_state=seed) for limit in limits]
+        X, y = np.vstack([samples.X for samples in found]), np.vstack([samples.y for samples in found])
+        return X, y, np.column_stack([feature_values(X, "isochoric"), np.repeat(1 / np.asarray(limits), 3000)])
+
+    middles = np.sqrt(np.array(LIMITS[:-1]) * np.array(LIMITS[1:]))
+    X, y, features = states(np.geomspace(LIMITS[0], LIMITS[-1], 13), 0)
+    test_X, test_y, test_features = states(middles, 1)
+    rows = []
+    for degree in ((8, 4, 3), (10, 4, 4), (10, 6, 6), (12, 8, 8)):
+        model = pd.ChebyshevRegressor(degree).fit(features, outputs_of_force(X, y, "isochoric"))
+        error = force_of_outputs(test_X, model.predict(test_features), "isochoric") - test_y
+        rms = float(np.sqrt((error**2).sum() / (test_y**2).sum()))
+        rows.append({"degrees in log Jbar, tr Cbar, 1/Jm": str(degree), "terms": len(model.powers_), "RMS": f"{rms:.1e}"})
+    show("One polynomial for chain limits from 30 to 240, stretches 0.6 to 2.8", rows)
+    return rows
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--readme", action="store_true", help="put the tables into the README")
+    parser.add_argument("--quick", action="store_true", help="fewer repeats, not for quoting")
+    arguments = parser.parse_args()
+    found = {
+        "identification": identification(FIGURES),
+        "chain_limit_as_input": chain_limit_as_input(),
+        "speed": speed(arguments.quick),
+    }
+    write_json(FIGURES / "materials.json", found)
+    if arguments.readme:
+        replace_block("identification", as_markdown(found["identification"]["table"]))
+        replace_block("laws", as_markdown(found["speed"]))
+
+
+if __name__ == "__main__":
+    main()

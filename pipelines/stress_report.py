@@ -1,0 +1,128 @@
+"""Hard cases for every force model, the fallback beyond a surrogate's domain, and what guarding it costs.
+
+python pipelines/stress_report.py            print the tables
+python pipelines/stress_report.py --readme   and put them into the README, the long one into pipelines/figures/hard-cases.md
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+
+import numpy as np
+from readme import FIGURES, markdown_table, replace_block
+from rich.console import Console
+
+import pdsurrogate as pd
+from pdsurrogate.forces import Domain, ForceSettings
+from pdsurrogate.kernels.compile import thread_count
+from pdsurrogate.learning import domain_of, surrogate_of
+from pdsurrogate.results.files import write_text
+from pdsurrogate.stress_test.report import count, stress_test, table
+
+console = Console()
+
+SHORT = {"pass": "", "WEAK": "**weak** "}
+
+
+def hard_cases() -> str:
+    """The table of all cases and models, and the named weaknesses explained."""
+    with console.status("Starting") as status:
+        report = stress_test(say=status.update)
+    header, rows = table(report)
+    body = [[row[0], row[1], *(_short(cell) for cell in row[2:])] for row in rows]
+    counts = [count(model) for model in report["models"]]
+    body.append(["passed / weak / does not apply", "", *(f"{one['pass'] + one['stops']} / {one['weak']} / {one['-']}" for one in counts)])
+    weaknesses = "\n".join(f"- *{name}*: {what}." for name, what in report["weaknesses"].items())
+    return f"{markdown_table(header, body)}\n\n{weaknesses}"
+
+
+def _short(cell: str) -> str:
+    word, _, rest = cell.partition(" ")
+    return f"{SHORT.get(word, f'{word} ')}{rest}".strip()
+
+
+def fallback() -> str:
+    """Section 6.2 with a surrogate trained to stretch 1.5 only, against the analytic bond force."""
+    law = pd.NeoHookean()
+    samples = pd.wide_design(law, 8000, (0.8, 1.5), random_state=0)
+    network = pd.LevenbergMarquardtRegressor((20,), "algebraic", max_iter=600, n_iter_no_change=100, random_state=0)
+    with console.status("Fitting a surrogate to stretch 1.5"):
+        model = pd.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
+    small = surrogate_of(model, law, domain_of(samples))
+    with console.status("Section 6.2"):
+        mine, exact = (pd.simulate(pd.load_scene("uniaxial"), force) for force in (small, "analytic"))
+    rows = []
+    for level, reference in zip(mine.levels, exact.levels, strict=True):
+        errors = [100 * (level[key] / reference[key] - 1) for key in ("nominal_stress", "lateral_displacement")]
+        rows.append([f"{level['stretch']:g}", *(f"{error:+.5f}" for error in errors), str(level["evaluations"])])
+    text = markdown_table(["stretch", "nominal stress (%)", "lateral displacement (%)", "evaluations"], rows)
+    return f"{text}\n\n{100 * mine.summary['fallback_fraction']:.0f} % of the bond evaluations fell back."
+
+
+def overhead() -> str:
+    """Cost of the guard where no bond is outside: the whole evaluation with and without, interleaved, on one thread."""
+    body = pd.Body.rectangle(3.0, 1.0, 0.02, 0.063)
+    model, law = pd.load_surrogate("neo-hookean"), pd.NeoHookean()
+    positions, out = body.points @ np.diag([1.5, 0.82]), np.empty_like(body.points)
+    lines = []
+    for precision in ("float32", "float64"):
+        with thread_count(1):
+            guarded = model.bind(body, law, ForceSettings(precision=precision))
+            free = model.bind(body, law, ForceSettings(precision=precision))
+            free._guard = 0  # UNGUARDED, which no setting gives to a surrogate
+            ratios = []
+            for _ in range(40):
+                seconds = []
+                for force in (guarded, free, free, guarded):
+                    began = time.perf_counter()
+                    for _ in range(10):
+                        force(positions, out)
+                    seconds.append(time.perf_counter() - began)
+                ratios.append((seconds[0] + seconds[3]) / (seconds[1] + seconds[2]))
+        assert guarded.fraction_outside == 0
+        lines.append(f"{precision}: {100 * (statistics.median(ratios) - 1):+.1f} %")
+    return "Guarding the domain, nothing outside, share of the whole evaluation: " + ", ".join(lines) + "."
+
+
+def jump() -> str:
+    """Evaluations with the paper's network where its box ends within the body, with the band and with a jump in its place."""
+    rows = []
+    interior = Domain.interior
+    scenes = (
+        ("pure-shear", ["spacing=0.04", "stretches=1.5,2.0"]),
+        ("uniaxial", ["spacing=0.04", "support=points", "stretches=1.45,1.56,1.6"]),
+    )
+    for name, changes in scenes:
+        cells = []
+        for band in (False, True):
+            Domain.interior = interior if band else property(lambda domain: domain)
+            try:
+                result = pd.simulate(pd.load_scene(name, [*changes, "solver.most_evaluations=8000"]), "neo-hookean-paper")
+                cells.append(" / ".join(str(level["evaluations"]) for level in result.levels))
+            except pd.SimulationFailed as error:
+                cells.append(f"not converged: {str(error).split(';')[0]}")
+            finally:
+                Domain.interior = interior
+        rows.append([f"{name}, {', '.join(changes)}", *cells])
+    return markdown_table(["scene", "force jumps at the edge", "band at the edge"], rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--readme", action="store_true", help="put the tables into the README")
+    arguments = parser.parse_args()
+    for mark, make in (("guard", overhead), ("jump", jump), ("fallback", fallback), ("hard cases", hard_cases)):
+        text = make()
+        console.print(f"{mark}\n{text}\n", soft_wrap=True, markup=False)
+        if arguments.readme and make is hard_cases:
+            write_text(
+                FIGURES / "hard-cases.md", f"# Hard cases\n\n`pdsurrogate stress-test`, made by `pipelines/stress_report.py`.\n\n{text}\n"
+            )
+        elif arguments.readme:
+            replace_block(mark, text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,187 @@
+"""Laws from test data: known parameters come back, published ones are met, and bad data are refused."""
+
+import numpy as np
+import pytest
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+import pdsurrogate as pd
+from pdsurrogate.identification import MODES, figure, held_out_modes, load_test_data, nominal_stress, report
+from pdsurrogate.materials import LAWS, homogeneous
+
+
+class AnyInput(pd.LawRegressor):
+    """`LawRegressor` for the general checks, whose inputs are no stretches: columns of any number and sign are made into two of them."""
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.positive_only = False
+        return tags
+
+    def _stretches(self, X):
+        first = np.exp(np.tanh(X @ np.linspace(1, 2, X.shape[1]) / 10))
+        return np.stack([first, first**-0.5], axis=1)
+
+
+@parametrize_with_checks([AnyInput(), AnyInput("mooney-rivlin"), AnyInput("ogden", n_terms=1)])
+def test_regressors_keep_scikit_learns_conventions(estimator, check):
+    check(estimator)
+
+
+TREES = {
+    "neo-hookean": {},
+    "mooney-rivlin": {"second_share": 0.2},
+    "yeoh": {"second": -0.006, "third": 2e-4},
+    "gent": {"chain_limit": 90.0},
+    "arruda-boyce": {"chain_links": 30.0},
+    "full-network": {"chain_links": 70.0},
+}
+"""A law's parameters beside the shear modulus, to be found again."""
+
+
+def three_modes():
+    stretch = {"uniaxial": np.linspace(1.1, 6, 20), "equibiaxial": np.linspace(1.1, 4, 15), "pure-shear": np.linspace(1.1, 5, 15)}
+    return np.vstack([np.stack([values, MODES[mode](values)], axis=1) for mode, values in stretch.items()])
+
+
+@pytest.mark.parametrize("name", TREES)
+def test_parameters_of_made_up_data_come_back(name):
+    X = three_modes()
+    law = LAWS[name](0.4, 40.0, **TREES[name])
+    model = pd.LawRegressor(name).fit(X, nominal_stress(law, X))
+    assert model.parameter_names_ == ["shear_modulus", *TREES[name]]
+    np.testing.assert_allclose(model.parameters_, [0.4, *TREES[name].values()], rtol=1e-5)
+
+
+def test_standard_errors_are_the_scatter_of_repeated_fits(random):
+    """100 fits to data with a known noise: their scatter is the reported standard error, to what 100 draws tell (a seventh)."""
+    X = three_modes()
+    exact = nominal_stress(pd.Gent(0.3, 30.0, 90.0), X)
+    fits = [pd.LawRegressor("gent").fit(X, exact + 0.02 * random.standard_normal(len(X))) for _ in range(100)]
+    found = np.array([fit.parameters_ for fit in fits])
+    reported = np.mean([fit.standard_errors_ for fit in fits], axis=0)
+    np.testing.assert_allclose(found.std(axis=0), reported, rtol=0.3)
+    assert (np.abs(found.mean(axis=0) - [0.3, 90.0]) < 4 * reported / 10).all()
+
+
+def test_incompressible_stress_is_the_limit_of_the_exact_solutions():
+    for law in (pd.NeoHookean, pd.Gent, pd.Ogden, pd.FullNetwork):
+        stiff = law(bulk_modulus=1e6)
+        for mode, solve in (("uniaxial", homogeneous.uniaxial), ("equibiaxial", homogeneous.equibiaxial)):
+            stretch = np.array([0.7, 1.5, 3.0])
+            stress = nominal_stress(stiff, np.stack([stretch, MODES[mode](stretch)], axis=1))
+            exact = [solve(stiff, value).nominal_stress for value in stretch]
+            # Off by about stress over bulk modulus.
+            np.testing.assert_allclose(stress, exact, rtol=1e-4)
+
+
+@pytest.fixture(scope="module")
+def treloar():
+    return load_test_data("treloar")
+
+
+def fitted(name, data, weights=None):
+    return pd.LawRegressor(name).fit(data.stretches, data.nominal_stress, data.balanced_weights() if weights is None else weights)
+
+
+def test_ogdens_three_terms_fit_treloars_three_modes(treloar):
+    model = fitted("ogden", treloar)
+    assert min(treloar.r_squared(model.predict(treloar.stretches)).values()) >= 0.995
+    exponents = model.parameters_[3:]
+    # Ogden 1972: 1.3, 5, -2.  The data do not tell them sharply (Ogden, Saccomandi, Sgura, Comput. Mech. 34 (2004) 484).
+    assert np.abs(exponents).max() < 9
+    assert (exponents < 0).sum() == 1
+    # His initial shear modulus is 0.4225 MPa.
+    assert model.law_.shear_modulus == pytest.approx(0.4225, rel=0.15)
+
+
+def test_one_parameter_laws_with_a_limit_meet_published_values(treloar):
+    # Arruda, Boyce 1993: 26.5 links.
+    assert fitted("arruda-boyce", treloar).law_.chain_links == pytest.approx(26.5, rel=0.05)
+    # An independent fit with equal weights to all digitisations with three modes: mu = 0.273 to 0.275 MPa, Jm = 84 to 87.
+    gent = fitted("gent", treloar, np.ones(len(treloar))).law_
+    assert gent.shear_modulus == pytest.approx(0.274, rel=0.03)
+    assert gent.chain_limit == pytest.approx(85.5, rel=0.05)
+
+
+def test_neo_hookean_modulus_at_moderate_stretches(treloar):
+    """Independent fits up to stretch 2: 0.33 to 0.34 in tension, 0.405 to 0.410 equibiaxially, 0.355 to 0.366 MPa in pure shear."""
+    for mode, low, high in (("uniaxial", 0.33, 0.34), ("equibiaxial", 0.405, 0.410), ("pure-shear", 0.355, 0.366)):
+        rows = treloar.of(mode).up_to(2.0)
+        found = fitted("neo-hookean", rows, np.ones(len(rows))).law_.shear_modulus
+        assert 0.98 * low < found < 1.02 * high
+
+
+def test_ogden_predicts_kawabatas_grid_best(treloar):
+    kawabata = load_test_data("kawabata")
+    scores = {name: kawabata.r_squared(fitted(name, treloar).predict(kawabata.stretches))["biaxial"] for name in ("neo-hookean", "ogden")}
+    assert scores["ogden"] > 0.97 > scores["neo-hookean"]
+
+
+def test_modes_are_held_out(treloar):
+    rows = held_out_modes([pd.LawRegressor("gent")], treloar)
+    assert [list(row["held_out"]) for row in rows] == [["uniaxial"], ["equibiaxial"], ["pure-shear"]]
+    only = held_out_modes([pd.LawRegressor("gent")], treloar, ["uniaxial"])
+    assert list(only[0]["held_out"]) == ["equibiaxial", "pure-shear"]
+    with pytest.raises(ValueError, match="nothing held out"):
+        held_out_modes([pd.LawRegressor()], treloar.of("uniaxial"), ["uniaxial"])
+
+
+def test_report_and_figure(treloar):
+    model = fitted("gent", treloar)
+    found = report(model, treloar)
+    assert found["rows"] == len(treloar)
+    assert set(found["r_squared"]) == set(treloar.modes)
+    assert len(figure([model], treloar).axes) == 3
+    assert len(figure([model], load_test_data("kawabata")).axes) == 2 - 1
+
+
+def test_a_parameter_that_the_data_do_not_tell_has_no_finite_error():
+    X = np.array([[1.2, 1.2**-0.5]])
+    model = pd.LawRegressor("gent").fit(X, [0.5])
+    assert np.isinf(model.standard_errors_).all()
+    assert report(model, one_row(X, 0.5))["standard_errors"]["chain_limit"] is None
+
+
+def one_row(X, stress):
+    from pdsurrogate.identification import TestData
+
+    return TestData("one", np.array(["uniaxial"]), X, np.array([stress]), np.ones(1))
+
+
+def test_shipped_data_are_what_their_sources_hold(treloar):
+    assert {mode: int((treloar.mode == mode).sum()) for mode in treloar.modes} == {"uniaxial": 24, "equibiaxial": 16, "pure-shear": 13}
+    last = treloar.of("uniaxial")
+    assert (last.stretches[-1, 0], last.nominal_stress[-1]) == (7.6, 6.3176)
+    kawabata = load_test_data("kawabata")
+    assert len(kawabata) == 2 * 117
+    assert kawabata.stretches.max() == 3.7
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "columns must be"),
+        ("a,b\n1,2\n", "columns must be"),
+        ("mode,stretch,nominal_stress\n", "there are no rows"),
+        ("mode,stretch,nominal_stress\ntorsion,1,2\n", "line 2: unknown mode 'torsion'"),
+        ("# note\n\nmode,stretch,nominal_stress\nuniaxial,x,2\n", "line 4: stretch is not a number"),
+        ("mode,stretch,nominal_stress\nuniaxial,-1,2\n", "stretch must be positive"),
+        ("mode,stretch,nominal_stress\nuniaxial,1,nan\n", "nominal_stress must be finite"),
+        ("mode,stretch,nominal_stress\nuniaxial,1\n", "not as many values"),
+        ("mode,stretch,nominal_stress,weight\nuniaxial,1,1,0\n", "weight must be positive"),
+    ],
+)
+def test_bad_files_are_refused_by_line(tmp_path, text, message):
+    path = tmp_path / "data.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message):
+        load_test_data(path)
+    with pytest.raises(ValueError, match="cannot read test data"):
+        load_test_data(tmp_path / "none.csv")
+
+
+def test_bad_stretches_are_refused():
+    with pytest.raises(ValueError, match="two columns"):
+        pd.LawRegressor().fit(np.ones((3, 3)), np.ones(3))
+    with pytest.raises(ValueError, match="positive"):
+        pd.LawRegressor().fit(-np.ones((3, 2)), np.ones(3))
