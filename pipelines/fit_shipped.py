@@ -81,6 +81,28 @@ def make(name, law, description, samples, model, grid, folder) -> None:
     console.print(f"{path}: on the surface {errors['on_surface']['rms']:.1e}, off it {errors['off_surface']['rms']:.1e}\n", soft_wrap=True)
 
 
+def make_energy(name, law, description, samples, folder) -> None:
+    """The artefact of an energy."""
+    console.rule(name)
+    errors = {}
+    for activation in ("algebraic", "logistic", "tanh"):
+        for units in (4, 8, 12):
+            model = pd.energy_pipeline(pd.SobolevRegressor(units, activation, max_iter=ROUNDS, random_state=0))
+            errors[activation, units] = [row["rms"] for row in pd.cross_validate_energy(model, samples, folds=3)]
+    searched = [
+        {"activation": activation, "n_units": units, "rms": sum(rows) / len(rows), "spread": max(rows) - min(rows)}
+        for (activation, units), rows in errors.items()
+    ]
+    show(f"Search: relative RMS stress error on the folds left out, {ROUNDS} iterations", searched)
+    model = pd.energy_pipeline(pd.SobolevRegressor(12, "algebraic", max_iter=1000, random_state=0))
+    folds = pd.cross_validate_energy(model, samples)
+    show("Cross-validation of the final settings", folds)
+    model.fit(samples.X, samples.y)
+    path = pd.store_energy(model, samples, law, folder, name, VERSION, description, folds, searched)
+    errors = pd.load_card(path).errors["stretches 0.8 to 4"]["on_surface"]
+    console.print(f"{path}: stress {errors['rms']:.1e}, energy {errors['energy_rms']:.1e} over stretches 0.8 to 4\n", soft_wrap=True)
+
+
 def make_all(folder: Path) -> None:
     """All artefacts."""
     law = pd.NeoHookean()
@@ -104,6 +126,13 @@ def make_all(folder: Path) -> None:
             "paper", pd.LevenbergMarquardtRegressor((20,), "logistic", max_iter=1000, n_iter_no_change=100, n_init=2, random_state=0)
         ),
         {"hidden_layer_sizes": [(10,), (20,)], "activation": ["logistic", "tanh"]},
+        folder,
+    )
+    make_energy(
+        "neo-hookean-energy",
+        law,
+        "Plane-stress energy of slightly compressible Neo-Hookean rubber, K = 100 mu: 12 units on two logarithmic invariants.",
+        pd.energy_design(law, 2000, random_state=0),
         folder,
     )
     for law, title in (

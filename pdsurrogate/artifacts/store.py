@@ -13,14 +13,14 @@ from pathlib import Path
 
 import joblib
 
-from ..forces import FORCES, ForceModel, LearntBondForce, NetworkForce, PolynomialForce
+from ..forces import FORCES, EnergyNetwork, ForceModel, LearntBondForce, NetworkForce, PolynomialForce
 from ..materials import Law
 from .card import FORMAT, NAME_PATTERN, SCHEMA_VERSION, VERSION_PATTERN, Card, CardError, read_card
 from .plain import UnsafePayload, dump_plain, load_plain
 
 CARD, SURROGATE, PIPELINE = "card.json", "surrogate.joblib", "pipeline.joblib"
 
-KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce)}
+KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, EnergyNetwork)}
 """Force models that can be stored, by the kind their card states."""
 
 
@@ -165,7 +165,7 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
     return joblib.load(io.BytesIO(_checked_payload(reference, card, PIPELINE)))
 
 
-def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce, pipeline=None) -> Path:
+def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce | EnergyNetwork, pipeline=None) -> Path:
     """Write an artefact, whole or not at all.
 
     Parameters
@@ -174,7 +174,7 @@ def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce, pi
         The folder that holds artefacts; this one becomes ``folder/NAME/VERSION``.
     card : dict
         All of `Card` but the format, schema version and payloads.
-    surrogate : LearntBondForce
+    surrogate : LearntBondForce or EnergyNetwork
     pipeline : estimator, optional
         The fitted pipeline.
 

@@ -122,12 +122,15 @@ def evaluate(
 ) -> None:
     """Compare a bond force with the exact one: on and off the plane-stress surface, by strain, at rest, and its stiffness."""
     from ..artifacts import ArtifactError, load_card, load_surrogate
-    from ..forces import FORCES, ForceSurrogate
+    from ..forces import FORCES, EnergySurrogate, ForceSurrogate
     from ..learning import evaluate as report_of
     from ..scenes import MaterialSpec
 
     with bad_input(ArtifactError, ValueError):
         model = load_surrogate(reference)
+        if isinstance(model, EnergySurrogate):
+            _evaluate_energy(reference, model, law, (least, greatest), samples, seed, as_json)
+            return
         if not isinstance(model, ForceSurrogate):
             raise ValueError(f"{reference} has no bond force of its own to evaluate")
         if reference in FORCES:
@@ -146,6 +149,37 @@ def evaluate(
         sys.stdout.write(json.dumps(report, indent=2) + "\n")
     else:
         _print_errors(report)
+
+
+def _evaluate_energy(reference, model, law, stretches, samples, seed, as_json) -> None:
+    """Compare a plane-stress energy with the exact one."""
+    from ..artifacts import load_card
+    from ..forces import FORCES
+    from ..learning import evaluate_energy
+    from ..scenes import MaterialSpec
+
+    stated = law or ("neo-hookean" if reference in FORCES else load_card(reference).material.trained_with)
+    material = MaterialSpec.model_validate(stated).build()
+    model.check_material(material)
+    domain = model.domain
+    low = stretches[0] if stretches[0] is not None else domain.least_stretch if domain else 0.5
+    high = stretches[1] if stretches[1] is not None else domain.greatest_stretch if domain else 4.0
+    report = evaluate_energy(model, material, (low, high), samples, seed)
+    if as_json:
+        sys.stdout.write(json.dumps(report, indent=2) + "\n")
+        return
+    table = Table(title=f"Relative errors, stretches {low:g} to {high:g}, {samples} states", title_justify="left")
+    for title in ("states", "stress, RMS", "greatest", "energy, RMS"):
+        table.add_column(title, justify="left" if title == "states" else "right")
+    rows = [("all", report["on_surface"]), *((f"strain {row['strain'][0]:g} to {row['strain'][1]:g}", row) for row in report["by_strain"])]
+    for title, row in rows:
+        table.add_row(title, f"{row['rms']:.1e}", f"{row['max']:.1e}", f"{row['energy_rms']:.1e}")
+    out.print(table)
+    out.print(
+        f"at rest {report['at_rest']:.1e}; least acoustic stiffness {report['least_acoustic']:.3g} "
+        f"(exact: {report['least_acoustic_exact']:.3g}); least curvature by log-stretches {report['least_curvature']:.3g} "
+        f"(exact: {report['least_curvature_exact']:.3g})"
+    )
 
 
 def _print_errors(report: dict) -> None:

@@ -7,8 +7,10 @@ import numpy as np
 from ..kernels.blocks import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
 from ..kernels.bond_state import lateral_stretch
 from ..kernels.compile import call_block, kernel
+from ..kernels.energy_density import ENERGY_ROWS, INVARIANT_ROWS
 from ..materials import Law
 from .analytic import bond_arrays
+from .energy_density import EnergySurrogate
 from .protocol import ForceSurrogate
 
 
@@ -66,3 +68,31 @@ def kernel_bond_force(model: ForceSurrogate, law: Law, dtype):
 @kernel
 def _call(bond_force, states, sizes, weights, response, parameters, work, scratch, traction):
     call_block(bond_force, states, sizes, weights, response, parameters, work, scratch, traction)
+
+
+def kernel_energy(model: EnergySurrogate, law: Law, dtype, trace, area_ratio) -> np.ndarray:
+    """Energy and its derivatives by tr C and J as the pass over the pairs gets them, shape (3, n), in double.
+
+    Parameters
+    ----------
+    model : EnergySurrogate
+    law : Law
+        Behind models that are computed from it.
+    dtype : float32 or float64
+        Precision of the pass.
+    trace, area_ratio : array_like, shape (n,)
+    """
+    full = np.stack([np.asarray(trace, dtype=float), np.asarray(area_ratio, dtype=float)])
+    compiled = model.compiled(dtype)
+    work = np.zeros((max(1, compiled.work_rows), BLOCK), dtype=dtype)
+    energies = np.empty((ENERGY_ROWS, full.shape[1]))
+    for at in range(0, full.shape[1], BLOCK):
+        size = min(BLOCK, full.shape[1] - at)
+        states, result = np.ones((INVARIANT_ROWS, BLOCK), dtype=dtype), np.zeros((ENERGY_ROWS, BLOCK), dtype=dtype)
+        states[0] = 2
+        states[:, :size] = full[:, at : at + size]
+        scratch = np.zeros((SCRATCH_ROWS, BLOCK))
+        constants = compiled.sizes, compiled.weights, law.response_block().address, law.parameters
+        _call(compiled.address, states, *constants, work, scratch, result)
+        energies[:, at : at + size] = result[:, :size]
+    return energies

@@ -135,6 +135,15 @@ class Kinematics:
         self.positions[:n] = positions
         gradient.place_images(self.positions, n, images.mirror, images.parity, self._shift)
 
+    def update_gradients(self, positions: np.ndarray) -> None:
+        """Take new positions of the body's points, and form the deformation gradients of points and images; nothing else."""
+        self.place(positions)
+        bonds, images = self.body.bonds, self.body.images
+        gradient.deformation_gradients(self.positions, bonds.pointers, bonds.neighbours, self.gradient_weights, self.gradients)
+        if len(self.unsupported):
+            gradient.hold_unsupported(self.gradients, self.unsupported)
+        gradient.reflect_gradients(self.gradients, len(self.body), images.mirror, images.parity, images.axis)
+
     def update(self, positions: np.ndarray) -> None:
         """Take new positions of the body's points, and bring everything else up to date.
 
@@ -143,13 +152,7 @@ class Kinematics:
         InvalidState
             Where det F <= 0, the law ends, or numbers are not finite; names the point.
         """
-        self.place(positions)
-        body, bonds, images = self.body, self.body.bonds, self.body.images
-        n = len(body)
-        gradient.deformation_gradients(self.positions, bonds.pointers, bonds.neighbours, self.gradient_weights, self.gradients)
-        if len(self.unsupported):
-            gradient.hold_unsupported(self.gradients, self.unsupported)
-        gradient.reflect_gradients(self.gradients, n, images.mirror, images.parity, images.axis)
+        self.update_gradients(positions)
         if self.learnt_thickness is not None:
             law = self.response.address, self.parameters
             self.learnt_thickness.update(self.gradients, self.volume_ratios, self._rotation, *law, self.records, self._unsolved)

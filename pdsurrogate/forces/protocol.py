@@ -93,6 +93,22 @@ class CompiledBondForce:
     work_rows: int
 
 
+@dataclass(frozen=True)
+class Release:
+    """What bonds had held when they broke.
+
+    Attributes
+    ----------
+    energy : float
+        Stored energy that the body lost.
+    forces : ndarray, shape (n, 2)
+        Force that went with it.
+    """
+
+    energy: float
+    forces: np.ndarray
+
+
 class InternalForce(Protocol):
     """A force model bound to a body: what a solver calls."""
 
@@ -106,8 +122,11 @@ class InternalForce(Protocol):
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""
 
-    def break_bonds(self, pairs: np.ndarray) -> None:
-        """Take pairs out of everything: horizons, corrections and forces.  Needs `ForceSettings.breakable`."""
+    def break_bonds(self, pairs: np.ndarray) -> Release | None:
+        """Take pairs out of everything: horizons, corrections and forces.  Needs `ForceSettings.breakable`.
+
+        Says what is released, where the force has an energy.
+        """
 
     def pair_forces(self) -> np.ndarray:
         """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2)."""

@@ -127,7 +127,7 @@ def exponential(x):
 
     Error below 3e-7 (float32) and 2e-15 (float64) for abs(x) <= 30.
     """
-    return np.exp(x)
+    return np.exp(np.clip(x, -708.0, 709.0))
 
 
 @overload(exponential, jit_options=INLINE_OPTIONS)

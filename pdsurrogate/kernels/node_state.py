@@ -17,10 +17,11 @@ ROTATIONS = {"polar": POLAR, "convected": CONVECTED}
 
 
 @kernel
-def solve_volume_ratios(n, states, result, response, parameters):
+def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8):
     """Newton's iteration for J3 in ``states[2]`` from the values there, over a block whose first n states count.
 
-    Returns the number of states without a solution.
+    Returns the number of states without a solution.  Ends with a relative step below `last_step`; convergence is quadratic, so the error
+    after it is about the square of that.
 
     The residual is J3 dPsi/dJ3, whose slope is about the bulk modulus: from J3 of the last evaluation one step reaches rounding, and the
     second confirms it.
@@ -38,8 +39,7 @@ def solve_volume_ratios(n, states, result, response, parameters):
             step = step if result[2, k] == result[2, k] else -SWELLING * J3
             states[2, k] = J3 - step
             largest = max(largest, abs(step) / J3)
-        # Convergence is quadratic: after a step below 1e-8 the error is below rounding.
-        if largest < 1e-8:
+        if largest < last_step:
             break
     unsolved = 0
     for k in range(n):

@@ -254,3 +254,28 @@ def sum_listed_records(typingctx, records, listed, start, stop, out, at):
         return context.get_dummy_value()
 
     return signature, codegen
+
+
+@intrinsic
+def sum_quad_records(typingctx, records, start, stop, indices, first, last, point, out):
+    """``out[point] = sum of records[start … stop] + sum of records[indices[first … last]]``, records of four, summed in double."""
+    signature = types.void(records, *[types.uint64] * 2, indices, *[types.uint64] * 2, types.uint64, out)
+
+    def codegen(context, builder, signature, arguments):
+        source, places, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 3, 7))
+        double = ir.DoubleType()
+        quad = ir.VectorType(double, 4)
+
+        def add_own(position, accumulator):
+            record = _as_real(builder, _load(builder, _element(builder, source, position, 4), 4), double)
+            builder.store(builder.fadd(builder.load(accumulator), record), accumulator)
+
+        def add_listed(position, accumulator):
+            add_own(builder.load(_element(builder, places, position)), accumulator)
+
+        total = _accumulate(builder, arguments[1], arguments[2], add_own, quad)
+        total = builder.fadd(total, _accumulate(builder, arguments[4], arguments[5], add_listed, quad))
+        _store(builder, total, _element(builder, target, arguments[6], 4))
+        return context.get_dummy_value()
+
+    return signature, codegen

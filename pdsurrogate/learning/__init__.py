@@ -1,11 +1,21 @@
 """Learning bond forces: scikit-learn's world.  Never imported to simulate."""
 
 from .chebyshev import ChebyshevRegressor
+from .energy import (
+    EnergySamples,
+    cross_validate_energy,
+    energy_design,
+    energy_pipeline,
+    energy_surrogate_of,
+    evaluate_energy,
+    store_energy,
+)
 from .export import surrogate_of
 from .fitting import cross_validate, domain_of, store
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .pipeline import bond_force_pipeline
 from .sampling import BondSamples, algorithm_1, reachable_stretches, wide_design
+from .sobolev import SobolevRegressor, TorchSobolevRegressor
 from .target import InputAwareTargetRegressor
 from .torch_regressor import TorchMLPRegressor
 from .validation import evaluate
@@ -13,16 +23,25 @@ from .validation import evaluate
 __all__ = [
     "BondSamples",
     "ChebyshevRegressor",
+    "EnergySamples",
     "InputAwareTargetRegressor",
     "LevenbergMarquardtRegressor",
+    "SobolevRegressor",
     "TorchMLPRegressor",
+    "TorchSobolevRegressor",
     "algorithm_1",
     "bond_force_pipeline",
     "cross_validate",
+    "cross_validate_energy",
     "domain_of",
+    "energy_design",
+    "energy_pipeline",
+    "energy_surrogate_of",
     "evaluate",
+    "evaluate_energy",
     "reachable_stretches",
     "store",
+    "store_energy",
     "surrogate_of",
     "wide_design",
 ]

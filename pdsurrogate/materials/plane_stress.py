@@ -9,7 +9,7 @@ import numpy as np
 
 from ..kernels.bond_state import lateral_stretch
 from ..kernels.node_state import SWELLING
-from .law import Law
+from .law import InvariantLaw, Law
 
 
 def invariants(F):
@@ -81,6 +81,80 @@ def energy_density(law: Law, F):
     """Strain energy density of the plane-stress state, shape (...), in the unit of the shear modulus."""
     trace, J = invariants(F)
     return law.shear_modulus * law.response(trace, J, volume_ratio(law, trace, J))[4]
+
+
+def energy_derivatives(law: Law, trace, area_ratio):
+    """The energy under plane stress as a function of tr C and J in the plane alone, and its derivatives, dimensionless.
+
+    At fixed J3 the energy has the derivatives of the law; J3 follows from dPsi/dJ3 = 0, so the first derivatives are those at fixed J3, and
+    the second ones are psi_ab = Psi_ab - Psi_ax Psi_bx/Psi_xx, x = J3.
+
+    Parameters
+    ----------
+    law : Law
+        The second derivatives of one that is no `InvariantLaw` are fourth-order differences of the first ones, good to some ten digits.
+    trace, area_ratio : array_like, shape (n,)
+        tr C and J = det F > 0 in the plane.
+
+    Returns
+    -------
+    psi, psi_I, psi_J, psi_II, psi_IJ, psi_JJ : ndarray, shape (n,)
+
+    Raises
+    ------
+    ValueError
+        Where J is not positive, or the law has no plane-stress state.
+    """
+    trace, J = (np.asarray(value, dtype=float) for value in (trace, area_ratio))
+    x = volume_ratio(law, trace, J)
+    p, q, _, slope, energy = law.response(trace, J, x)
+    if not isinstance(law, InvariantLaw):
+        return energy, p / 2, q / J, *_differences(law, trace, J)
+    C33 = (x / J) ** 2
+    c = x ** (-2 / 3)
+    I1, I2 = c * (trace + C33), c * c * (J * J + C33 * trace)
+    _, W1, W2, W11, W12, W22 = law.isochoric(I1, I2, law.parameters)
+    # Derivatives of the two isochoric invariants by I = tr C, J and x = J3.
+    first = {
+        "I": (c, c * c * C33),
+        "J": (-2 * c * C33 / J, c * c * (2 * J - 2 * C33 * trace / J)),
+        "x": ((2 * c * C33 - 2 / 3 * I1) / x, (2 * c * c * C33 * trace - 4 / 3 * I2) / x),
+    }
+    zero = np.zeros_like(J)
+    second = {
+        "II": (zero, zero),
+        "IJ": (zero, -2 * c * c * C33 / J),
+        "JJ": (6 * c * C33 / J**2, c * c * (2 + 6 * C33 * trace / J**2)),
+        "Ix": (-2 / 3 * c / x, 2 / 3 * c * c * C33 / x),
+        "Jx": (-8 / 3 * c * C33 / (J * x), -c * c * (8 / 3 * J + 4 / 3 * trace * C33 / J) / x),
+    }
+
+    def derivative(pair):
+        (a1, a2), (b1, b2), (k1, k2) = first[pair[0]], first[pair[1]], second[pair]
+        return W1 * k1 + W2 * k2 + W11 * a1 * b1 + W12 * (a1 * b2 + a2 * b1) + W22 * a2 * b2
+
+    stiffness = slope / x
+    by_I, by_J = derivative("Ix"), derivative("Jx")
+    return (
+        energy,
+        p / 2,
+        q / J,
+        derivative("II") - by_I**2 / stiffness,
+        derivative("IJ") - by_I * by_J / stiffness,
+        derivative("JJ") - by_J**2 / stiffness,
+    )
+
+
+def _differences(law: Law, trace, J):
+    """psi_II, psi_IJ and psi_JJ by differences towards larger tr C and smaller J: away from tr C = 2 J, past which no state lies."""
+    weights = np.array([-25, 48, -36, 16, -3]) / 12
+    step_trace, step_J = 2e-3 * trace, 2e-3 * J
+    by_trace, by_J = np.zeros((2, *np.shape(J))), np.zeros((2, *np.shape(J)))
+    for number, weight in enumerate(weights):
+        for total, I, area in ((by_trace, trace + number * step_trace, J), (by_J, trace, J - number * step_J)):  # noqa: E741
+            p, q, *_ = law.response(I, area, volume_ratio(law, I, area))
+            total += weight * np.stack([p / 2, q / area])
+    return by_trace[0] / step_trace, by_trace[1] / step_trace, -by_J[1] / step_J
 
 
 def bond_traction(law: Law, normal_stretch, shear_stretch, area_ratio, C33):

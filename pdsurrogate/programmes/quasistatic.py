@@ -57,7 +57,8 @@ def _solve(run: Run, solver: EquilibriumSolver, stretch: float, tolerance: float
 
     def report(evaluations: int, residual: float) -> None:
         run.residual = residual
-        run.history.append({"stretch": stretch, "evaluation": began + evaluations, "residual": residual})
+        row = {"stretch": stretch, "evaluation": began + evaluations, "residual": residual}
+        run.history.append(row | ({"energy": run.force.energy()} if hasattr(run.force, "energy") else {}))
         run.progress.residual(evaluations, residual, tolerance)
         run.interruption.check()
 
@@ -74,6 +75,8 @@ def _record(run: Run, equilibrium) -> None:
         "nominal_stress": float(section[axis] / run.width),
         "nominal_stress_work_conjugate": float(measures.mean_stress(run.force)[axis, axis]),
     }
+    if hasattr(run.force, "energy"):
+        level["energy"] = run.force.energy()
     if isinstance(run.scene.body, Rectangle):
         # Other outlines have no straight edges to read displacements from.
         _, low, high = measures.edge_displacements(body, displacements, 1 - axis)

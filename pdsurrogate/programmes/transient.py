@@ -67,6 +67,7 @@ class Account:
     initial_energy: float = 0.0
     work: float = 0.0
     damped_energy: float = 0.0
+    released_energy: float = 0.0
     power: float = 0.0
     damped_power: float = 0.0
     rate_time: float = 0.0
@@ -212,13 +213,20 @@ class Transient:
         bonds, n, mirror = run.body.bonds, len(run.body), run.body.images.mirror
         F = run.force.kinematics.gradients[:n]
         collapsed = np.flatnonzero(~(F[:, 0] * F[:, 3] - F[:, 1] * F[:, 2] > LEAST_AREA_RATIO))
-        if not len(collapsed):
+        inverted = run.force.inverted_pairs() if hasattr(run.force, "inverted_pairs") else collapsed[:0]
+        if not len(collapsed) and not len(inverted):
             return collapsed
         broken = np.flatnonzero(self.damage.broken)
         failed = np.zeros(len(run.body.all_points), dtype=bool)
         failed[np.intersect1d(collapsed, np.concatenate([bonds.first[broken], bonds.second[broken]]))] = True
         failed[n:] = failed[mirror]
-        pairs = np.flatnonzero((failed[bonds.first] | failed[bonds.second]) & ~self.damage.broken)
+        failing = failed[bonds.first] | failed[bonds.second]
+        if len(inverted):
+            # A bond turned inside out is let go where an end of it has lost others.
+            lost = np.zeros(len(run.body.all_points), dtype=bool)
+            lost[bonds.first[broken]] = lost[bonds.second[broken]] = True
+            failing[inverted[lost[bonds.first[inverted]] | lost[bonds.second[inverted]]]] = True
+        pairs = np.flatnonzero(failing & ~self.damage.broken)
         if len(pairs):
             self.account.failed_points += int(failed[:n].sum())
         return pairs
@@ -231,7 +239,10 @@ class Transient:
             crack["start"] = {"time": self.account.time, "stretch": run.stretch, "nominal_stress": stress, "x": where.tolist()}
         crack["broken_bonds"] += len(pairs)
         self.damage.break_bonds(pairs)
-        run.force.break_bonds(pairs)
+        release = run.force.break_bonds(pairs)
+        if release is not None:
+            self.account.released_energy += release.energy
+            self.integrator.kick(release.forces)
         self.account.recent += pairs.tolist()
 
     def _row(self, first: bool = False) -> None:
@@ -258,6 +269,8 @@ class Transient:
             "damped_energy": account.damped_energy,
             "strain_energy": strain,
         }
+        if hasattr(run.force, "energy"):
+            row["released_energy"] = account.released_energy
         if first:
             account.initial_energy = kinetic + strain
         # Half as much again for what the trapezoidal rule and the points' own strain energy leave out.
@@ -272,7 +285,9 @@ class Transient:
         run.history.append(row)
 
     def _strain_energy(self) -> float:
-        """Energy of the points' own deformation gradients: a force map has none of its own."""
+        """The force's own energy; of a force map, which has none, that of the points' deformation gradients."""
+        if hasattr(self.run.force, "energy"):
+            return self.run.force.energy()
         kinematics, law, n = self.run.force.kinematics, self.run.law, len(self.run.body)
         trace, J = plane_stress.invariants(kinematics.deformation_gradients())
         density = law.response(trace, J, kinematics.volume_ratios[:n])[4]

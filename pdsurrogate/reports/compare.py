@@ -15,8 +15,17 @@ from threadpoolctl import threadpool_limits
 
 from ..artifacts import load_surrogate
 from ..body import Body
-from ..forces import AnalyticBondForce, BondAssociatedForce, CorrespondenceForce, ForceModel, ForceSettings, ForceSurrogate
-from ..forces.kernel_face import kernel_bond_force
+from ..forces import (
+    AnalyticBondForce,
+    BondAssociatedForce,
+    BondEnergyForce,
+    CorrespondenceForce,
+    EnergySurrogate,
+    ForceModel,
+    ForceSettings,
+    ForceSurrogate,
+)
+from ..forces.kernel_face import kernel_bond_force, kernel_energy
 from ..kernels.compile import thread_count
 from ..learning import (
     ChebyshevRegressor,
@@ -28,6 +37,8 @@ from ..learning import (
     surrogate_of,
     wide_design,
 )
+from ..learning.energy import energy_design, energy_errors, energy_pipeline, energy_surrogate_of
+from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean, homogeneous
 from ..scenes import load_scene
 from ..simulation import SimulationFailed, simulate
@@ -88,6 +99,12 @@ def candidates(law: Law, quick: bool, say: Callable[[str], None]) -> list[Candid
         found.append(Candidate(f"network, symmetric, {units} units", model, "float32"))
         if units == 20:
             found.append(Candidate(f"network, symmetric, {units} units", model, "float64"))
+    say("fitting an energy")
+    found.append(Candidate("bond-level energy, exact", BondEnergyForce(), "float64"))
+    energies = energy_design(law, 1000 if quick else 2000, reachable_stretches(law, (0.5, 5.0)))
+    fitted_energy = energy_pipeline(SobolevRegressor(12, max_iter=200 if quick else 1000, random_state=0)).fit(energies.X, energies.y)
+    energy = energy_surrogate_of(fitted_energy, law, energies)
+    found += [Candidate("bond-level energy, network, 12 units", energy, precision) for precision in ("float32", "float64")]
     say("fitting isochoric features")
     found.append(Candidate("network, isochoric, 8 units", fitted("isochoric", network(8)), "float32"))
     # The response of Neo-Hookean rubber is a constant of the isochoric features; other laws need more.
@@ -156,6 +173,11 @@ def measure_speed(entries: list[Candidate], law: Law, spacing: float, repeats: i
 
 def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
     """Force error of the kernel in its own precision, on and off the surface, and the least stiffness slope; empty where there is none."""
+    if isinstance(entry.model, EnergySurrogate):
+        # Its stress, which is that of the surface: C33 is not among its inputs.
+        samples = energy_design(law, n_samples, reachable_stretches(law), 0.25, 1_000_003)
+        errors = energy_errors(kernel_energy(entry.model, law, entry.precision, *samples.X.T), samples)
+        return {"rms_on_surface": errors["rms"], "max_on_surface": errors["max"]}
     if not isinstance(entry.model, ForceSurrogate):
         return {}
     reach = reachable_stretches(law)

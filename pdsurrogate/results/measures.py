@@ -25,8 +25,10 @@ def section_force(force: InternalForce, axis: int, position: float) -> np.ndarra
 def mean_stress(force: InternalForce) -> np.ndarray:
     """Volume mean of the first Piola-Kirchhoff stress, work-conjugate to the mean deformation gradient, shape (2, 2).
 
-    (1/V) sum of f (x) x over the bonds; of a bond with an image, half lies within the body.
+    (1/V) sum of f (x) x over the bonds; of a bond with an image, half lies within the body.  A force with an energy gives its derivative.
     """
+    if hasattr(force, "mean_stress"):
+        return force.mean_stress()
     bonds, points = force.body.bonds, force.body.all_points
     share = np.where(bonds.second < len(force.body), 1.0, 0.5)
     vectors = points[bonds.second] - points[bonds.first]

@@ -103,7 +103,7 @@ class Hold(Part):
 class SolverSpec(Part):
     """How equilibrium is found."""
 
-    method: Literal["automatic", "quasi-newton", "relaxation", "explicit"] = "automatic"
+    method: Literal["automatic", "minimiser", "quasi-newton", "relaxation", "explicit"] = "automatic"
     tolerance: Positive = 1e-6
     most_evaluations: Annotated[int, Field(gt=0)] = 50_000
     largest_increment: Annotated[float, Field(ge=1e-4, allow_inf_nan=False)] = 0.5

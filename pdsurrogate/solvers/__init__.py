@@ -2,11 +2,12 @@
 
 from .dynamics import ExplicitDynamics
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged
+from .minimiser import EnergyMinimiser
 from .quasi_newton import Automatic, QuasiNewton
 from .stability import FrequencyEstimate
 from .stepping import DampedExplicit, DynamicRelaxation
 
-SOLVERS = {solver.name: solver for solver in (Automatic, QuasiNewton, DynamicRelaxation, DampedExplicit)}
+SOLVERS = {solver.name: solver for solver in (Automatic, EnergyMinimiser, QuasiNewton, DynamicRelaxation, DampedExplicit)}
 
 __all__ = [
     "SOLVERS",
@@ -14,6 +15,7 @@ __all__ = [
     "DampedExplicit",
     "Diverging",
     "DynamicRelaxation",
+    "EnergyMinimiser",
     "Equilibrium",
     "EquilibriumSolver",
     "ExplicitDynamics",

@@ -1,0 +1,385 @@
+"""The bond-level energy (THEORY [6]-[8]) and its exact gradient.
+
+Every pair has a deformation gradient of its own, F_ij = Fbar + (y/l - Fbar n) (x) n.  In the bond's frame (n, m) its columns are the bond
+itself, c = F_ij n = y/l, and the mean gradient across it, e = F_ij m = Fbar m, so that
+
+    tr C = c.c + e.e,   J = c x e,   P n = 2 psi_I c + psi_J (e2, -e1),   P m = 2 psi_I e + psi_J (-c2, c1),
+
+and of the two parts of the force the first is beta P n/l along the bond's own ends, the second S = 1/2 beta P (I - n (x) n) =
+1/2 beta (P m) (x) m for the gradient of either end.
+
+The reference data of a pair are n, 1/l and beta; a pair that is broken, or that pads a block, has beta = 0, and its state is replaced by
+rest, so that it can be neither invalid nor outside a domain.
+"""
+
+import numpy as np
+from numba import prange
+
+from .blocks import BLOCK, block_rows, pair_records, quad_records
+from .bond_pass import FALL_BACK, UNGUARDED
+from .compile import call_block, inline, kernel, parallel_kernel
+from .records import subtract_positions, sum_matrix_products, sum_quad_records, sum_records, sum_signed_records
+
+COUNTED = 1
+"""Bonds outside the domain are counted and otherwise left to the surrogate; `FALL_BACK` and `UNGUARDED` are those of the bond pass."""
+
+BUFFER_ROWS = 14
+"""Rows of the buffer in the precision of the pass: invariants, psi and its derivatives, the exact ones, the bond, c, e."""
+
+DOMAIN_SIZE = 7
+"""Constants of `edge_distances` and `exact_share`."""
+
+
+@inline
+def edge_distances(trace, J, domain):
+    """How far a state is beyond the four edges of the domain; positive outside, all negative inside.
+
+    With L and H the squares of the least and the greatest stretch: both stretches lie within unless tr C > H + J^2/H (one above),
+    J > H (both), tr C > L + J^2/L (one below) or J < L (both).  Each distance is of the size of a relative change of the offending
+    squared stretch.
+    """
+    low, high, inverse_low, inverse_high = domain[0], domain[1], domain[2], domain[3]
+    square = J * J
+    one = domain[4]
+    return (
+        trace / (high + square * inverse_high) - one,
+        one - (low + square * inverse_low) / trace,
+        J * inverse_high - one,
+        one - J * inverse_low,
+    )
+
+
+@inline
+def smooth_step(distance, width):
+    """Rise from 0 at -width to 1 at 0 with two continuous derivatives, and its derivative by the distance."""
+    t = min(max(distance / width + 1.0, 0.0), 1.0)
+    return t * t * t * (10.0 + t * (6.0 * t - 15.0)), 30.0 * t * t * (1.0 - t) * (1.0 - t) / width
+
+
+@inline
+def exact_share(trace, J, domain):
+    """Share of the exact energy in the energy used, and its derivatives by tr C and J: 0 well inside the domain, 1 outside.
+
+    Were the surrogate exchanged for the exact energy at the edge itself, the energy would jump there by the error of the fit.
+    """
+    low, high, inverse_low, inverse_high, width = domain[0], domain[1], domain[2], domain[3], domain[6]
+    square = J * J
+    above = high + square * inverse_high
+    below = low + square * inverse_low
+    s1, d1 = smooth_step(trace / above - 1.0, width)
+    s2, d2 = smooth_step(1.0 - below / trace, width)
+    s3, d3 = smooth_step(J * inverse_high - 1.0, width)
+    s4, d4 = smooth_step(1.0 - J * inverse_low, width)
+    r1, r2, r3, r4 = 1.0 - s1, 1.0 - s2, 1.0 - s3, 1.0 - s4
+    by_trace = d1 / above * r2 * r3 * r4 + d2 * below / (trace * trace) * r1 * r3 * r4
+    by_J = -d1 * trace * 2.0 * J * inverse_high / (above * above) * r2 * r3 * r4
+    by_J += -d2 * 2.0 * J * inverse_low / trace * r1 * r3 * r4
+    by_J += d3 * inverse_high * r1 * r2 * r4 - d4 * inverse_low * r1 * r2 * r3
+    return 1.0 - r1 * r2 * r3 * r4, by_trace, by_J
+
+
+@parallel_kernel
+def pair_energies(
+    positions,
+    gradients,
+    first,
+    second,
+    geometry,
+    energy_density,
+    sizes,
+    weights,
+    exact,
+    response,
+    parameters,
+    guard,
+    domain,
+    buffers,
+    sums,
+    work,
+    scratch,
+    outside,
+    invalid,
+    energies,
+    forces,
+    moments,
+):
+    """Energy of the pairs, and their parts of the force and of the nodes' S; dimensionless, times volume.
+
+    Parameters
+    ----------
+    positions : (n, 2) doubles.
+    gradients : (n, 4) F as (11, 21, 12, 22).
+    first, second : (n_blocks * BLOCK,) the pairs, padded with any.
+    geometry : (n_blocks, 4, BLOCK) n1, n2, 1/l, beta.
+    energy_density, sizes, weights : address of the model's block function, and its constants.
+    exact, response, parameters : the exact energy and the material law behind it.
+    guard : UNGUARDED, COUNTED or FALL_BACK.
+    domain : (DOMAIN_SIZE,) see `edge_distances`.
+    buffers, work : (n_chunks, rows, BLOCK) in the precision of the pass.
+    sums, scratch : (n_chunks, rows, BLOCK) doubles.
+    outside, invalid : (n_chunks,) out: pairs outside the domain; pairs with det F_ij <= 0 or no energy.
+    energies : (n_blocks,) out: sum of beta psi over each block, in double.
+    forces : (n_blocks * BLOCK, 2) out: beta P n/l, what the bond part exerts on the first point.
+    moments : (n_blocks * BLOCK, 4) out: S of the pair as (11, 21, 12, 22).
+    """
+    n_blocks = geometry.shape[0]
+    chunks = buffers.shape[0]
+    for chunk in prange(chunks):
+        buffer = buffers[chunk]
+        states = block_rows(buffer[0:2])
+        result = block_rows(buffer[2:5])
+        exact_result = block_rows(buffer[5:8])
+        bond = block_rows(buffer[8:10])
+        columns = block_rows(buffer[10:14])
+        means = block_rows(sums[chunk])
+        real = buffer.dtype.type
+        half = real(0.5)
+        zero = real(0.0)
+        one = real(1.0)
+        limits = (domain[0], domain[1], domain[2], domain[3], domain[4], domain[5], domain[6])
+        edge = -limits[6] if guard == FALL_BACK else zero
+        count = 0
+        bad = 0
+        for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
+            at = block * BLOCK
+            reference = block_rows(geometry[block])
+            for k in range(0, BLOCK, 4):
+                sum_records(gradients, first, second, at + k, means, k)
+            for k in range(0, BLOCK, 4):
+                subtract_positions(positions, first, second, at + k, bond, k)
+            wrong = zero
+            for k in range(BLOCK):
+                n1 = reference[0, k]
+                n2 = reference[1, k]
+                inverse_length = reference[2, k]
+                c1 = bond[0, k] * inverse_length
+                c2 = bond[1, k] * inverse_length
+                e1 = half * (n1 * real(means[2, k]) - n2 * real(means[0, k]))
+                e2 = half * (n1 * real(means[3, k]) - n2 * real(means[1, k]))
+                columns[0, k] = c1
+                columns[1, k] = c2
+                columns[2, k] = e1
+                columns[3, k] = e2
+                alive = reference[3, k] > zero
+                J = c1 * e2 - c2 * e1
+                trace = c1 * c1 + c2 * c2 + e1 * e1 + e2 * e2
+                J = J if alive else one
+                states[0, k] = trace if alive else one + one
+                states[1, k] = J
+                # NaN is wrong too.
+                wrong += zero if zero < J else one
+            if wrong > zero:
+                bad += int(wrong)
+            call_block(energy_density, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], result)
+            if guard != UNGUARDED:
+                found = zero
+                near = zero
+                for k in range(BLOCK):
+                    x1, x2, x3, x4 = edge_distances(states[0, k], states[1, k], limits)
+                    inside = (x1 <= zero) & (x2 <= zero) & (x3 <= zero) & (x4 <= zero)
+                    deep = (x1 <= edge) & (x2 <= edge) & (x3 <= edge) & (x4 <= edge)
+                    found += zero if inside else one
+                    near += zero if deep else one
+                if found > zero:
+                    count += int(found)
+                if guard == FALL_BACK and near > zero:
+                    call_block(exact, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], exact_result)
+                    for k in range(BLOCK):
+                        share, by_trace, by_J = exact_share(np.float64(states[0, k]), np.float64(states[1, k]), domain)
+                        if share >= 1.0:
+                            result[0, k] = exact_result[0, k]
+                            result[1, k] = exact_result[1, k]
+                            result[2, k] = exact_result[2, k]
+                        elif share > 0.0:
+                            excess = exact_result[0, k] - result[0, k]
+                            result[0, k] += real(share) * excess
+                            result[1, k] += real(share) * (exact_result[1, k] - result[1, k]) + real(by_trace) * excess
+                            result[2, k] += real(share) * (exact_result[2, k] - result[2, k]) + real(by_J) * excess
+            pair = pair_records(forces[at : at + BLOCK])
+            moment = quad_records(moments[at : at + BLOCK])
+            total = 0.0
+            for k in range(BLOCK):
+                beta = reference[3, k]
+                n1 = reference[0, k]
+                n2 = reference[1, k]
+                c1 = columns[0, k]
+                c2 = columns[1, k]
+                e1 = columns[2, k]
+                e2 = columns[3, k]
+                p = beta * (result[1, k] + result[1, k])
+                q = beta * result[2, k]
+                inverse_length = reference[2, k]
+                pair[k, 0] = inverse_length * (p * c1 + q * e2)
+                pair[k, 1] = inverse_length * (p * c2 - q * e1)
+                h1 = half * (p * e1 - q * c2)
+                h2 = half * (p * e2 + q * c1)
+                moment[k, 0] = -n2 * h1
+                moment[k, 1] = -n2 * h2
+                moment[k, 2] = n1 * h1
+                moment[k, 3] = n1 * h2
+                total += np.float64(beta * result[0, k])
+            energies[block] = total
+        outside[chunk] = count
+        invalid[chunk] = bad
+
+
+@parallel_kernel
+def pair_tangents(positions, gradients, first, second, geometry, linearised, buffers, sums, forces, moments):
+    """The change of `forces` and `moments` of `pair_energies` under a displacement, to first order.
+
+    Parameters
+    ----------
+    positions : (n, 2) displacements of the points and images.
+    gradients : (n, 4) the change of F under them.
+    linearised : (n_blocks, 9, BLOCK) c, e, psi_I, psi_J, psi_II, psi_IJ, psi_JJ where the tangent is taken, the last five times beta.
+    buffers, sums : as for `pair_energies`.
+    forces, moments : out.
+    """
+    n_blocks = geometry.shape[0]
+    chunks = buffers.shape[0]
+    for chunk in prange(chunks):
+        bond = block_rows(buffers[chunk, 8:10])
+        means = block_rows(sums[chunk])
+        for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
+            at = block * BLOCK
+            reference = block_rows(geometry[block])
+            state = block_rows(linearised[block])
+            for k in range(0, BLOCK, 4):
+                sum_records(gradients, first, second, at + k, means, k)
+            for k in range(0, BLOCK, 4):
+                subtract_positions(positions, first, second, at + k, bond, k)
+            pair = pair_records(forces[at : at + BLOCK])
+            moment = quad_records(moments[at : at + BLOCK])
+            for k in range(BLOCK):
+                n1 = reference[0, k]
+                n2 = reference[1, k]
+                inverse_length = reference[2, k]
+                dc1 = bond[0, k] * inverse_length
+                dc2 = bond[1, k] * inverse_length
+                de1 = 0.5 * (n1 * means[2, k] - n2 * means[0, k])
+                de2 = 0.5 * (n1 * means[3, k] - n2 * means[1, k])
+                c1 = state[0, k]
+                c2 = state[1, k]
+                e1 = state[2, k]
+                e2 = state[3, k]
+                d_trace = 2.0 * (c1 * dc1 + c2 * dc2 + e1 * de1 + e2 * de2)
+                d_J = dc1 * e2 + c1 * de2 - dc2 * e1 - c2 * de1
+                p = 2.0 * state[4, k]
+                q = state[5, k]
+                dp = 2.0 * (state[6, k] * d_trace + state[7, k] * d_J)
+                dq = state[7, k] * d_trace + state[8, k] * d_J
+                pair[k, 0] = inverse_length * (p * dc1 + q * de2 + dp * c1 + dq * e2)
+                pair[k, 1] = inverse_length * (p * dc2 - q * de1 + dp * c2 - dq * e1)
+                h1 = 0.5 * (p * de1 - q * dc2 + dp * e1 - dq * c2)
+                h2 = 0.5 * (p * de2 + q * dc1 + dp * e2 + dq * c1)
+                moment[k, 0] = -n2 * h1
+                moment[k, 1] = -n2 * h2
+                moment[k, 2] = n1 * h1
+                moment[k, 3] = n1 * h2
+
+
+@parallel_kernel
+def sum_moments(moments, own_pointers, incidence_pointers, incidence, out):
+    """S of every point and image: the sum over the pairs it belongs to."""
+    for i in prange(out.shape[0]):
+        sum_quad_records(moments, own_pointers[i], own_pointers[i + 1], incidence, incidence_pointers[i], incidence_pointers[i + 1], i, out)
+
+
+@kernel
+def return_moments(moments, n_points, mirror, parity, axis):
+    """Hand S of the images to the points they mirror, by the transpose of `gradient.reflect_gradients`, and clear them."""
+    for m in range(mirror.shape[0]):
+        s1 = -1.0 if axis[m] == 0 else 1.0
+        s2 = -s1
+        source = mirror[m]
+        moments[source, 0] += parity[m, 0] * s1 * moments[n_points + m, 0]
+        moments[source, 1] += parity[m, 1] * s1 * moments[n_points + m, 1]
+        moments[source, 2] += parity[m, 0] * s2 * moments[n_points + m, 2]
+        moments[source, 3] += parity[m, 1] * s2 * moments[n_points + m, 3]
+        moments[n_points + m, :] = 0.0
+
+
+@parallel_kernel
+def weigh_moments(moments, inverse_shape, volumes):
+    """S K^-1/V of every point, in place."""
+    for i in prange(volumes.shape[0]):
+        unit = 1.0 / volumes[i]
+        z11 = inverse_shape[i, 0] * unit
+        z12 = inverse_shape[i, 1] * unit
+        z22 = inverse_shape[i, 2] * unit
+        s1 = moments[i, 0]
+        s2 = moments[i, 1]
+        s3 = moments[i, 2]
+        s4 = moments[i, 3]
+        moments[i, 0] = s1 * z11 + s3 * z12
+        moments[i, 1] = s2 * z11 + s4 * z12
+        moments[i, 2] = s1 * z12 + s3 * z22
+        moments[i, 3] = s2 * z12 + s4 * z22
+
+
+@parallel_kernel
+def point_forces(
+    forces,
+    stresses,
+    pair_pointers,
+    incidence_pointers,
+    incidence,
+    pointers,
+    neighbours,
+    weighted_bonds,
+    volumes,
+    unit,
+    start,
+    node_parts,
+    out,
+):
+    """Force on the points from `start` on: the pairs' own parts, and the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j.
+
+    Parameters
+    ----------
+    forces : (n_pairs, 2) from `pair_energies`.
+    stresses : (n, 4) from `weigh_moments`.
+    pointers, neighbours, weighted_bonds : directed bonds of these points, w x V_j.
+    pair_pointers, incidence_pointers, incidence : pairs of all points.
+    unit : the shear modulus.
+    node_parts : (n, 2) working memory.
+    out : (n, 2) written from `start` on.
+    """
+    for r in prange(pointers.shape[0] - 1):
+        i = start + r
+        sum_signed_records(
+            forces,
+            pair_pointers[i],
+            pair_pointers[i + 1],
+            incidence,
+            incidence_pointers[i],
+            incidence_pointers[i + 1],
+            unit,
+            np.uint64(i),
+            out,
+        )
+        sum_matrix_products(stresses, neighbours, weighted_bonds, pointers[r], pointers[r + 1], np.uint64(i), node_parts)
+        factor = unit * volumes[i]
+        out[i, 0] += factor * node_parts[i, 0]
+        out[i, 1] += factor * node_parts[i, 1]
+
+
+@kernel
+def return_forces(forces, n_points, mirror, parity):
+    """Hand the forces on images to the points they mirror: an image is a function of that point, y = shift + parity * y_mirror."""
+    for m in range(mirror.shape[0]):
+        forces[mirror[m], 0] += parity[m, 0] * forces[n_points + m, 0]
+        forces[mirror[m], 1] += parity[m, 1] * forces[n_points + m, 1]
+
+
+@kernel
+def reflect_changes(changes, n_points, mirror, parity, axis):
+    """The change of F of every image from that of the point it mirrors, the linear part of `gradient.reflect_gradients`."""
+    for m in range(mirror.shape[0]):
+        s1 = -1.0 if axis[m] == 0 else 1.0
+        s2 = -s1
+        source = mirror[m]
+        changes[n_points + m, 0] = parity[m, 0] * s1 * changes[source, 0]
+        changes[n_points + m, 1] = parity[m, 1] * s1 * changes[source, 1]
+        changes[n_points + m, 2] = parity[m, 0] * s2 * changes[source, 2]
+        changes[n_points + m, 3] = parity[m, 1] * s2 * changes[source, 3]

@@ -1,0 +1,351 @@
+"""Learning a plane-stress energy: samples, pipeline, errors, and the artefact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from sklearn.base import clone
+from sklearn.model_selection import KFold
+from sklearn.pipeline import Pipeline
+from sklearn.preprocessing import FunctionTransformer
+
+from ..artifacts import load_surrogate, save_artifact
+from ..forces import Domain, EnergyNetwork
+from ..forces.energy_density import EnergySurrogate
+from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
+from ..materials import Law, plane_stress
+from .fitting import versions
+from .sobolev import SobolevNetwork, SobolevRegressor
+from .target import InputAwareTargetRegressor
+from .validation import STRAIN_BINS
+
+INVARIANTS = ("tr C", "J")
+"""Columns of X: tr C and det F, in the plane."""
+
+ENERGY_TARGETS = ("psi", "dpsi/dtr C", "dpsi/dJ")
+"""Columns of y, in units of the shear modulus."""
+
+
+@dataclass(frozen=True)
+class EnergySamples:
+    """Samples of a plane-stress energy and its derivatives.
+
+    Attributes
+    ----------
+    X : ndarray, shape (n, 2)
+        See `INVARIANTS`.
+    y : ndarray, shape (n, 3)
+        See `ENERGY_TARGETS`.
+    stretches : ndarray, shape (n, 2)
+        Principal stretches.
+    design : dict
+        How they were drawn.
+    """
+
+    X: np.ndarray
+    y: np.ndarray
+    stretches: np.ndarray
+    design: dict
+
+    def __len__(self) -> int:
+        return len(self.X)
+
+    @classmethod
+    def of(cls, law: Law, stretches: np.ndarray, design: dict) -> EnergySamples:
+        """Samples at given principal stretches, shape (n, 2)."""
+        trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)
+        J3 = plane_stress.volume_ratio(law, trace, J)
+        p, q, _, _, energy = law.response(trace, J, J3)
+        return cls(np.stack([trace, J], axis=1), np.stack([energy, p / 2, q / J], axis=1), stretches, design)
+
+
+def energy_design(
+    law: Law, n_samples: int = 2000, stretch_range: tuple[float, float] = (0.5, 5.0), near_rest: float = 0.25, random_state: int = 0
+) -> EnergySamples:
+    """States even in log-stretch, a share of them near rest with strains from 0.1 % to 30 %, even in the logarithm of the strain."""
+    low, high = (float(value) for value in stretch_range)
+    if not (np.isfinite(high) and 0 < low < 1 < high):
+        raise ValueError(f"a stretch range for an energy needs 0 < low < 1 < high, not {stretch_range}")
+    random = np.random.default_rng(random_state)
+    logs = random.uniform(np.log(low), np.log(high), (n_samples, 2))
+    n_near = int(near_rest * n_samples)
+    direction = random.standard_normal((n_near, 2))
+    size = np.exp(random.uniform(np.log(1e-3), np.log(0.3), n_near))
+    logs[:n_near] = np.clip(size[:, None] * direction / np.linalg.norm(direction, axis=1, keepdims=True), np.log(low), np.log(high))
+    design = {
+        "name": "energy",
+        "n_samples": n_samples,
+        "stretch_range": [low, high],
+        "near_rest": near_rest,
+        "random_state": random_state,
+    }
+    return EnergySamples.of(law, np.exp(logs), design)
+
+
+def energy_pipeline(regressor: SobolevNetwork | None = None) -> InputAwareTargetRegressor:
+    """A scikit-learn regressor from the invariants (columns of `EnergySamples.X`) to the energy and its derivatives.
+
+    The regressor sees log J and log(tr C/(2 J)), both zero at rest.  There the energy and its derivative by log J are zero by construction,
+    and with them the stress.  Residuals are divided by the size of a rubber's energy, (tr C + J^-2)/2.
+
+    Parameters
+    ----------
+    regressor : SobolevNetwork, optional
+        `SobolevRegressor` with 12 units by default; its `anchor`, `flat` and `size` are set here.
+    """
+    inner = SobolevRegressor(random_state=0) if regressor is None else clone(regressor)
+    inner.set_params(anchor=(0.0, 0.0), flat=(0,), size=rubber_energy_size)
+    features = FunctionTransformer(log_invariants, feature_names_out=_names, check_inverse=False)
+    return InputAwareTargetRegressor(
+        Pipeline([("features", features), ("regressor", inner)]), func=derivatives_by_features, inverse_func=derivatives_by_invariants
+    )
+
+
+def log_invariants(X) -> np.ndarray:
+    """Log J and log(tr C/(2 J)), shape (n, 2)."""
+    trace, J = _invariants(X)
+    return np.stack([np.log(J), np.log(trace / (2 * J))], axis=1)
+
+
+def rubber_energy_size(features) -> np.ndarray:
+    """(tr C + J^-2)/2 from the features."""
+    x, u = features.T
+    return np.exp(x + u) + np.exp(-2 * x) / 2
+
+
+def derivatives_by_features(X, y) -> np.ndarray:
+    """Energy and its derivatives by log J and log(tr C/(2 J)), from those by tr C and J."""
+    trace, J = _invariants(X)
+    by_ratio = trace * y[:, 1]
+    return np.stack([y[:, 0], J * y[:, 2] + by_ratio, by_ratio], axis=1)
+
+
+def derivatives_by_invariants(X, z) -> np.ndarray:
+    """The inverse of `derivatives_by_features`."""
+    trace, J = _invariants(X)
+    return np.stack([z[:, 0], z[:, 2] / trace, (z[:, 1] - z[:, 2]) / J], axis=1)
+
+
+def energy_surrogate_of(model: InputAwareTargetRegressor, law: Law, samples: EnergySamples, name: str = "unsaved") -> EnergyNetwork:
+    """The surrogate of a fitted `energy_pipeline`: the same function, as plain arrays.
+
+    Raises
+    ------
+    ValueError
+        If the pipeline is not of that make.
+    """
+    pipeline = getattr(model, "regressor_", None)
+    if not isinstance(pipeline, Pipeline) or not isinstance(pipeline[-1], SobolevNetwork):
+        raise ValueError("only a fitted energy_pipeline, which ends in a SobolevNetwork, can become an energy surrogate")
+    network = pipeline[-1]
+    low, high = samples.design["stretch_range"]
+    # J3^2 = J^2 C33 of the training states, for the card.
+    bulk = plane_stress.volume_ratio(law, *samples.X.T) ** 2
+    return EnergyNetwork(
+        name,
+        network.activation,
+        np.ascontiguousarray(network.hidden_weights_),
+        network.hidden_biases_.copy(),
+        network.output_weights_.copy(),
+        Domain(low, high, float(bulk.min()), float(bulk.max())),
+        law.name,
+        energy_shape(law),
+    )
+
+
+def principal_stresses(stretches, by_trace, by_J) -> np.ndarray:
+    """Principal nominal stresses 2 psi_I lambda + psi_J J/lambda, shape (n, 2)."""
+    return 2 * by_trace[:, None] * stretches + by_J[:, None] * stretches[:, ::-1]
+
+
+def energy_errors(derivatives, samples: EnergySamples) -> dict:
+    """Relative errors of a model's stress and energy on samples; `derivatives` are (psi, psi_I, psi_J)."""
+    psi, by_trace, by_J = derivatives
+    exact = principal_stresses(samples.stretches, *samples.y.T[1:])
+    error = np.linalg.norm(principal_stresses(samples.stretches, by_trace, by_J) - exact, axis=1)
+    size = np.sqrt((exact**2).sum(axis=1).mean())
+    size_psi = np.sqrt((samples.y[:, 0] ** 2).mean())
+    return {
+        "rms": float(np.sqrt((error**2).mean()) / size),
+        "max": float(error.max() / size),
+        "energy_rms": float(np.sqrt(((psi - samples.y[:, 0]) ** 2).mean()) / size_psi),
+    }
+
+
+def evaluate_energy(
+    model: EnergySurrogate,
+    law: Law,
+    stretch_range: tuple[float, float] | None = None,
+    n_samples: int = 20_000,
+    random_state: int = 1_000_003,
+) -> dict:
+    """Report of an energy surrogate against the exact energy, in double precision.
+
+    Parameters
+    ----------
+    model : EnergySurrogate
+    law : Law
+    stretch_range : tuple of float, optional
+        Of the principal stretches; the model's own domain by default.
+    n_samples : int
+    random_state : int
+        Seed; choose one that no training used.
+
+    Returns
+    -------
+    dict
+        ``on_surface``: relative errors of the stress (``rms``, ``max``) and of the energy (``energy_rms``) over the box of stretches, even
+        in their logarithms; ``by_strain``: the same by bins of greatest principal strain; ``at_rest``: size of energy and stress at rest;
+        ``least_acoustic``: least second derivative of the energy along a rank-one change m (x) n of F, unit m and n, over the states, with
+        ``least_acoustic_exact``: a positive value means that short waves are stable (strong ellipticity); ``least_curvature`` and
+        ``least_curvature_exact``: least eigenvalue of the second derivative by the logarithms of the stretches, positive where the energy
+        is convex in them.
+    """
+    domain = model.domain
+    low, high = stretch_range or ((domain.least_stretch, domain.greatest_stretch) if domain else (0.5, 4.0))
+    samples = energy_design(law, n_samples, (low, high), 0.0, random_state)
+
+    def errors(samples):
+        found = model.energy_derivatives(law, *samples.X.T)
+        return energy_errors((found.psi, found.by_trace, found.by_area), samples)
+
+    bins = []
+    random = np.random.default_rng(random_state + 1)
+    for strains in pairwise(STRAIN_BINS):
+        if strains[0] >= high - 1:
+            continue
+        greatest = np.exp(random.uniform(*np.log((strains[0], min(strains[1], high - 1))), max(n_samples // 10, 100)))
+        compressive = (random.random(greatest.size) < 0.5) & (1 - greatest >= low)
+        other = random.uniform(np.maximum(1 - greatest, low), np.minimum(1 + greatest, high))
+        stretches = np.stack([np.where(compressive, 1 - greatest, 1 + greatest), other], axis=1)
+        bins.append({"strain": list(strains), **errors(EnergySamples.of(law, stretches, {}))})
+    rest = model.energy_derivatives(law, np.array([2.0]), np.array([1.0]))
+    least, exact = _stability(model.energy_derivatives(law, *samples.X.T), samples), None
+    exact = _stability(_exact(law, samples), samples)
+    return {
+        "stretch_range": [low, high],
+        "n_samples": n_samples,
+        "random_state": random_state,
+        "on_surface": errors(samples),
+        "by_strain": bins,
+        "at_rest": float(max(abs(rest.psi[0]), abs(2 * rest.by_trace[0] + rest.by_area[0]))),
+        "least_acoustic": least[0],
+        "least_acoustic_exact": exact[0],
+        "least_curvature": least[1],
+        "least_curvature_exact": exact[1],
+    }
+
+
+def _exact(law, samples):
+    from ..forces.energy_density import ExactEnergyDensity
+
+    return ExactEnergyDensity().energy_derivatives(law, *samples.X.T)
+
+
+def _stability(energy, samples) -> tuple[float, float]:
+    """Least acoustic stiffness, and least curvature by the log-stretches."""
+    first, second = samples.stretches.T
+    angles = np.arange(0, np.pi, np.pi / 12)
+    least = np.inf
+    for n in angles:
+        for m in angles:
+            # F is diagonal here: m . F n and cof F : m (x) n.
+            along = first * np.cos(m) * np.cos(n) + second * np.sin(m) * np.sin(n)
+            cofactor = second * np.cos(m) * np.cos(n) + first * np.sin(m) * np.sin(n)
+            value = 2 * energy.by_trace + 4 * energy.by_trace_trace * along**2
+            value += 4 * energy.by_trace_area * along * cofactor + energy.by_area_area * cofactor**2
+            least = min(least, float(value.min()))
+    a, b, J = 2 * first**2, 2 * second**2, first * second
+    by_log = [energy.by_trace * s for s in (a, b)]
+
+    def second_derivative(s, t, same):
+        value = energy.by_trace_trace * s * t + energy.by_trace_area * J * (s + t) + energy.by_area_area * J * J + energy.by_area * J
+        return value + (2 * by_log[0 if s is a else 1] if same else 0)
+
+    aa, bb, ab = second_derivative(a, a, True), second_derivative(b, b, True), second_derivative(a, b, False)
+    curvature = (aa + bb) / 2 - np.sqrt(((aa - bb) / 2) ** 2 + ab**2)
+    return least, float(curvature.min())
+
+
+def cross_validate_energy(model, samples: EnergySamples, folds: int = 5, random_state: int = 0) -> list[dict]:
+    """Fit clones of a pipeline to all but one fold of the samples each, and report the relative errors on the fold left out."""
+    rows = []
+    for number, (train, test) in enumerate(KFold(folds, shuffle=True, random_state=random_state).split(samples.X)):
+        fitted = clone(model).fit(samples.X[train], samples.y[train])
+        left_out = EnergySamples(samples.X[test], samples.y[test], samples.stretches[test], samples.design)
+        rows.append({"fold": number, **energy_errors(fitted.predict(left_out.X).T, left_out)})
+    return rows
+
+
+def store_energy(
+    model: InputAwareTargetRegressor,
+    samples: EnergySamples,
+    law: Law,
+    folder: str | Path,
+    name: str,
+    version: str,
+    description: str,
+    cross_validation: list[dict] | None = None,
+    search: list[dict] | None = None,
+) -> Path:
+    """Write the artefact of a fitted energy pipeline with a full card; the arguments are those of `pdsurrogate.store`."""
+    surrogate = energy_surrogate_of(model, law, samples, f"{name}@{version}")
+    regressor = model.regressor_[-1]
+    parameters = {
+        key: list(value) if isinstance(value, tuple) else getattr(value, "__name__", value) for key, value in regressor.get_params().items()
+    }
+    domain = surrogate.domain
+    card = {
+        "name": name,
+        "version": version,
+        "kind": surrogate.kind,
+        "description": description,
+        "material": {"law": law.name, "trained_with": law.describe(), "shape": energy_shape(law)},
+        "weight_function": "any: the energy learnt is that of the material alone",
+        "features": {
+            "set": surrogate.feature_set,
+            "names": list(ENERGY_FEATURES),
+            "from": list(INVARIANTS),
+            "targets": list(ENERGY_TARGETS),
+            "units": "dimensionless; energy in the shear modulus",
+        },
+        "scaling": {"folded": "features are standardised and targets scaled within the regressor; the payload is on plain features"},
+        "training": {
+            "design": samples.design,
+            "regressor": type(regressor).__name__,
+            "parameters": parameters,
+            "outcome": {"n_iter": regressor.n_iter_, "loss": regressor.loss_},
+            "cross_validation": cross_validation or [],
+            "search": search or [],
+        },
+        "domain": {
+            "least_stretch": domain.least_stretch,
+            "greatest_stretch": domain.greatest_stretch,
+            "least_bulk": domain.least_bulk,
+            "greatest_bulk": domain.greatest_bulk,
+        },
+        "errors": {"box": evaluate_energy(surrogate, law), "stretches 0.8 to 4": evaluate_energy(surrogate, law, (0.8, 4.0))},
+        "made_with": versions(),
+    }
+    path = save_artifact(folder, card, surrogate, model)
+    load_surrogate(path)  # what was written can be read
+    return path
+
+
+def _invariants(X):
+    X = np.asarray(X, dtype=float)
+    if X.ndim != 2 or X.shape[1] != len(INVARIANTS):
+        raise ValueError(f"X must have the columns {', '.join(INVARIANTS)}, not shape {X.shape}")
+    trace, J = X.T
+    if not (J > 0).all():
+        raise ValueError(f"J must be positive; the least given is {J.min():g}")
+    if not (trace > 0).all():
+        raise ValueError(f"tr C must be positive; the least given is {trace.min():g}")
+    return trace, J
+
+
+def _names(transformer, input_features):
+    return np.asarray(ENERGY_FEATURES, dtype=object)

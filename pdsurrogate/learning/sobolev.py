@@ -1,0 +1,372 @@
+"""Networks fitted to a function and its gradient together (Sobolev training), as scikit-learn regressors."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from numbers import Integral, Real
+from typing import ClassVar
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils import check_random_state, column_or_1d
+from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils.validation import check_is_fitted, validate_data
+from threadpoolctl import threadpool_limits
+
+from ..kernels.smooth_activations import SMOOTH_ACTIVATIONS
+
+
+class SobolevNetwork(RegressorMixin, BaseEstimator):
+    """A network of one hidden layer for a scalar function and its gradient; subclasses say how it is trained.
+
+    With targets of shape (n,) it is fitted to values alone; with targets of shape (n, 1 + n_features), to the value in the first column and
+    its derivatives by the features in the others, and it predicts the same.  The derivatives predicted are those of the value predicted.
+    """
+
+    _parameter_constraints: ClassVar = {
+        "n_units": [Interval(Integral, 1, None, closed="left")],
+        "activation": [StrOptions(set(SMOOTH_ACTIVATIONS))],
+        "gradient_weight": [Interval(Real, 0, None, closed="neither")],
+        "anchor": ["array-like", None],
+        "flat": ["array-like"],
+        "size": [callable, None],
+        "random_state": ["random_state"],
+    }
+
+    def fit(self, X, y):
+        """Fit the network.
+
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, n_features)
+        y : array-like, shape (n_samples,) or (n_samples, 1 + n_features)
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            For parameters out of range, or data that scikit-learn would not accept.
+        """
+        self._validate_params()
+        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
+        y = np.asarray(y, dtype=np.float64)
+        n, d = X.shape
+        self._with_gradient = y.ndim == 2 and y.shape[1] == 1 + d
+        if not self._with_gradient:
+            y = column_or_1d(y, warn=True)[:, None]
+        anchor = None if self.anchor is None else np.asarray(self.anchor, dtype=float).reshape(d)
+        flat = list(self.flat)
+        if flat and anchor is None:
+            raise ValueError("flat names derivatives that vanish at the anchor, and there is none")
+
+        mean, spread = X.mean(axis=0), X.std(axis=0)
+        spread[spread == 0] = 1.0
+        if anchor is not None:
+            mean = anchor  # the origin of the scaled features
+        scaled = (X - mean) / spread
+        target = y.copy()
+        target[:, 1:] *= spread if self._with_gradient else 1.0
+        weight = np.ones((n, 1)) if self.size is None else 1 / np.asarray(self.size(X), dtype=float).reshape(n, 1)
+        # Residuals over the spread of what is fitted: one scale for the value, one for all derivatives.
+        spreads = (weight * target).std(axis=0)
+        unit = spreads[0] if spreads[0] > 0 else 1.0
+        weights = np.repeat(weight / unit, target.shape[1], axis=1)
+        if self._with_gradient:
+            size = np.sqrt((spreads[1:] ** 2).mean())
+            weights[:, 1:] = self.gradient_weight * weight / (size if size > 0 else 1.0)
+        random = check_random_state(self.random_state)
+        network = _Function(d, self.n_units, self.activation, anchor is not None, flat)
+        with threadpool_limits(1, user_api="blas"):
+            theta = self._train(network, scaled, target / unit, weights * unit, random)
+        W, b, v, constant = network.parts(theta)
+        self.hidden_weights_ = W / spread[:, None]
+        self.hidden_biases_ = b - mean @ self.hidden_weights_
+        self.output_weights_ = v * unit
+        self.intercept_, self.slopes_ = 0.0, np.zeros(d)
+        self.anchor_ = mean if anchor is not None else np.zeros(d)
+        if anchor is None:
+            self.intercept_ = constant * unit
+        else:
+            at = self._outputs(anchor[None])[0]
+            self.intercept_ = -at[0]
+            self.slopes_[flat] = -at[1:][flat]
+        residual = (self._outputs(X)[:, : target.shape[1]] - y) * weight
+        self.loss_ = float((residual[:, 0] ** 2).mean() / unit**2)
+        return self
+
+    def predict(self, X):
+        """Predict values, shape (n_samples,), or values and derivatives, shape (n_samples, 1 + n_features), as in training."""
+        check_is_fitted(self)
+        outputs = self._outputs(validate_data(self, X, dtype=np.float64, reset=False))
+        return outputs if self._with_gradient else outputs[:, 0]
+
+    def _outputs(self, X):
+        value, slope, _ = SMOOTH_ACTIVATIONS[self.activation](X @ self.hidden_weights_ + self.hidden_biases_)
+        gradient = (slope * self.output_weights_) @ self.hidden_weights_.T + self.slopes_
+        return np.column_stack([value @ self.output_weights_ + self.intercept_ + (X - self.anchor_) @ self.slopes_, gradient])
+
+    @abstractmethod
+    def _train(self, network, X, Y, weights, random):
+        """Parameters of the network (`_Function`) for features, targets and weights of residuals that are all of order one."""
+
+
+class SobolevRegressor(SobolevNetwork):
+    """A small network trained by the Levenberg-Marquardt algorithm on a function and its gradient together.
+
+    Parameters
+    ----------
+    n_units : int, default=12
+    activation : {"algebraic", "logistic", "tanh"}, default="algebraic"
+    gradient_weight : float, default=1.0
+        Weight of the derivatives' residuals beside the values', each over their spread.
+    anchor : array-like, shape (n_features,), default=None
+        Where the function is zero, exactly.
+    flat : tuple of int, default=()
+        Features by which the derivative is zero at the anchor.
+    size : callable, default=None
+        ``size(X)``, shape (n_samples,): known size of the function and its derivatives, by which residuals are divided.
+    max_iter : int, default=400
+        Most iterations, each an accepted step.
+    alpha : float, default=1e-12
+        Penalty on the mean square of the output weights, beside residuals of order one: large weights that cancel each other cost digits.
+    tol : float, default=1e-3
+        Training ends when the loss falls by less than this, relatively, over `n_iter_no_change` iterations.
+    n_iter_no_change : int, default=50
+    n_init : int, default=1
+        Trainings from different first weights, of which the one with the least loss is kept.
+    initial_damping : float, default=1e-2
+        Marquardt's parameter at the start, relative to the diagonal of the normal matrix.
+    random_state : int, RandomState instance or None, default=None
+        Of the first weights.
+
+    Attributes
+    ----------
+    hidden_weights_ : ndarray, shape (n_features, n_units)
+    hidden_biases_, output_weights_ : ndarray, shape (n_units,)
+    intercept_ : float
+    slopes_ : ndarray, shape (n_features,)
+        Of a linear function of ``X - anchor`` that is added: what makes the derivatives named in `flat` vanish.
+    loss_ : float
+        Mean squared residual of the values, in their variance.
+    n_iter_ : int
+    n_features_in_ : int
+
+    References
+    ----------
+    Czarnecki et al., Sobolev training for neural networks, NeurIPS (2017); Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431-441.
+    """
+
+    _parameter_constraints: ClassVar = {
+        **SobolevNetwork._parameter_constraints,
+        "max_iter": [Interval(Integral, 1, None, closed="left")],
+        "alpha": [Interval(Real, 0, None, closed="left")],
+        "tol": [Interval(Real, 0, None, closed="left")],
+        "n_iter_no_change": [Interval(Integral, 1, None, closed="left")],
+        "n_init": [Interval(Integral, 1, None, closed="left")],
+        "initial_damping": [Interval(Real, 0, None, closed="neither")],
+    }
+
+    def __init__(
+        self,
+        n_units=12,
+        activation="algebraic",
+        gradient_weight=1.0,
+        anchor=None,
+        flat=(),
+        size=None,
+        max_iter=400,
+        alpha=1e-12,
+        tol=1e-3,
+        n_iter_no_change=50,
+        n_init=1,
+        initial_damping=1e-2,
+        random_state=None,
+    ):
+        self.n_units = n_units
+        self.activation = activation
+        self.gradient_weight = gradient_weight
+        self.anchor = anchor
+        self.flat = flat
+        self.size = size
+        self.max_iter = max_iter
+        self.alpha = alpha
+        self.tol = tol
+        self.n_iter_no_change = n_iter_no_change
+        self.n_init = n_init
+        self.initial_damping = initial_damping
+        self.random_state = random_state
+
+    def _train(self, network, X, Y, weights, random):
+        trainings = [self._descend(network, network.first(random), X, Y, weights) for _ in range(self.n_init)]
+        _, theta, self.n_iter_ = min(trainings, key=lambda training: training[0])
+        return theta
+
+    def _descend(self, network, theta, X, Y, weights):
+        columns = Y.shape[1]
+
+        penalty = np.zeros(theta.size)
+        penalty[network.output_weights] = self.alpha * Y.size
+
+        def loss_of(theta):
+            return (((network.outputs(theta, X, columns) - Y) * weights) ** 2).mean() + (penalty * theta**2).sum() / Y.size
+
+        damping, loss, iterations = self.initial_damping, loss_of(theta), 0
+        losses = [loss]
+        while iterations < self.max_iter:
+            outputs, jacobian = network.jacobian(theta, X, columns)
+            A = (jacobian * weights[:, :, None]).reshape(-1, theta.size)
+            gradient = A.T @ ((outputs - Y) * weights).ravel() + penalty * theta
+            normal = A.T @ A + np.diag(penalty)
+            diagonal = np.diag(normal) + 1e-12 * max(np.trace(normal), 1e-300)
+            while damping < 1e12:
+                try:
+                    trial = theta - cho_solve(cho_factor(normal + damping * np.diag(diagonal), check_finite=False), gradient)
+                    trial_loss = loss_of(trial)
+                except (LinAlgError, ValueError):  # not positive definite, or not finite
+                    damping *= 10
+                    continue
+                if trial_loss < loss:
+                    theta, loss, damping = trial, trial_loss, max(damping / 5, 1e-14)
+                    break
+                damping *= 4
+            else:
+                break  # no damping makes the step an improvement: the loss is at its least to rounding
+            iterations += 1
+            losses.append(loss)
+            if iterations > self.n_iter_no_change and loss > (1 - self.tol) * losses[-1 - self.n_iter_no_change]:
+                break
+        return loss, theta, iterations
+
+
+class TorchSobolevRegressor(SobolevNetwork):
+    """The same network trained by L-BFGS with torch and skorch, for more units than `SobolevRegressor` has the memory for.
+
+    Needs the ``torch`` extra to fit; a fitted regressor holds plain arrays and needs it no more.
+
+    Parameters
+    ----------
+    n_units, activation, gradient_weight, anchor, flat, size
+        As for `SobolevRegressor`.
+    max_epochs : int, default=50
+        Each of up to 20 steps on all samples.
+    random_state : int, RandomState instance or None, default=None
+
+    Attributes
+    ----------
+    hidden_weights_, hidden_biases_, output_weights_, intercept_, slopes_, loss_, n_iter_, n_features_in_
+        As for `SobolevRegressor`.
+    """
+
+    _parameter_constraints: ClassVar = {
+        **SobolevNetwork._parameter_constraints,
+        "max_epochs": [Interval(Integral, 1, None, closed="left")],
+    }
+
+    def __init__(
+        self,
+        n_units=32,
+        activation="tanh",
+        gradient_weight=1.0,
+        anchor=None,
+        flat=(),
+        size=None,
+        max_epochs=50,
+        random_state=None,
+    ):
+        self.n_units = n_units
+        self.activation = activation
+        self.gradient_weight = gradient_weight
+        self.anchor = anchor
+        self.flat = flat
+        self.size = size
+        self.max_epochs = max_epochs
+        self.random_state = random_state
+
+    def _train(self, network, X, Y, weights, random):
+        try:
+            from .torch_sobolev import train
+        except ImportError as error:
+            raise ImportError(
+                f"fitting a TorchSobolevRegressor needs torch and skorch: pip install 'pdsurrogate[torch]' ({error})"
+            ) from None
+        first = network.first(random)
+        theta, self.n_iter_ = train(network, first, X, Y, weights, self.max_epochs)
+        return theta
+
+
+class _Function:
+    """v . a(W x + b) + constant and its gradient, as a function of one vector of parameters.
+
+    Anchored, it has no constant; its value at the origin is taken off, and so are the derivatives there by the features named in `flat`.
+    """
+
+    def __init__(self, n_features, n_units, activation, anchored, flat):
+        self.d, self.units, self.activation, self.anchored, self.flat = n_features, n_units, activation, anchored, flat
+        self.n_parameters = n_units * (n_features + 2) + (not anchored)
+
+    @property
+    def output_weights(self):
+        """Where the output weights stand among the parameters."""
+        return slice((self.d + 1) * self.units, (self.d + 2) * self.units)
+
+    def first(self, random):
+        W = random.normal(size=(self.d, self.units)) * np.sqrt(2 / self.d)
+        parts = [W.ravel(), random.uniform(-1.5, 1.5, self.units), 0.1 * random.normal(size=self.units)]
+        return np.concatenate(parts if self.anchored else [*parts, [0.0]])
+
+    def parts(self, theta):
+        W, rest = theta[: self.d * self.units].reshape(self.d, self.units), theta[self.d * self.units :]
+        return W, rest[: self.units], rest[self.units : 2 * self.units], 0.0 if self.anchored else rest[-1]
+
+    def outputs(self, theta, X, columns):
+        return self._anchor(self._raw(theta, X, columns), X, lambda origin: self._raw(theta, origin, 1 + self.d))
+
+    def jacobian(self, theta, X, columns):
+        """Outputs (n, columns) and their derivatives by the parameters (n, columns, n_parameters)."""
+        slopes = self._anchor(self._raw_jacobian(theta, X, columns), X, lambda origin: self._raw_jacobian(theta, origin, 1 + self.d))
+        return self.outputs(theta, X, columns), slopes
+
+    def _anchor(self, values, X, at):
+        """Take off value and chosen derivatives at the origin; values of shape (n, columns, ...)."""
+        if self.anchored:
+            origin = at(np.zeros((1, self.d)))[0]
+            shape = (-1, *[1] * (values.ndim - 2))
+            values[:, 0] -= origin[0]
+            for feature in self.flat:
+                values[:, 0] -= X[:, feature].reshape(shape) * origin[1 + feature]
+                if values.shape[1] > 1:
+                    values[:, 1 + feature] -= origin[1 + feature]
+        return values
+
+    def _raw(self, theta, X, columns):
+        W, b, v, constant = self.parts(theta)
+        value, slope, _ = SMOOTH_ACTIVATIONS[self.activation](X @ W + b)
+        outputs = np.empty((len(X), columns))
+        outputs[:, 0] = value @ v + constant
+        if columns > 1:
+            outputs[:, 1:] = (slope * v) @ W.T
+        return outputs
+
+    def _raw_jacobian(self, theta, X, columns):
+        W, b, v, _ = self.parts(theta)
+        n, d, units = len(X), self.d, self.units
+        value, slope, curvature = SMOOTH_ACTIVATIONS[self.activation](X @ W + b)
+        slope_v, curvature_v = slope * v, curvature * v
+        jacobian = np.zeros((n, columns, self.n_parameters))
+        if not self.anchored:
+            jacobian[:, 0, -1] = 1
+        by_W = jacobian[:, :, : d * units].reshape(n, columns, d, units)
+        by_b, by_v = jacobian[:, :, d * units : (d + 1) * units], jacobian[:, :, (d + 1) * units : (d + 2) * units]
+        by_W[:, 0] = X[:, :, None] * slope_v[:, None, :]
+        by_b[:, 0], by_v[:, 0] = slope_v, value
+        for feature in range(columns - 1):
+            turned = curvature_v * W[feature]
+            by_W[:, 1 + feature] = X[:, :, None] * turned[:, None, :]
+            by_W[:, 1 + feature, feature] += slope_v
+            by_b[:, 1 + feature], by_v[:, 1 + feature] = turned, slope * W[feature]
+        jacobian[:, :, : d * units] = by_W.reshape(n, columns, d * units)
+        return jacobian

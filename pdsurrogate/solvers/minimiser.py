@@ -1,0 +1,62 @@
+"""Equilibrium as the least energy: preconditioned L-BFGS with a line search, for forces that have an energy."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from ..forces import InvalidState
+from .equilibrium import Diverging
+from .quasi_newton import QuasiNewton
+
+
+class EnergyMinimiser(QuasiNewton):
+    """L-BFGS from the factorised stiffness of the nearest bonds, each step along a direction in which the energy falls.
+
+    A step is taken where the energy falls enough, or, where its change is lost in rounding, where the slope along the step says so.
+
+    References
+    ----------
+    Nocedal, Math. Comput. 35 (1980) 773-782; Hager and Zhang, SIAM J. Optim. 16 (2005) 170-192 (the second condition).
+    """
+
+    name = "minimiser"
+
+    # Each step lowers the energy: there is no need to give up early.
+    PATIENCE = 2_000
+    SUFFICIENT = 1e-4
+    # Rounding of the energy by precision of the pass, in units of shear modulus times volume.
+    ROUNDING: ClassVar = {"float32": 1e-5, "float64": 1e-14}
+
+    def _advance(self, force, positions, step, forces, trial):
+        if not hasattr(force, "energy"):
+            raise Diverging(f"{type(force).__name__} has no energy to minimise; use another solver")
+        slope, before = -np.vdot(forces, step), force.energy()
+        if slope >= 0:
+            # Rounding has spoilt the curvature that was gathered: the preconditioned force itself is downhill.
+            step[:] = self._stiffness.solve(forces) * self.free
+            step *= min(1.0, self.LARGEST_STRAIN / max(self._strain(force, step), 1e-300))
+            slope = -np.vdot(forces, step)
+        noise = self.ROUNDING[force.precision] * force.law.shear_modulus * self.volumes.sum()
+        following, share = np.empty_like(forces), 1.0
+        while share >= self.LEAST_STEP:
+            np.multiply(step, share, out=trial)
+            trial += positions
+            shorter = 0.5
+            try:
+                force(trial, following)
+                following *= self.free
+                change, slope_there = force.energy() - before, -np.vdot(following, step)
+                falls = change <= self.SUFFICIENT * share * slope
+                if falls or (change <= noise and slope_there <= (2 * self.SUFFICIENT - 1) * slope):
+                    step *= share
+                    positions[:] = trial
+                    return following
+                if slope_there > slope:
+                    # Where the slope vanishes if it changes evenly.
+                    shorter = float(np.clip(slope / (slope - slope_there), 0.1, 0.5))
+            except InvalidState:
+                pass
+            share *= shorter
+        raise Diverging("no step along the direction of descent brings the energy down")

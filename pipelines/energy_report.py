@@ -1,0 +1,191 @@
+"""What an energy buys: figures of the energy surrogate beside those of the other force models.
+
+python pipelines/energy_report.py            all tables, some ten minutes
+python pipelines/energy_report.py drift      one of: scenes, modes, drift, solvers, tear
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+from readme import markdown_table
+from rich.console import Console
+
+import pdsurrogate as pd
+from pdsurrogate.forces import ForceSettings
+from pdsurrogate.materials import homogeneous, plane_stress
+from pdsurrogate.programmes.run import Run, Silent
+from pdsurrogate.solvers import SOLVERS, FrequencyEstimate
+
+console = Console(width=160)
+
+DOUBLE = ForceSettings(precision="float64")
+
+
+def scenes() -> str:
+    """Sections 6.2 to 6.4 of the paper: errors against the exact solution and finite elements."""
+    rows = []
+    for scene in ("uniaxial", "pure-shear", "hole"):
+        for force in ("neo-hookean-energy", "neo-hookean"):
+            result = pd.simulate(pd.load_scene(scene), force)
+            for level in result.levels:
+                errors = {key.removesuffix("_error"): f"{100 * value:+.4f}" for key, value in level.items() if key.endswith("_error")}
+                displacement = errors.get("greatest_lateral_displacement", "")
+                rows.append([scene, force, f"{level['stretch']:g}", errors["nominal_stress"], displacement, str(level["evaluations"])])
+    return markdown_table(
+        ["scene", "force", "stretch", "nominal stress, error (%)", "greatest displacement, error (%)", "evaluations"], rows
+    )
+
+
+STATES = {
+    "rest": np.eye(2),
+    "uniaxial 2": np.diag([2.0, homogeneous.uniaxial(pd.NeoHookean(), 2.0).lateral_stretch]),
+    "uniaxial 3": np.diag([3.0, homogeneous.uniaxial(pd.NeoHookean(), 3.0).lateral_stretch]),
+    "shear 0.8": np.array([[1.0, 0.8], [0.0, 1.0]]),
+    "equibiaxial 2": np.diag([2.0, 2.0]),
+}
+
+
+def modes() -> str:
+    """Least eigenvalue over the greatest on 12 x 12 points, translations and the rotation of the deformed body left out."""
+    body, law = pd.Body.rectangle(1.2, 1.2, 0.1, 0.315), pd.NeoHookean()
+    rows = []
+    for force in ("bond-energy", "neo-hookean-energy", "nosb"):
+        row = [force]
+        for F in STATES.values():
+            y = body.points @ F.T
+            bound = pd.load_surrogate(force).bind(body, law, DOUBLE)
+            A = bound.tangent(y).matrix().toarray() if hasattr(bound, "tangent") else difference_tangent(bound, y)
+            n = len(y)
+            rigid = np.zeros((2 * n, 3))
+            rigid[0::2, 0] = rigid[1::2, 1] = 1
+            rigid[:, 2] = np.stack([-y[:, 1], y[:, 0]], axis=1).ravel()
+            complement = np.linalg.svd(rigid)[0][:, 3:]
+            values = np.linalg.eigvalsh(complement.T @ (A + A.T) / 2 @ complement)
+            row.append(f"{values[0] / values[-1]:.1e}")
+        rows.append(row)
+    return markdown_table(["force", *STATES], rows)
+
+
+def difference_tangent(force, y):
+    """Minus the derivative of the forces, by central differences."""
+    n, h = y.size, 1e-6 * force.body.spacing
+    A, high, low = np.empty((n, n)), np.empty_like(y), np.empty_like(y)
+    for column in range(n):
+        step = np.zeros(n)
+        step[column] = h
+        force(y + step.reshape(-1, 2), high)
+        force(y - step.reshape(-1, 2), low)
+        A[:, column] = (low - high).ravel() / (2 * h)
+    return A
+
+
+ENERGY = "neo-hookean-energy"
+
+STEPS = 20_000
+
+
+def drift() -> str:
+    """Undamped velocity Verlet of a free sheet let go from a stretch of 1.2, in steps of a twentieth of the critical one.
+
+    The energy is kinetic plus that of the force; for forces that have none, plus that of the points' deformation gradients, which for
+    NOSB is the energy of which its force is the gradient.  Drift is the change of its mean over 500 steps from the first such span to
+    the last, over the stored energy at the start; the greatest departure of any step from the start is beside it.
+    """
+    body, law = pd.Body.rectangle(2.0, 1.0, 0.1, 0.315), pd.NeoHookean()
+    start = body.points @ np.diag([1.2, 1.0])
+    rows = []
+    cases = [
+        ("bond-energy", "float64"),
+        ("neo-hookean-energy", "float64"),
+        ("neo-hookean-energy", "float32"),
+        ("neo-hookean", "float64"),
+        ("nosb", "float64"),
+        ("ba-nosb", "float64"),
+    ]
+    for name, precision in cases:
+        force = pd.load_surrogate(name).bind(body, law, ForceSettings(precision=precision))
+        mass, y, f = body.volumes[:, None], start.copy(), np.empty_like(start)
+        step = 0.05 * 2 / np.sqrt(FrequencyEstimate(body.volumes, np.ones_like(y))(force, y))
+
+        def stored(force=force, y=y):
+            if hasattr(force, "energy"):
+                return force.energy()
+            if force.correction == "none":
+                force.kinematics.update(y)
+            trace, J = plane_stress.invariants(force.kinematics.deformation_gradients())
+            return float((law.response(trace, J, force.kinematics.volume_ratios[: len(body)])[4] * body.volumes).sum())
+
+        force(y, f)
+        v, first = np.zeros_like(y), stored()
+        totals, failure = [], ""
+        try:
+            for _ in range(STEPS):
+                v += 0.5 * step * f / mass
+                y += step * v
+                force(y, f)
+                v += 0.5 * step * f / mass
+                totals.append(0.5 * float((mass * v * v).sum()) + stored())
+        except RuntimeError:
+            failure = f"stops after {len(totals)} steps"
+        totals = np.array(totals) / first - 1
+        change = failure or f"{totals[-500:].mean() - totals[:500].mean():+.1e}"
+        rows.append([name, precision, change, f"{np.abs(totals).max():.1e}"])
+        console.print(rows[-1])
+    return markdown_table(["force", "precision", f"drift over {STEPS:,} steps", "greatest departure"], rows)
+
+
+def solvers() -> str:
+    """Evaluations and wall time to a residual of 1e-6, from a homogeneous guess; the methods of one case in turn, medians of three."""
+    rows = []
+    for scene, stretch, repeats in (("uniaxial", 1.5, 3), ("tear", 1.1, 1)):
+        for method, precision in (("quasi-newton", None), ("minimiser", "float64"), ("relaxation", None)):
+            seconds = []
+            for _ in range(repeats):
+                run = Run(
+                    pd.load_scene(scene, precision=precision) if precision else pd.load_scene(scene), pd.load_surrogate(ENERGY), Silent()
+                )
+                run.warm_up()
+                y = run.loading.stretched(run.positions, 1.0, stretch)
+                run.loading.apply(stretch, run.force, y)
+                solver = SOLVERS[method](run.loading.free, run.body.volumes)
+                began = time.perf_counter()
+                found = solver.solve(run.force, y)
+                seconds.append(time.perf_counter() - began)
+            points = f"{len(run.body):,}"
+            rows.append([scene, points, method, run.force.precision, str(found.evaluations), f"{np.median(seconds):.2f}"])
+            console.print(rows[-1])
+    return markdown_table(["scene", "points", "method", "precision", "evaluations", "seconds"], rows)
+
+
+def tear() -> str:
+    """Work of the grips against stored, kinetic, damped and released energy while the sheet tears."""
+    rows = []
+    for spacing in (0.1, 0.05):
+        result = pd.simulate(pd.load_scene("tear", spacing=spacing), ENERGY)
+        history = [row for row in result.history if "work" in row]
+        begin, end = history[0], history[-1]
+        gained = sum(end[key] - begin[key] for key in ("strain_energy", "kinetic_energy", "damped_energy", "released_energy"))
+        spent = begin["strain_energy"] + end["work"]
+        parts = [f"{end[key]:.4g}" for key in ("work", "strain_energy", "kinetic_energy", "damped_energy", "released_energy")]
+        rows.append([f"{spacing:g}", f"{begin['strain_energy']:.4g}", *parts, f"{100 * (end['work'] - gained) / spent:+.2f}"])
+    return markdown_table(
+        ["spacing", "stored at first", "work", "stored", "kinetic", "damped", "released", "gap (% of stored + work)"], rows
+    )
+
+
+TABLES = {function.__name__: function for function in (scenes, modes, drift, solvers, tear)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("table", nargs="*", choices=[*TABLES, []], default=list(TABLES), help="which tables; all by default")
+    for name in parser.parse_args().table:
+        console.rule(name)
+        console.print(TABLES[name](), soft_wrap=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,395 @@
+"""The bond-level energy: forces that are its gradient, its tangent, its stability, and the surrogate behind it."""
+
+import numpy as np
+import pytest
+from bodies import disc_with_hole, gripped_sheet, jittered, rotation, sheet
+from conftest import SHIPPED
+
+import pdsurrogate as pd
+from pdsurrogate.artifacts import load_surrogate
+from pdsurrogate.body import WEIGHT_FUNCTIONS, Body, grid
+from pdsurrogate.forces import FORCES, EnergyNetwork, ForceSettings, InvalidState, OutsideDomain
+from pdsurrogate.forces.energy_density import ExactEnergyDensity
+from pdsurrogate.forces.kernel_face import kernel_energy
+from pdsurrogate.forces.protocol import OutsideDomainWarning
+from pdsurrogate.materials import LAWS, Gent, NeoHookean, Ogden, plane_stress
+from pdsurrogate.results import measures
+
+LAW = NeoHookean(2.0, 200.0)
+MODELS = {"bond-energy": FORCES["bond-energy"](), "neo-hookean-energy": load_surrogate(SHIPPED / "neo-hookean-energy")}
+DOUBLE = ForceSettings(precision="float64", breakable=True)
+
+
+def cracked_sheet():
+    """A crack from the left edge to the middle, between two rows of points."""
+
+    def separates(start, end):
+        share = (0.5 - start[:, 1]) / np.where(end[:, 1] == start[:, 1], np.inf, end[:, 1] - start[:, 1])
+        return (share > 0) & (share < 1) & (start[:, 0] + share * (end[:, 0] - start[:, 0]) < 0.6)
+
+    return sheet(separates=separates)
+
+
+BODIES = {
+    "sheet": sheet,
+    "disc": disc_with_hole,
+    "crack": cracked_sheet,
+    "rollers": lambda: gripped_sheet((-1, 1)),
+    "clamps": lambda: gripped_sheet((-1, -1)),
+}
+
+
+def deformed(body, amount=1.0):
+    """An inhomogeneous deformation; gentle between grips that stay where they are."""
+    x1, x2 = body.points.T
+    y = np.stack([1.3 * x1 + 0.02 * np.sin(4 * x2), 0.95 * x2 + 0.1 * x1 + 0.02 * np.cos(5 * x1)], axis=1)
+    return body.points + (0.05 if len(body.images) else 1.0) * amount * (y - body.points)
+
+
+def bound(name, body, settings=DOUBLE, law=LAW):
+    return MODELS[name].bind(body, law, settings)
+
+
+def fourth_order(function, step):
+    """Derivative at zero by central differences of fourth order."""
+    return (8 * (function(step) - function(-step)) - (function(2 * step) - function(-2 * step))) / (12 * step)
+
+
+@pytest.mark.parametrize("make", sorted(BODIES))
+@pytest.mark.parametrize("name", sorted(MODELS))
+def test_forces_are_the_gradient_of_the_energy(name, make, random):
+    """At single points of every kind (corner, edge, interior, beside crack and grip) and along random directions, to 1e-7."""
+    body = BODIES[make]()
+    force, y, out = bound(name, body), deformed(body), np.empty_like(body.points)
+    force(y, out)
+    directions = [random.standard_normal(y.shape) for _ in range(3)]
+    targets = [body.points.min(axis=0), body.points.max(axis=0), [0.6, 0.5], [0.5, 0.55], [0.05, 0.5], [0.6, 0.05]]
+    for target in targets:
+        single = np.zeros_like(y)
+        single[np.linalg.norm(body.points - target, axis=1).argmin()] = [0.6, 0.8]
+        directions.append(single)
+
+    def energy(direction):
+        def at(step):
+            force(y + step * direction, np.empty_like(y))
+            return force.energy()
+
+        return at
+
+    for direction in directions:
+        expected = -fourth_order(energy(direction), 2e-5)
+        # The scale of the force on the points that move, which cancels where they are in equilibrium.
+        scale = np.abs(out).max() * np.linalg.norm(direction)
+        assert abs((out * direction).sum() - expected) < 1e-7 * scale
+
+
+@pytest.mark.parametrize("make", sorted(BODIES))
+@pytest.mark.parametrize("name", sorted(MODELS))
+def test_tangent_is_symmetric_and_the_derivative_of_the_forces(name, make, random):
+    body = BODIES[make]()
+    force, y = bound(name, body), deformed(body)
+    tangent = force.tangent(y)
+    matrix, direction = tangent.matrix(), random.standard_normal(y.shape)
+    assert abs(matrix - matrix.T).max() < 1e-12 * abs(matrix).max()
+    product = tangent.product(direction)
+    np.testing.assert_allclose((matrix @ direction.ravel()).reshape(-1, 2), product, atol=1e-12 * np.abs(product).max())
+
+    def forces(step):
+        out = np.empty_like(y)
+        force(y + step * direction, out)
+        return out
+
+    # Rounding of the forces over the step, 1e-16/1e-5 of the stiffness, and the differences' own fourth-order error.
+    np.testing.assert_allclose(product, -fourth_order(forces, 1e-5), atol=1e-7 * np.abs(product).max())
+
+
+@pytest.mark.parametrize("weight", sorted(WEIGHT_FUNCTIONS))
+@pytest.mark.parametrize("make", ["sheet", "disc", "jittered"])
+@pytest.mark.parametrize("name", sorted(MODELS))
+def test_affine_deformation_is_exact(name, make, weight, random):
+    """E = V psi and stress = P to rounding, of the model's own energy, on any body and for three weight functions."""
+    body = {"sheet": sheet, "disc": disc_with_hole, "jittered": lambda **options: jittered(random, **options)}[make](weight=weight)
+    for F in (np.array([[1.5, 0.3], [-0.1, 0.82]]), rotation(2.5) @ np.diag([1.8, 0.7])):
+        force = bound(name, body)
+        force(body.points @ F.T, np.empty_like(body.points))
+        trace, J = (np.array([value]) for value in plane_stress.invariants(F))
+        own = MODELS[name].energy_derivatives(LAW, trace, J)
+        cofactor = np.array([[F[1, 1], -F[1, 0]], [-F[0, 1], F[0, 0]]])
+        P = LAW.shear_modulus * (2 * own.by_trace[0] * F + own.by_area[0] * cofactor)
+        assert force.energy() == pytest.approx(body.volumes.sum() * LAW.shear_modulus * own.psi[0], rel=1e-12)
+        np.testing.assert_allclose(measures.mean_stress(force), P, atol=1e-11)
+        if name == "bond-energy":
+            np.testing.assert_allclose(P, plane_stress.first_piola_stress(LAW, F), atol=1e-11)
+            assert own.psi[0] * LAW.shear_modulus == pytest.approx(plane_stress.energy_density(LAW, F), rel=1e-12)
+
+
+@pytest.mark.parametrize("law", [NeoHookean(2.5, 25.0), NeoHookean(0.3, 3000.0), Gent(), Ogden()], ids=lambda law: law.name)
+def test_second_derivatives_of_the_exact_energy(law, random):
+    stretches = random.uniform(0.6, 2.5, (200, 2))
+    # No closer to equal stretches, tr C = 2 J, than the differences here reach across.
+    stretches = stretches[np.abs(stretches[:, 0] - stretches[:, 1]) > 0.05]
+    trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)
+
+    def exact(trace, J):
+        return ExactEnergyDensity().energy_derivatives(law, trace, J)
+
+    found, h = exact(trace, J), 1e-4
+    for by_trace, by_area, direction in (("by_trace_trace", "by_trace_area", 0), ("by_trace_area", "by_area_area", 1)):
+
+        def at(step, key, direction=direction):
+            return getattr(exact(trace + step * (direction == 0), J + step * direction), key)
+
+        for key, result in (("by_trace", by_trace), ("by_area", by_area)):
+            expected = fourth_order(lambda step, key=key: at(step, key), h)
+            np.testing.assert_allclose(getattr(found, result), expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max())
+
+
+def test_every_law_has_an_exact_energy():
+    body = sheet()
+    for law in (cls() for cls in LAWS.values()):
+        force, out = bound("bond-energy", body, law=law), np.empty_like(body.points)
+        force(deformed(body), out)
+        direction = np.cos(7 * body.points)
+
+        def energy(step, force=force, direction=direction):
+            force(deformed(body) + step * direction, np.empty_like(body.points))
+            return force.energy()
+
+        assert -(out * direction).sum() == pytest.approx(fourth_order(energy, 1e-5), rel=1e-6)
+
+
+STATES = {
+    "rest": np.eye(2),
+    "uniaxial 2": np.diag([2.0, 0.7105]),
+    "uniaxial 3": np.diag([3.0, 0.5813]),
+    "shear": np.array([[1.0, 0.8], [0.0, 1.0]]),
+    "equibiaxial 2": np.diag([2.0, 2.0]),
+}
+
+
+def eigenvalues(force, body, F):
+    """Of the symmetric part of the tangent by central differences: for models without a tangent of their own."""
+    y, n = body.points @ F.T, 2 * len(body)
+    A, h = np.empty((n, n)), 1e-6 * body.spacing
+    high, low = np.empty_like(y), np.empty_like(y)
+    for column in range(n):
+        step = np.zeros(n)
+        step[column] = h
+        force(y + step.reshape(-1, 2), high)
+        force(y - step.reshape(-1, 2), low)
+        A[:, column] = (low - high).ravel() / (2 * h)
+    return np.linalg.eigvalsh((A + A.T) / 2)
+
+
+@pytest.mark.parametrize("state", sorted(STATES))
+@pytest.mark.parametrize("name", sorted(MODELS))
+def test_no_zero_energy_mode(name, state):
+    """12 x 12 points: after the rigid modes, the least eigenvalue is at least 5e-3 of the greatest; none is negative."""
+    body, F = sheet(0.1, 1.2, 1.2), STATES[state]
+    matrix = bound(name, body).tangent(body.points @ F.T).matrix().toarray()
+    values = np.linalg.eigvalsh(matrix)
+    # Two translations are exact zeros; turning the body costs as much as its stress, which a dead load would balance.
+    rest = state == "rest"
+    assert np.abs(np.sort(np.abs(values))[: 3 if rest else 2]).max() < 1e-9 * values[-1]
+    modes = rigid_free(matrix, body.points @ F.T)
+    assert modes[0] >= 5e-3 * modes[-1]
+
+
+def rigid_free(matrix, positions):
+    """Eigenvalues on the complement of translations and the infinitesimal rotation of the deformed body."""
+    n = len(positions)
+    rigid = np.zeros((2 * n, 3))
+    rigid[0::2, 0], rigid[1::2, 1] = 1, 1
+    rigid[:, 2] = np.stack([-positions[:, 1], positions[:, 0]], axis=1).ravel()
+    complement = np.linalg.svd(rigid)[0][:, 3:]
+    return np.linalg.eigvalsh(complement.T @ matrix @ complement)
+
+
+def test_nosb_has_zero_energy_modes_where_the_energy_has_none():
+    body = sheet(0.1, 1.2, 1.2)
+    values = eigenvalues(FORCES["nosb"]().bind(body, LAW, ForceSettings()), body, np.eye(2))
+    assert np.sort(values)[3] < 1e-3 * values[-1]
+
+
+@pytest.mark.parametrize("name", sorted(MODELS))
+def test_rigid_turns_by_any_angle(name):
+    body = disc_with_hole()
+    force, still, out = bound(name, body), np.empty_like(body.points), np.empty_like(body.points)
+    force(deformed(body), still)
+    energy = force.energy()
+    for degrees in range(15, 361, 15):
+        Q = rotation(np.deg2rad(degrees))
+        y = deformed(body) @ Q.T + [3.0, -2.0]
+        force(y, out)
+        assert np.abs(out - still @ Q.T).max() < 1e-10 * np.abs(still).max()
+        assert force.energy() == pytest.approx(energy, rel=1e-12)
+        arm = y - y.mean(axis=0)
+        moment = (arm[:, 0] * out[:, 1] - arm[:, 1] * out[:, 0]).sum()
+        assert abs(moment) < 1e-12 * (np.linalg.norm(arm, axis=1) * np.linalg.norm(out, axis=1)).sum()
+        assert np.abs(out.sum(axis=0)).max() < 1e-12 * np.abs(out).sum()
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_rest_has_no_energy_and_no_force(precision):
+    """By construction, as each precision rounds it: the invariants of a turned grid are those of rest to a few roundings."""
+    body, rounding = sheet(), np.finfo(precision).eps
+    for angle in (0.0, 1.0, 2.5):
+        force = bound("neo-hookean-energy", body, ForceSettings(precision=precision))
+        out = np.empty_like(body.points)
+        force(body.points @ rotation(angle).T, out)
+        assert abs(force.energy()) < 100 * rounding * LAW.shear_modulus * body.volumes.sum()
+        assert np.abs(out).max() < 100 * rounding * LAW.shear_modulus * body.spacing
+
+
+def test_breaking_bonds_releases_energy_and_keeps_forces_a_gradient(random):
+    body = sheet()
+    crossing = np.flatnonzero((body.points[body.bonds.first, 1] - 0.5) * (body.points[body.bonds.second, 1] - 0.5) < 0)
+    left = crossing[(body.points[body.bonds.first[crossing], 0] < 0.6) & (body.points[body.bonds.second[crossing], 0] < 0.6)]
+    for name in MODELS:
+        force, y, out = bound(name, body), deformed(body), np.empty_like(body.points)
+        force(y, out)
+        before = force.energy()
+        first, second = force.break_bonds(left[:20]), force.break_bonds(left[20:])
+        released = first.energy + second.energy
+        force(y, out)
+        assert before - force.energy() == pytest.approx(released, rel=1e-10)
+        # The same as a body that never had these bonds.
+        pairs = {tuple(sorted(pair)) for pair in np.stack([body.bonds.first, body.bonds.second], axis=1)[left].tolist()}
+        index = {tuple(point): i for i, point in enumerate(body.points.tolist())}
+
+        def cut(start, end, pairs=pairs, index=index):
+            ends = zip(start.tolist(), end.tolist(), strict=True)
+            return np.array([tuple(sorted((index[tuple(a)], index[tuple(b)]))) in pairs for a, b in ends])
+
+        other = bound(name, sheet(separates=cut))
+        expected = np.empty_like(out)
+        other(y, expected)
+        assert force.energy() == pytest.approx(other.energy(), rel=1e-12)
+        np.testing.assert_allclose(out, expected, atol=1e-12 * np.abs(out).max())
+        direction = random.standard_normal(y.shape)
+
+        def energy(step, force=force, y=y, direction=direction):
+            force(y + step * direction, np.empty_like(y))
+            return force.energy()
+
+        assert abs((out * direction).sum() + fourth_order(energy, 1e-5)) < 1e-7 * np.abs(out).max() * np.linalg.norm(direction)
+
+
+def test_a_point_without_bonds_carries_nothing():
+    body = sheet()
+    force, y, out = bound("bond-energy", body), deformed(body), np.empty_like(body.points)
+    force(y, out)
+    own = np.flatnonzero((body.bonds.first == 40) | (body.bonds.second == 40))
+    force.break_bonds(own)
+    y[40] += 100.0
+    force(y, out)
+    assert (out[40] == 0).all()
+    assert np.isfinite(out).all()
+
+
+def test_energy_is_smooth_across_the_edge_of_the_domain():
+    """The exact energy takes over: no jump of energy or stress, and the force stays the gradient on the way."""
+    body = sheet(0.2, 1.0, 1.0)
+    force, out = bound("neo-hookean-energy", body), np.empty_like(body.points)
+    exact = bound("bond-energy", body)
+    for stretch in np.linspace(4.6, 5.2, 13):
+        y = body.points * [stretch, 0.9] + 0.01 * np.sin(9 * body.points)
+        force(y, out)
+        direction = np.cos(5 * body.points)
+
+        def energy(step, y=y, direction=direction):
+            force(y + step * direction, np.empty_like(y))
+            return force.energy()
+
+        slope = fourth_order(energy, 1e-4)
+        assert abs((out * direction).sum() + slope) < 1e-7 * np.abs(out).max() * np.linalg.norm(direction)
+    force(body.points * [5.6, 0.9], out)
+    expected = np.empty_like(out)
+    exact(body.points * [5.6, 0.9], expected)
+    np.testing.assert_allclose(out, expected, atol=1e-12 * np.abs(expected).max())
+    assert force.energy() == pytest.approx(exact.energy(), rel=1e-13)
+    assert force.fraction_outside > 0
+    tangent, direction = force.tangent(body.points * [4.9, 0.9]), np.sin(8 * body.points)
+
+    def forces(step):
+        out = np.empty_like(direction)
+        force(body.points * [4.9, 0.9] + step * direction, out)
+        return out
+
+    product = tangent.product(direction)
+    np.testing.assert_allclose(product, -fourth_order(forces, 1e-4), atol=1e-6 * np.abs(product).max())
+
+
+def test_domain_policies():
+    body = sheet(0.2, 1.0, 1.0)
+    with pytest.raises(OutsideDomain, match="outside the domain"):
+        bound("neo-hookean-energy", body, ForceSettings(outside="raise"))(body.points * [6.0, 1.0], np.empty_like(body.points))
+    with pytest.warns(OutsideDomainWarning, match="extrapolated"):
+        bound("neo-hookean-energy", body, ForceSettings(outside="warn"))(body.points * [6.0, 1.0], np.empty_like(body.points))
+
+
+def test_inversion_is_reported_with_its_place():
+    body = sheet()
+    for name in MODELS:
+        positions = body.points * [-1.0, 1.0]
+        with pytest.raises(InvalidState, match=r"point \d+ at \(.*\): det F"):
+            bound(name, body)(positions, np.empty_like(positions))
+        positions[7] = np.nan
+        with pytest.raises(InvalidState, match="not finite"):
+            bound(name, body)(positions, np.empty_like(positions))
+
+
+def test_kernel_and_numpy_energies_agree(random):
+    stretches = random.uniform(0.6, 4.5, (1000, 2))
+    trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)
+    for model in MODELS.values():
+        own = model.energy_derivatives(LAW, trace, J)
+        expected = np.stack([own.psi, own.by_trace, own.by_area])
+        np.testing.assert_allclose(kernel_energy(model, LAW, "float64", trace, J), expected, rtol=1e-11, atol=1e-12)
+        np.testing.assert_allclose(kernel_energy(model, LAW, "float32", trace, J), expected, rtol=1e-4, atol=1e-4)
+
+
+def test_the_shipped_surrogate_is_accurate():
+    """Stress within 1e-3, relative RMS, over stretches 0.8 to 4, with at most 20 units; strongly elliptic like the law."""
+    model = MODELS["neo-hookean-energy"]
+    report = pd.evaluate_energy(model, LAW, (0.8, 4.0), 5000, 77)
+    assert model.output_weights.size <= 20
+    assert report["on_surface"]["rms"] < 1e-3
+    assert max(row["rms"] for row in report["by_strain"]) < 1e-3
+    assert report["at_rest"] < 1e-14
+    assert report["least_acoustic"] > 0.99 * report["least_acoustic_exact"] > 0
+
+
+def test_another_material_is_refused():
+    for law, message in ((NeoHookean(1.0, 50.0), "bulk_modulus"), (Gent(), "describes the law")):
+        with pytest.raises(ValueError, match=message):
+            bound("neo-hookean-energy", sheet(), law=law)
+
+
+def test_payloads_are_checked():
+    model = MODELS["neo-hookean-energy"]
+    again = EnergyNetwork.from_payload("x", model.payload(), model.domain, model.law, model.shape)
+    np.testing.assert_array_equal(again.hidden_weights, model.hidden_weights)
+    for key, value in (("activation", "relu"), ("output_weights", np.ones((2, 2))), ("hidden_biases", np.full(8, np.nan))):
+        with pytest.raises(ValueError, match=r"activation|output_weights|hidden_biases"):
+            EnergyNetwork.from_payload("x", model.payload() | {key: value}, model.domain, model.law, model.shape)
+    with pytest.raises(ValueError, match="payload has"):
+        EnergyNetwork.from_payload("x", {}, model.domain, model.law, model.shape)
+
+
+def test_thread_count_changes_no_bit():
+    import numba
+
+    from pdsurrogate.kernels.compile import thread_count
+
+    if numba.config.NUMBA_NUM_THREADS < 2:
+        pytest.skip("needs two threads")
+    body = Body(grid((0, 0), (2, 1), 0.05), np.full(800, 0.0025), 0.1575, 0.05)
+    results = []
+    for threads in (1, 2):
+        with thread_count(threads):
+            force, out = bound("neo-hookean-energy", body), np.empty_like(body.points)
+            force(deformed(body), out)
+            results.append((out, force.energy()))
+    assert (results[0][0] == results[1][0]).all()
+    assert results[0][1] == results[1][1]
