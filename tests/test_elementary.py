@@ -26,6 +26,12 @@ def test_inverse_cube_root(random, dtype, tolerance):
     assert np.abs(apply(elementary.inverse_cube_root, x) * np.cbrt(x.astype(float)) - 1).max() < tolerance
 
 
+@pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 3e-7), (np.float64, 5e-16)])
+def test_inverse_square_root(random, dtype, tolerance):
+    x = np.exp(random.uniform(-80, 80, 5000)).astype(dtype)
+    assert np.abs(apply(elementary.inverse_square_root, x) * np.sqrt(x.astype(float)) - 1).max() < tolerance
+
+
 @pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 3e-7), (np.float64, 6e-16)])
 def test_logarithm(random, dtype, tolerance):
     x = np.exp(random.uniform(-3, 3, 5000)).astype(dtype)

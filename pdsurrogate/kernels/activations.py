@@ -1,18 +1,18 @@
 """Activation functions of networks, elementwise, in the form the kernels evaluate.
 
-The algebraic sigmoid is exact to rounding with one root and one division; the exponential ones use `exponential`, whose error is below
+The algebraic sigmoid is exact to rounding without a root or a division; the exponential ones use `exponential`, whose error is below
 2e-7 in single and 1e-15 in double precision.
 """
 
 import numpy as np
 
-from .elementary import exponential, logarithm
+from .elementary import exponential, inverse_square_root, logarithm
 from .feature_sets import like
 
 
 def algebraic(x):
     """X / sqrt(1 + x^2), the cheapest smooth sigmoid."""
-    return x / np.sqrt(like(x, 1.0) + x * x)
+    return x * inverse_square_root(like(x, 1.0) + x * x)
 
 
 def logistic(x):

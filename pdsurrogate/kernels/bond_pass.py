@@ -6,6 +6,7 @@ from numba import prange
 from .blocks import BLOCK, block_rows, pair_records
 from .bond_state import LEAST_NORMAL_STRETCH, is_outside, lateral_stretch, share_inside
 from .compile import call_block, parallel_kernel
+from .elementary import inverse_square_root
 from .records import subtract_positions, sum_records, sum_signed_records
 
 UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
@@ -84,7 +85,7 @@ def pair_forces(
                 # The mean of two rotations is the direction of the sum of their (cos, sin); two opposite ones have none.
                 c = means[0, k]
                 s = means[1, k]
-                norm = one / np.sqrt(c * c + s * s + tiny)
+                norm = inverse_square_root(c * c + s * s + tiny)
                 c = c * norm
                 s = s * norm
                 r1 = c * reference[0, k] - s * reference[1, k]

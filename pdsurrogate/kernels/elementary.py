@@ -72,6 +72,35 @@ def _inverse_cube_root(x):
     return implementation
 
 
+def inverse_square_root(x):
+    """x**(-1/2) for x > 0.  Relative error below 3e-7 (float32) and 5e-16 (float64) over all normal numbers.
+
+    Multiplications only in double precision: the dividers of some processors make a root and a division dearer than all else in a network.
+    """
+    return 1 / np.sqrt(x)
+
+
+@overload(inverse_square_root, jit_options=INLINE_OPTIONS)
+def _inverse_square_root(x):
+    if x == types.float32:
+
+        def implementation(x):
+            # The compiler takes the processor's own estimate and refines it, in single precision only.
+            return np.float32(1.0) / np.sqrt(x)
+
+    else:
+
+        def implementation(x):
+            # A first guess within 4 % from the exponent bits, then Newton's iteration for r**-2 = x.
+            r = real_of(np.int64(np.int64(0x5FE6EB50C7B537A9) - (bits_of(x) >> np.int64(1))))
+            half = 0.5 * x
+            for _ in range(4):
+                r = r + r * (0.5 - half * r * r)
+            return r
+
+    return implementation
+
+
 def logarithm(x):
     """Natural logarithm for x > 0.
 

@@ -4,15 +4,13 @@ A network of an energy gives stresses through its slope and stiffness through it
 expressions serve NumPy (training, checking, the tangent) and, compiled, the kernels, where what is not used costs nothing.
 """
 
-import numpy as np
-
-from .elementary import exponential
+from .elementary import exponential, inverse_square_root
 from .feature_sets import like
 
 
 def algebraic(x):
-    """X / sqrt(1 + x^2): one root and one division give value, slope and curvature."""
-    r = like(x, 1.0) / np.sqrt(like(x, 1.0) + x * x)
+    """X / sqrt(1 + x^2): one inverse root gives value, slope and curvature."""
+    r = inverse_square_root(like(x, 1.0) + x * x)
     slope = r * r * r
     return x * r, slope, like(x, -3.0) * x * slope * r * r
 

@@ -16,7 +16,7 @@ NOTHING = "-"
 
 
 def _pair(row: dict, first: str, second: str) -> str:
-    return f"{row[first]:.0e} / {row[second]:.0e}" if first in row else NOTHING
+    return f"{row[first]:.0e} / {row[second]:.0e}" if first in row and second in row else NOTHING
 
 
 def _scene(row: dict, text: str) -> str:
