@@ -355,6 +355,14 @@ def table(rows: list[dict]) -> str:
     return markdown_table(["section", "quantity", "found", "reference", "error (%)", "paper", "paper's error (%)"], cells)
 
 
+def pivot(rows: list[dict]) -> str:
+    """One row a part, one column a quantity."""
+    parts, quantities = (list(dict.fromkeys(entry[key] for entry in rows)) for key in ("part", "quantity"))
+    found = {(entry["part"], entry["quantity"]): f"{entry['found']:.4g}" for entry in rows}
+    cells = [[part.removeprefix("6.5, "), *(found.get((part, quantity), "") for quantity in quantities)] for part in parts]
+    return markdown_table(["tear", *quantities], cells)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--part", choices=list(PARTS), action="append", help="one part only; may be repeated")
@@ -370,7 +378,7 @@ def main() -> None:
         static = [entry for name in ("zero-energy", "uniaxial", "pure-shear", "hole", "gent", "voids") for entry in numbers[name]]
         static += [entry for entry in numbers["tear"] if entry["part"] == "6.5"]
         replace_block("section 6", table(static))
-        replace_block("tear", table([entry for entry in numbers["tear"] if entry["part"] != "6.5"]))
+        replace_block("tear", pivot([entry for entry in numbers["tear"] if entry["part"] != "6.5"]))
         replace_block("convergence", table(numbers["convergence"]))
 
 
