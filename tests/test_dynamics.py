@@ -139,6 +139,7 @@ def test_the_crack_runs_straight_through(torn):
     tips = np.array([tip for entry in crack["tips"] for tip in entry["tips"][:1]])
     assert np.abs(tips[:, 1] - 0.5).max() < 0.1
     assert tips[-1, 0] > 2.5
+    assert [entry["tip"] for entry in crack["tips"] if entry["tips"]] == tips.tolist()
     assert (np.diff(tips[:, 0]) > -0.1).all()
     assert result.summary["peak_nominal_stress"] > max(level["nominal_stress"] for level in result.levels)
     assert [level["stretch"] for level in result.levels] == [1.1, 1.2]

@@ -300,7 +300,10 @@ class Transient:
         if self.damage is not None:
             fields["damage"] = self.damage.at_points()
             entry = {"time": account.time, "stretch": run.stretch, "broken_bonds": run.crack["broken_bonds"]}
-            run.crack["tips"].append({**entry, "tips": crack_tips(run.body, np.array(account.recent, dtype=np.int64))})
+            tips = crack_tips(run.body, np.array(account.recent, dtype=np.int64))
+            # The tip of the largest crack stays where it was while nothing breaks.
+            last = run.crack["tips"][-1]["tip"] if run.crack["tips"] else None
+            run.crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
             run.crack["failed_points"] = account.failed_points
             run.crack["through"] = not connected(run.body, self.damage.broken, *run.loading.ends())
             account.recent = []
