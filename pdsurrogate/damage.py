@@ -32,13 +32,12 @@ class Damage:
         self.body, self.critical_stretch = body, float(critical_stretch)
         bonds = body.bonds
         self.broken = np.zeros(len(bonds.first), dtype=bool)
-        blocks = -(-len(self.broken) // BLOCK)
-        self._first, self._second = np.zeros((2, blocks * BLOCK), dtype=np.uint32)
-        self._first[: len(self.broken)], self._second[: len(self.broken)] = bonds.first, bonds.second
-        self._weights = body.weigh(_lengths(body, bonds.first, bonds.second))
-        self._limits = np.full(blocks * BLOCK, np.inf)
-        self._limits[: len(self.broken)] = (self.critical_stretch * _lengths(body, bonds.first, bonds.second)) ** 2
-        self._found = np.empty(blocks * BLOCK, dtype=np.uint32)
+        self._first, self._second = bonds.ends_in_blocks(BLOCK)
+        length = _lengths(body, bonds.first, bonds.second)
+        self._weights = body.weigh(length)
+        self._limits = np.full(len(self._first), np.inf)
+        self._limits[: len(length)] = (self.critical_stretch * length) ** 2
+        self._found = np.empty(len(self._first), dtype=np.uint32)
         self._counts = np.zeros(numba.get_num_threads(), dtype=np.int64)
         self._buffers = np.zeros((len(self._counts), 2, BLOCK))
         self._whole = self._sum(np.ones(len(self.broken))) + _cut_weights(body)

@@ -12,7 +12,18 @@ from .solvers.conditions import reflection_planes
 
 
 def build_body(scene: Scene) -> Body:
+    """The body of a scene, see `discretise`."""
+    return discretise(scene)[0]
+
+
+def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
     """The points of a scene, less its holes, with its precuts and the images beyond its grips.
+
+    Returns
+    -------
+    body : Body
+    lower, upper : ndarray, shape (2,)
+        Corners of its bounding box, holes not considered.
 
     Raises
     ------
@@ -20,38 +31,32 @@ def build_body(scene: Scene) -> Body:
         If the spacing does not fit the body, the holes leave nothing of it, or a hole or precut misses it.
     """
     try:
-        points, volumes = _points_of(scene)
+        points, volumes, lower, upper = _points_of(scene)
         points, volumes = _without_holes(scene, points, volumes)
-        lower, upper = bounding_box(scene)
         planes = reflection_planes(scene, lower, upper)
         body = Body(points, volumes, scene.horizon, scene.spacing, scene.weight, planes, _cuts(scene))
         _check_precuts(scene, body)
-        return body
+        return body, lower, upper
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
 
 
-def bounding_box(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Lower left and upper right corner of a scene's body, holes not considered."""
+def _points_of(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Points, volumes, and the corners of the bounding box."""
     if isinstance(scene.body, Mesh):
-        corners = np.concatenate([cells.reshape(-1, 2) for cells in _mesh_cells(scene.body)])
-        return corners.min(axis=0), corners.max(axis=0)
-    return scene.body.bounds()
-
-
-def _points_of(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    if isinstance(scene.body, Mesh):
-        parts = [_centroids(cells) for cells in _mesh_cells(scene.body)]
-        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
-    lower, upper = scene.body.bounds()
+        cells = _mesh_cells(scene.body)
+        corners = np.concatenate([block.reshape(-1, 2) for block in cells])
+        points, volumes = (np.concatenate(parts) for parts in zip(*map(_centroids, cells), strict=True))
+        return points, volumes, corners.min(axis=0), corners.max(axis=0)
+    lower, upper = low, high = scene.body.bounds()
     if not isinstance(scene.body, Rectangle):
         # A grid of whole cells about the same centre: the outline is not made of cells anyway.
         cells = np.ceil((upper - lower) / scene.spacing - 1e-6)
         middle, half = (lower + upper) / 2, cells * scene.spacing / 2
-        lower, upper = middle - half, middle + half
-    points = grid(lower, upper, scene.spacing)
+        low, high = middle - half, middle + half
+    points = grid(low, high, scene.spacing)
     points = points[scene.body.contains(points)]
-    return points, np.full(len(points), scene.spacing**2)
+    return points, np.full(len(points), scene.spacing**2), lower, upper
 
 
 def _without_holes(scene: Scene, points: np.ndarray, volumes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from ..body import Body
@@ -12,9 +10,10 @@ from ..kernels.blocks import BLOCK
 from ..kernels.bond_pass import FALL_BACK, UNGUARDED
 from ..kernels.energy_density import exact_energy_density
 from ..materials import Law
+from .domain_watch import DomainWatch
 from .energy_density import EnergyDerivatives, EnergySurrogate, ExactEnergyDensity, blended, domain_constants
 from .kinematics import Kinematics, at_point, locate
-from .protocol import InvalidState, OutsideDomain, OutsideDomainWarning, Release
+from .protocol import InvalidState, Release
 from .settings import ForceSettings
 
 
@@ -28,36 +27,25 @@ class BondEnergyForce(ExactEnergyDensity):
         return BondEnergyEvaluation(self, body, law, settings)
 
 
-class BondEnergyEvaluation:
+class BondEnergyEvaluation(DomainWatch):
     """An energy bound to a body: gradient pass, a pass over each pair once, and the sums to points.
 
     The energy is that of the body's own points: of a pair with an image, the point's share counts and the image's, which lies beyond the
     grip, does not.  Images are functions of the points they mirror, so what the energy says about an image is handed on to that point.
-
-    Attributes
-    ----------
-    evaluations : int
-        Force evaluations so far.
-    pairs_outside : int
-        Pairs outside the model's domain, summed over all evaluations.
     """
 
     correction = "none"
 
     def __init__(self, model: EnergySurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
         model.check_material(law)
-        self.body, self.law, self.model = body, law, model
+        self.body, self.law = body, law
         self.precision = settings.precision or model.default_precision
-        self.outside = settings.outside
-        self.evaluations = 0
-        self.pairs_outside = 0
+        self._start_watch(model, settings.outside, len(body.bonds.first), "energy", "energy")
         self.kinematics = Kinematics(body, law, settings.rotation, "float64", keep_weighted_bonds=True)
         bonds, n, total = body.bonds, len(body), len(body.all_points)
-        self._n_pairs = len(bonds.first)
-        blocks = -(-self._n_pairs // BLOCK)
-        size = blocks * BLOCK
-        self._first, self._second = np.zeros(size, np.uint32), np.zeros(size, np.uint32)
-        self._first[: self._n_pairs], self._second[: self._n_pairs] = bonds.first, bonds.second
+        self._first, self._second = bonds.ends_in_blocks(BLOCK)
+        size = len(self._first)
+        blocks = size // BLOCK
         vectors = body.all_points[bonds.second] - body.all_points[bonds.first]
         length = np.linalg.norm(vectors, axis=1)
         self._strength = body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
@@ -90,7 +78,6 @@ class BondEnergyEvaluation:
         self._exact = exact_energy_density(self.precision)
         domain = model.domain
         self._guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(self.outside, bond_energy.COUNTED) if domain else UNGUARDED
-        self._warned = False
         self._domain = domain_constants(domain, self.precision) if domain else np.zeros(bond_energy.DOMAIN_SIZE, self.precision)
         chunks = self.kinematics.chunks
         self._buffers = np.zeros((chunks, bond_energy.BUFFER_ROWS, BLOCK), dtype=self.precision)
@@ -107,21 +94,7 @@ class BondEnergyEvaluation:
         self.evaluations += 1
         self.kinematics.update_gradients(positions)
         self.pass_bonds(out)
-        found = int(self._outside.sum())
-        self.pairs_outside += found
-        if found and self.outside == "raise":
-            raise OutsideDomain(
-                f"{found} of {self._n_pairs} bonds are outside the domain of {self.model.name}, {self.model.domain}; "
-                "outside=fallback would use the exact energy for them"
-            )
-        if found and self.outside == "warn" and not self._warned:
-            self._warned = True
-            warnings.warn(
-                f"{found} of {self._n_pairs} bonds are outside the domain of {self.model.name}, {self.model.domain}: "
-                "its energy there is extrapolated",
-                OutsideDomainWarning,
-                stacklevel=2,
-            )
+        self._report_outside(int(self._outside.sum()))
         if self._invalid.any() or not np.isfinite(self._energies.sum()):
             raise InvalidState(self._diagnose())
         if not np.isfinite(out).all():
@@ -233,11 +206,6 @@ class BondEnergyEvaluation:
         keys = bonds.first[outer].astype(np.int64) * total + bonds.second[outer]
         order = np.argsort(keys)
         return outer[order[np.searchsorted(keys[order], partner[0] * total + partner[1])]]
-
-    @property
-    def fraction_outside(self) -> float:
-        """Share of all pair evaluations so far that were outside the model's domain."""
-        return self.pairs_outside / max(1, self.evaluations * self._n_pairs)
 
     def bond_columns(self) -> tuple[np.ndarray, np.ndarray]:
         """C = F_ij n and e = F_ij m of every pair with the deformation gradients last formed, shape (n_pairs, 2) each."""

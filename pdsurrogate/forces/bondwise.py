@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from ..body import Body
@@ -11,45 +9,33 @@ from ..kernels import bond_pass, reference
 from ..kernels.blocks import BLOCK
 from ..kernels.exact import exact_bond_force
 from ..materials import Law
+from .domain_watch import DomainWatch
 from .kinematics import Kinematics, at_point, locate
 from .learnt_thickness import LearntThickness
-from .protocol import EVERYWHERE, ForceSurrogate, InvalidState, OutsideDomain, OutsideDomainWarning
+from .protocol import EVERYWHERE, ForceSurrogate, InvalidState
 from .settings import OUTSIDE_POLICIES, ForceSettings
 
 
-class BondForceEvaluation:
-    """A bond-force model bound to a body: node pass, bond pass over each pair once, and the sum to points.
-
-    Attributes
-    ----------
-    evaluations : int
-        Force evaluations so far.
-    pairs_outside : int
-        Pairs outside the model's domain, summed over all evaluations.
-    """
+class BondForceEvaluation(DomainWatch):
+    """A bond-force model bound to a body: node pass, bond pass over each pair once, and the sum to points."""
 
     def __init__(self, model: ForceSurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
         model.check_material(law)
-        self.body, self.law, self.model = body, law, model
+        self.body, self.law = body, law
         self.precision = settings.precision or model.default_precision
         self.correction = settings.correction or ("tensor" if model.gives_transverse else "scalar")
         if self.correction == "tensor" and not model.gives_transverse:
             raise ValueError(f"{model.name} does not know T_mm, which correction=tensor needs; use correction=scalar")
-        self.outside = settings.outside
-        self.evaluations = 0
-        self.pairs_outside = 0
-        self._warned = False
+        self._start_watch(model, settings.outside, len(body.bonds.first), "force", "bond force")
         self.kinematics = Kinematics(body, law, settings.rotation, self.precision, keep_weighted_bonds=settings.breakable)
 
         bonds = body.bonds
-        pairs = np.arange(len(bonds.first), dtype=np.uint32)
-        blocks = -(-len(pairs) // BLOCK)
-        self._first, self._second = (_padded(ends, blocks * BLOCK) for ends in (bonds.first, bonds.second))
-        # The pairs that pad the last block compute something that nobody reads.
+        self._first, self._second = bonds.ends_in_blocks(BLOCK)
+        blocks = len(self._first) // BLOCK
         self.geometry = np.zeros((blocks, 5, BLOCK), dtype=self.precision)
         length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
         self._strength = 2 * body.weigh(length) * length * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-        self._find_geometry(pairs)
+        self._find_geometry(np.arange(self._n_pairs, dtype=np.uint32))
         if not settings.breakable:
             self._strength = None
         compiled = model.compiled(self.precision)
@@ -65,33 +51,19 @@ class BondForceEvaluation:
         self._buffers = np.zeros((chunks, bond_pass.BUFFER_ROWS, BLOCK), dtype=self.precision)
         self._work = np.zeros((chunks, max(compiled.work_rows, 1), BLOCK), dtype=self.precision)
         self._outside = np.zeros(chunks, dtype=np.int64)
-        self._forces = np.zeros((blocks * BLOCK, 2), dtype=self.precision)
+        self._forces = np.zeros((len(self._first), 2), dtype=self.precision)
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
         self.kinematics.update(positions)
         self.pass_bonds(out)
-        outside = int(self._outside.sum())
-        self.pairs_outside += outside
-        if outside and self.outside == "raise":
-            raise OutsideDomain(
-                f"{outside} of {len(self.body.bonds.first)} bonds are outside the domain of {self.model.name}, {self.model.domain}; "
-                "outside=fallback would use the exact bond force for them"
-            )
-        if outside and self.outside == "warn" and not self._warned:
-            self._warned = True
-            warnings.warn(
-                f"{outside} of {len(self.body.bonds.first)} bonds are outside the domain of {self.model.name}, {self.model.domain}: "
-                "its force there is extrapolated",
-                OutsideDomainWarning,
-                stacklevel=2,
-            )
+        self._report_outside(int(self._outside.sum()))
         if not np.isfinite(out).all():
             raise InvalidState(self._diagnose(out))
 
     def _diagnose(self, out: np.ndarray) -> str:
         """Say which bond has no force."""
-        broken = np.flatnonzero(~np.isfinite(self._forces[: len(self.body.bonds.first)]).all(axis=1))
+        broken = np.flatnonzero(~np.isfinite(self._forces[: self._n_pairs]).all(axis=1))
         if len(broken) == 0:
             return locate(self.body, out, "the force on it is not finite")
         i, j = int(self.body.bonds.first[broken[0]]), int(self.body.bonds.second[broken[0]])
@@ -154,15 +126,4 @@ class BondForceEvaluation:
 
     def pair_forces(self) -> np.ndarray:
         """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2)."""
-        return self.law.shear_modulus * self._forces[: len(self.body.bonds.first)].astype(float)
-
-    @property
-    def fraction_outside(self) -> float:
-        """Share of all pair evaluations so far that were outside the model's domain."""
-        return self.pairs_outside / max(1, self.evaluations * len(self.body.bonds.first))
-
-
-def _padded(ends: np.ndarray, size: int) -> np.ndarray:
-    padded = np.zeros(size, dtype=np.uint32)
-    padded[: len(ends)] = ends
-    return padded
+        return self.law.shear_modulus * self._forces[: self._n_pairs].astype(float)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.blocks import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
+from ..kernels.blocks import BLOCK, SCRATCH_ROWS, TRACTION_ROWS
 from ..kernels.bond_state import lateral_stretch
 from ..kernels.compile import call_block, kernel
-from ..kernels.energy_density import ENERGY_ROWS, INVARIANT_ROWS
+from ..kernels.energy_density import ENERGY_ROWS
 from ..materials import Law
 from .analytic import bond_arrays
 from .energy_density import EnergySurrogate
@@ -30,27 +30,8 @@ def kernel_tractions(model: ForceSurrogate, law: Law, dtype, stretch, rotation, 
     stretch, rotation, length, C33, J = bond_arrays(stretch, rotation, length, C33, J)
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
     full = np.stack([a, b, lateral_stretch(a, b, J), J, C33, length])
-    compiled = model.compiled(dtype)
-    work = np.zeros((max(1, compiled.work_rows), BLOCK), dtype=dtype)
-    tractions = np.empty((len(stretch), TRACTION_ROWS))
-    for at in range(0, len(stretch), BLOCK):
-        size = min(BLOCK, len(stretch) - at)
-        states, traction = np.ones((STATE_ROWS, BLOCK), dtype=dtype), np.zeros((TRACTION_ROWS, BLOCK), dtype=dtype)
-        states[1] = 0
-        states[:, :size] = full[:, at : at + size]
-        _call(
-            compiled.address,
-            states,
-            compiled.sizes,
-            compiled.weights,
-            law.response_block().address,
-            law.parameters,
-            work,
-            np.zeros((SCRATCH_ROWS, BLOCK)),
-            traction,
-        )
-        tractions[at : at + size] = traction[:, :size].T
-    return tractions
+    at_rest = np.array([1.0, 0.0, 1.0, 1.0, 1.0, 1.0])
+    return _by_blocks(model, law, dtype, full, at_rest, TRACTION_ROWS).T
 
 
 def kernel_bond_force(model: ForceSurrogate, law: Law, dtype):
@@ -83,16 +64,20 @@ def kernel_energy(model: EnergySurrogate, law: Law, dtype, trace, area_ratio) ->
     trace, area_ratio : array_like, shape (n,)
     """
     full = np.stack([np.asarray(trace, dtype=float), np.asarray(area_ratio, dtype=float)])
+    return _by_blocks(model, law, dtype, full, np.array([2.0, 1.0]), ENERGY_ROWS)
+
+
+def _by_blocks(model: ForceSurrogate | EnergySurrogate, law: Law, dtype, full: np.ndarray, at_rest: np.ndarray, n_rows: int) -> np.ndarray:
+    """Result rows (n_rows, n) of a model's block function for states (rows, n); the rest of the last block is `at_rest`."""
     compiled = model.compiled(dtype)
     work = np.zeros((max(1, compiled.work_rows), BLOCK), dtype=dtype)
-    energies = np.empty((ENERGY_ROWS, full.shape[1]))
+    constants = compiled.sizes, compiled.weights, law.response_block().address, law.parameters
+    results = np.empty((n_rows, full.shape[1]))
     for at in range(0, full.shape[1], BLOCK):
         size = min(BLOCK, full.shape[1] - at)
-        states, result = np.ones((INVARIANT_ROWS, BLOCK), dtype=dtype), np.zeros((ENERGY_ROWS, BLOCK), dtype=dtype)
-        states[0] = 2
+        states, result = np.empty((len(full), BLOCK), dtype=dtype), np.zeros((n_rows, BLOCK), dtype=dtype)
+        states[:] = at_rest[:, None]
         states[:, :size] = full[:, at : at + size]
-        scratch = np.zeros((SCRATCH_ROWS, BLOCK))
-        constants = compiled.sizes, compiled.weights, law.response_block().address, law.parameters
-        _call(compiled.address, states, *constants, work, scratch, result)
-        energies[:, at : at + size] = result[:, :size]
-    return energies
+        _call(compiled.address, states, *constants, work, np.zeros((SCRATCH_ROWS, BLOCK)), result)
+        results[:, at : at + size] = result[:, :size]
+    return results

@@ -114,20 +114,13 @@ class LearntBondForce(ABC):
             states = np.ones((STATE_ROWS, BLOCK), dtype=dtype)
             states[1] = 0
             work, traction = np.zeros((work_rows, BLOCK), dtype=dtype), np.zeros((TRACTION_ROWS, BLOCK), dtype=dtype)
-            _evaluate(address, states, sizes, weights, work, traction)
+            evaluate_block(address, states, sizes, weights, work, traction)
             weights[features.anchored - N_OUTPUTS] += traction[0, 0] / traction.dtype.type(features.rest_factor)
         return CompiledBondForce(address, sizes, weights, work_rows)
 
     def check_material(self, law: Law) -> None:
         """Raise ValueError if the model was not trained for this material."""
-        if law.name != self.law:
-            raise ValueError(f"{self.name} describes the law {self.law}, not {law.name}; force=analytic serves every law")
-        for key, value in law.shape.items():
-            if not np.isclose(value, self.shape[key], rtol=1e-9, atol=0):
-                raise ValueError(
-                    f"{self.name} describes {self.law} with {key} = {self.shape[key]:g}, not {value:g}; "
-                    "fit another, or use force=analytic, which serves every law"
-                )
+        check_described(self, law, law.shape, "analytic")
 
     def bind(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
         """Prepare the evaluation on a body."""
@@ -135,9 +128,37 @@ class LearntBondForce(ABC):
 
 
 @kernel
-def _evaluate(bond_force, states, sizes, weights, work, traction):
-    """Evaluate a block; learnt forces ask nothing of the material law, so none is handed over."""
-    call_block(bond_force, states, sizes, weights, 0, work, work, work, traction)
+def evaluate_block(address, states, sizes, weights, work, result):
+    """Evaluate a block; learnt models ask nothing of the material law, so none is handed over."""
+    call_block(address, states, sizes, weights, 0, work, work, work, result)
+
+
+def check_described(model, law: Law, shape: Mapping[str, float], exact: str) -> None:
+    """Check that a learnt model describes a material.
+
+    Parameters
+    ----------
+    model
+        With the `name`, `law` and `shape` of what it was trained for.
+    law : Law
+    shape : mapping
+        Of the dimensionless parameters of `law` that matter to the model.
+    exact : str
+        Name of the force model that serves every law, for the error.
+
+    Raises
+    ------
+    ValueError
+        If it does not.
+    """
+    if law.name != model.law:
+        raise ValueError(f"{model.name} describes the law {model.law}, not {law.name}; force={exact} serves every law")
+    for key, value in shape.items():
+        if not np.isclose(value, model.shape[key], rtol=1e-9, atol=0):
+            raise ValueError(
+                f"{model.name} describes {model.law} with {key} = {model.shape[key]:g}, not {value:g}; "
+                f"fit another, or use force={exact}, which serves every law"
+            )
 
 
 def checked_feature_set(payload: dict) -> str:

@@ -10,13 +10,12 @@ import numpy as np
 
 from ..body import Body
 from ..kernels.blocks import BLOCK
-from ..kernels.compile import call_block, kernel
 from ..kernels.energy_density import ENERGY_ROWS, INVARIANT_ROWS, N_CONSTANTS, NETWORK_WORK_ROWS, network_energy_density, pack_network
 from ..kernels.smooth_activations import SMOOTH_ACTIVATIONS
 from ..materials import Law
 from .bond_energy import BondEnergyEvaluation
 from .energy_density import EnergyDerivatives
-from .learnt import checked_array
+from .learnt import check_described, checked_array, evaluate_block
 from .protocol import CompiledBondForce, Domain
 from .settings import ForceSettings
 
@@ -112,7 +111,7 @@ class EnergyNetwork:
         states = np.ones((INVARIANT_ROWS, BLOCK), dtype=dtype)
         states[0] = 2
         work, result = np.zeros((NETWORK_WORK_ROWS, BLOCK), dtype=dtype), np.zeros((ENERGY_ROWS, BLOCK), dtype=dtype)
-        _evaluate(address, states, sizes, weights, work, result)
+        evaluate_block(address, states, sizes, weights, work, result)
         weights[-N_CONSTANTS] = result[0, 0]
         # 2 psi_I + psi_J = dpsi/dlog J at rest, of which psi_I is half of dpsi/dlog(tr C/(2 J)).
         weights[-N_CONSTANTS + 1] = result[2, 0] + 2 * result[1, 0]
@@ -121,14 +120,7 @@ class EnergyNetwork:
 
     def check_material(self, law: Law) -> None:
         """Raise ValueError if the model was not trained for this material."""
-        if law.name != self.law:
-            raise ValueError(f"{self.name} describes the law {self.law}, not {law.name}; force=bond-energy serves every law")
-        for key, value in energy_shape(law).items():
-            if not np.isclose(value, self.shape[key], rtol=1e-9, atol=0):
-                raise ValueError(
-                    f"{self.name} describes {self.law} with {key} = {self.shape[key]:g}, not {value:g}; "
-                    "fit another, or use force=bond-energy, which serves every law"
-                )
+        check_described(self, law, energy_shape(law), "bond-energy")
 
     def bind(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
         """Prepare the evaluation on a body."""
@@ -163,9 +155,3 @@ class EnergyNetwork:
         biases = checked_array(payload["hidden_biases"], "hidden_biases", output.shape)
         weights = checked_array(payload["hidden_weights"], "hidden_weights", (2, output.size))
         return cls(name, payload["activation"], weights, biases, output, domain, law, dict(shape))
-
-
-@kernel
-def _evaluate(energy_density, states, sizes, weights, work, result):
-    """Evaluate a block; a network asks nothing of the material law, so none is handed over."""
-    call_block(energy_density, states, sizes, weights, 0, work, work, work, result)

@@ -177,24 +177,27 @@ def sum_signed_records(typingctx, records, start, stop, indices, first, last, fa
 
     def codegen(context, builder, signature, arguments):
         source, places, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 3, 8))
-        double = ir.DoubleType()
-        pair = ir.VectorType(double, 2)
-
-        def add_own(position, accumulator):
-            record = _as_real(builder, _load(builder, _element(builder, source, position, 2), 2), double)
-            builder.store(builder.fadd(builder.load(accumulator), record), accumulator)
-
-        def add_listed(position, accumulator):
-            add_own(builder.load(_element(builder, places, position)), accumulator)
-
-        total = _accumulate(builder, arguments[1], arguments[2], add_own, pair)
-        total = builder.fsub(total, _accumulate(builder, arguments[4], arguments[5], add_listed, pair))
+        total = _sum_records(builder, source, arguments[1], arguments[2], 2)
+        total = builder.fsub(total, _sum_records(builder, source, arguments[4], arguments[5], 2, places))
+        pair = total.type
         scale = builder.insert_element(ir.Constant(pair, ir.Undefined), arguments[6], ir.Constant(ir.IntType(32), 0))
         total = builder.fmul(total, _shuffle(builder, scale, scale, [0, 0]))
         _store(builder, total, _element(builder, target, arguments[7], 2))
         return context.get_dummy_value()
 
     return signature, codegen
+
+
+def _sum_records(builder, source, start, stop, width, places=None):
+    """Sum in double of the records at ``start … stop``, or at ``places[start … stop]``."""
+    double = ir.DoubleType()
+
+    def add(position, accumulator):
+        at = position if places is None else builder.load(_element(builder, places, position))
+        record = _as_real(builder, _load(builder, _element(builder, source, at, width), width), double)
+        builder.store(builder.fadd(builder.load(accumulator), record), accumulator)
+
+    return _accumulate(builder, start, stop, add, ir.VectorType(double, width))
 
 
 def _accumulate(builder, start, stop, add, vector_type):
@@ -244,12 +247,7 @@ def sum_listed_records(typingctx, records, listed, start, stop, out, at):
 
     def codegen(context, builder, signature, arguments):
         source, indices, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 1, 4))
-
-        def add_listed(position, accumulator):
-            place = builder.load(_element(builder, indices, position))
-            builder.store(builder.fadd(builder.load(accumulator), _load(builder, _element(builder, source, place, 4), 4)), accumulator)
-
-        total = _accumulate(builder, arguments[2], arguments[3], add_listed, ir.VectorType(ir.DoubleType(), 4))
+        total = _sum_records(builder, source, arguments[2], arguments[3], 4, indices)
         _store(builder, total, _element(builder, target, arguments[5], 4))
         return context.get_dummy_value()
 
@@ -263,18 +261,8 @@ def sum_quad_records(typingctx, records, start, stop, indices, first, last, poin
 
     def codegen(context, builder, signature, arguments):
         source, places, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 3, 7))
-        double = ir.DoubleType()
-        quad = ir.VectorType(double, 4)
-
-        def add_own(position, accumulator):
-            record = _as_real(builder, _load(builder, _element(builder, source, position, 4), 4), double)
-            builder.store(builder.fadd(builder.load(accumulator), record), accumulator)
-
-        def add_listed(position, accumulator):
-            add_own(builder.load(_element(builder, places, position)), accumulator)
-
-        total = _accumulate(builder, arguments[1], arguments[2], add_own, quad)
-        total = builder.fadd(total, _accumulate(builder, arguments[4], arguments[5], add_listed, quad))
+        total = _sum_records(builder, source, arguments[1], arguments[2], 4)
+        total = builder.fadd(total, _sum_records(builder, source, arguments[4], arguments[5], 4, places))
         _store(builder, total, _element(builder, target, arguments[6], 4))
         return context.get_dummy_value()
 

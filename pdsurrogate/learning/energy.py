@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from ..forces.energy_density import EnergySurrogate
 from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
 from ..materials import Law, plane_stress
 from .fitting import versions
+from .sampling import log_stretches
 from .sobolev import SobolevNetwork, SobolevRegressor
 from .target import InputAwareTargetRegressor
 from .validation import STRAIN_BINS
@@ -69,12 +70,7 @@ def energy_design(
     low, high = (float(value) for value in stretch_range)
     if not (np.isfinite(high) and 0 < low < 1 < high):
         raise ValueError(f"a stretch range for an energy needs 0 < low < 1 < high, not {stretch_range}")
-    random = np.random.default_rng(random_state)
-    logs = random.uniform(np.log(low), np.log(high), (n_samples, 2))
-    n_near = int(near_rest * n_samples)
-    direction = random.standard_normal((n_near, 2))
-    size = np.exp(random.uniform(np.log(1e-3), np.log(0.3), n_near))
-    logs[:n_near] = np.clip(size[:, None] * direction / np.linalg.norm(direction, axis=1, keepdims=True), np.log(low), np.log(high))
+    logs = log_stretches(np.random.default_rng(random_state), n_samples, low, high, near_rest)
     design = {
         "name": "energy",
         "n_samples": n_samples,
@@ -297,7 +293,6 @@ def store_energy(
     parameters = {
         key: list(value) if isinstance(value, tuple) else getattr(value, "__name__", value) for key, value in regressor.get_params().items()
     }
-    domain = surrogate.domain
     card = {
         "name": name,
         "version": version,
@@ -321,12 +316,7 @@ def store_energy(
             "cross_validation": cross_validation or [],
             "search": search or [],
         },
-        "domain": {
-            "least_stretch": domain.least_stretch,
-            "greatest_stretch": domain.greatest_stretch,
-            "least_bulk": domain.least_bulk,
-            "greatest_bulk": domain.greatest_bulk,
-        },
+        "domain": asdict(surrogate.domain),
         "errors": {"box": evaluate_energy(surrogate, law), "stretches 0.8 to 4": evaluate_energy(surrogate, law, (0.8, 4.0))},
         "made_with": versions(),
     }

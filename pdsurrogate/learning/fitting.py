@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 
@@ -121,12 +122,7 @@ def store(
             "search": search or [],
             **({"identification": identification} if identification else {}),
         },
-        "domain": {
-            "least_stretch": surrogate.domain.least_stretch,
-            "greatest_stretch": surrogate.domain.greatest_stretch,
-            "least_bulk": surrogate.domain.least_bulk,
-            "greatest_bulk": surrogate.domain.greatest_bulk,
-        },
+        "domain": asdict(surrogate.domain),
         "errors": errors,
         "made_with": versions(),
     }

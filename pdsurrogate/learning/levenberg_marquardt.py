@@ -7,7 +7,6 @@ from numbers import Integral, Real
 from typing import ClassVar
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
@@ -15,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from threadpoolctl import threadpool_limits
 
 from .activations import ACTIVATIONS
+from .marquardt import improved
 
 
 class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
@@ -164,14 +164,17 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
     def _train(self, network, weights, X, Y, train, validation):
         """One training; returns the least validation loss, the weights that had it, and the number of iterations."""
         damping = self.initial_damping
-        outputs = network.outputs(weights, X[train])
-        loss = ((outputs - Y[train]) ** 2).mean()
+
+        def loss_of(weights):
+            return ((network.outputs(weights, X[train]) - Y[train]) ** 2).mean()
+
+        loss = loss_of(weights)
         best, best_weights, waited = np.inf, weights, 0
         iterations = 0
         while iterations < self.max_iter:
             iterations += 1
             normal, gradient = network.normal_equations(weights, X[train], Y[train])
-            weights, new_loss, damping = self._step(network, weights, loss, normal, gradient, damping, X[train], Y[train])
+            weights, new_loss, damping = improved(weights, loss, loss_of, normal, gradient, damping)
             if new_loss is None:
                 break  # no damping makes the step an improvement: the training error is at its least to rounding
             loss = new_loss
@@ -183,23 +186,6 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
                 if waited >= self.n_iter_no_change:
                     break
         return best, best_weights, iterations
-
-    @staticmethod
-    def _step(network, weights, loss, normal, gradient, damping, X, Y):
-        """One accepted step: raise the damping until the error falls, lower it after."""
-        diagonal = np.diag(normal) + 1e-12 * max(np.trace(normal), 1e-300)
-        while damping < 1e12:
-            try:
-                factor = cho_factor(normal + damping * np.diag(diagonal), check_finite=False)
-                trial = weights - cho_solve(factor, gradient, check_finite=False)
-            except LinAlgError:
-                damping *= 10
-                continue
-            trial_loss = ((network.outputs(trial, X) - Y) ** 2).mean()
-            if trial_loss < loss:
-                return trial, trial_loss, max(damping / 5, 1e-14)
-            damping *= 4
-        return weights, None, damping
 
 
 class _Network:

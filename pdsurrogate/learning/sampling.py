@@ -133,11 +133,7 @@ def wide_design(
     """
     low, high = _checked_range(stretch_range)
     random = np.random.default_rng(random_state)
-    logs = random.uniform(np.log(low), np.log(high), (n_samples, 2))
-    n_near = int(near_rest * n_samples)
-    direction = random.standard_normal((n_near, 2))
-    size = np.exp(random.uniform(np.log(1e-3), np.log(0.3), n_near))
-    logs[:n_near] = np.clip(size[:, None] * direction / np.linalg.norm(direction, axis=1, keepdims=True), np.log(low), np.log(high))
+    logs = log_stretches(random, n_samples, low, high, near_rest)
     angle = random.uniform(0, 2 * np.pi, n_samples)
     length = random.uniform(0, 1, n_samples)
     U_nn, U_nm, J, C33 = _on_surface(law, *np.exp(logs).T, angle)
@@ -156,6 +152,19 @@ def wide_design(
         "nondimensional": True,
     }
     return BondSamples(X, y, design)
+
+
+def log_stretches(random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
+    """Logarithms of principal stretches, shape (n_samples, 2): even within their bounds, but for a share near rest.
+
+    That share has strains from 0.1 % to 30 %, even in the logarithm of the strain.
+    """
+    logs = random.uniform(np.log(low), np.log(high), (n_samples, 2))
+    n_near = int(near_rest * n_samples)
+    direction = random.standard_normal((n_near, 2))
+    size = np.exp(random.uniform(np.log(1e-3), np.log(0.3), n_near))
+    logs[:n_near] = np.clip(size[:, None] * direction / np.linalg.norm(direction, axis=1, keepdims=True), np.log(low), np.log(high))
+    return logs
 
 
 PERTURBATION = {"log_stretch": 0.15, "rotation": 0.08, "log_C33": 0.35, "full_from_strain": 0.2}

@@ -7,7 +7,6 @@ from numbers import Integral, Real
 from typing import ClassVar
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state, column_or_1d
 from sklearn.utils._param_validation import Interval, StrOptions
@@ -15,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from threadpoolctl import threadpool_limits
 
 from ..kernels.smooth_activations import SMOOTH_ACTIVATIONS
+from .marquardt import improved
 
 
 class SobolevNetwork(RegressorMixin, BaseEstimator):
@@ -221,20 +221,10 @@ class SobolevRegressor(SobolevNetwork):
             A = (jacobian * weights[:, :, None]).reshape(-1, theta.size)
             gradient = A.T @ ((outputs - Y) * weights).ravel() + penalty * theta
             normal = A.T @ A + np.diag(penalty)
-            diagonal = np.diag(normal) + 1e-12 * max(np.trace(normal), 1e-300)
-            while damping < 1e12:
-                try:
-                    trial = theta - cho_solve(cho_factor(normal + damping * np.diag(diagonal), check_finite=False), gradient)
-                    trial_loss = loss_of(trial)
-                except (LinAlgError, ValueError):  # not positive definite, or not finite
-                    damping *= 10
-                    continue
-                if trial_loss < loss:
-                    theta, loss, damping = trial, trial_loss, max(damping / 5, 1e-14)
-                    break
-                damping *= 4
-            else:
+            theta, new_loss, damping = improved(theta, loss, loss_of, normal, gradient, damping)
+            if new_loss is None:
                 break  # no damping makes the step an improvement: the loss is at its least to rounding
+            loss = new_loss
             iterations += 1
             losses.append(loss)
             if iterations > self.n_iter_no_change and loss > (1 - self.tol) * losses[-1 - self.n_iter_no_change]:

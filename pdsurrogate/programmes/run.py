@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from ..body import Body
-from ..discretisation import bounding_box, build_body
+from ..discretisation import discretise
 from ..forces import ForceModel, ForceSettings
 from ..materials import Law
 from ..results.checkpoint import Checkpoint
@@ -123,8 +123,8 @@ class Run:
     def __post_init__(self) -> None:
         scene = self.scene
         self.law: Law = scene.material.build()
-        self.body: Body = build_body(scene)
-        lower, upper = bounding_box(scene)
+        self.body: Body
+        self.body, lower, upper = discretise(scene)
         settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None)
         try:
             self.loading = Loading(scene, self.body, lower, upper)

@@ -56,8 +56,6 @@ class Account:
         When that row was.
     outputs : int
         States written so far.
-    failed_points : int
-        Points let go because their deformation gradient was turned inside out.
     recent : list of int
         Pairs broken since the last state was written.
     """
@@ -72,7 +70,6 @@ class Account:
     damped_power: float = 0.0
     rate_time: float = 0.0
     outputs: int = 0
-    failed_points: int = 0
     recent: list[int] = field(default_factory=list)
 
 
@@ -228,7 +225,7 @@ class Transient:
             failing[inverted[lost[bonds.first[inverted]] | lost[bonds.second[inverted]]]] = True
         pairs = np.flatnonzero(failing & ~self.damage.broken)
         if len(pairs):
-            self.account.failed_points += int(failed[:n].sum())
+            run.crack["failed_points"] += int(failed[:n].sum())
         return pairs
 
     def _break(self, pairs: np.ndarray) -> None:
@@ -304,7 +301,6 @@ class Transient:
             # The tip of the largest crack stays where it was while nothing breaks.
             last = run.crack["tips"][-1]["tip"] if run.crack["tips"] else None
             run.crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
-            run.crack["failed_points"] = account.failed_points
             run.crack["through"] = not connected(run.body, self.damage.broken, *run.loading.ends())
             account.recent = []
         run.states.append(account.time, fields)

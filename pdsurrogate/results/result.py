@@ -73,11 +73,12 @@ class Result:
 
         lateral = 1 - self.scene.loaded_axis
         chosen = self.chosen_states()
-        cells = [figures.deformed_cells(self.body.points, self.states[n][1], self.body.spacing) for n in chosen]
+        states = [self.states[n][1] for n in chosen]  # once: a state may have to be read from its file
+        cells = [figures.deformed_cells(self.body.points, fields, self.body.spacing) for fields in states]
         if self.scene.fracture is not None and chosen[-1] >= len(self.levels):
-            return figures.contour_figure(cells, [self.states[n][1]["damage"] for n in chosen], "damage", [self.title(n) for n in chosen])
-        label = f"u{lateral + 1} ({self.scene.units.length})"
-        values = [self.states[n][1]["displacement"][:, lateral] for n in chosen]
+            label, values = "damage", [fields["damage"] for fields in states]
+        else:
+            label, values = f"u{lateral + 1} ({self.scene.units.length})", [fields["displacement"][:, lateral] for fields in states]
         return figures.contour_figure(cells, values, label, [self.title(n) for n in chosen])
 
     def chosen_states(self, most: int = 4) -> list[int]:

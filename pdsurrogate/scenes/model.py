@@ -158,21 +158,14 @@ def _shape_of(value: Any) -> str:
 
 SHAPES = ("rectangle", "circle", "ellipse", "polygon", "mesh")
 
-AnyShape = Annotated[
-    Annotated[Rectangle, Tag("rectangle")]
-    | Annotated[Circle, Tag("circle")]
-    | Annotated[Ellipse, Tag("ellipse")]
-    | Annotated[Polygon, Tag("polygon")],
-    Discriminator(_shape_of),
-]
-AnyBody = Annotated[
+_TaggedShape = (
     Annotated[Rectangle, Tag("rectangle")]
     | Annotated[Circle, Tag("circle")]
     | Annotated[Ellipse, Tag("ellipse")]
     | Annotated[Polygon, Tag("polygon")]
-    | Annotated[Mesh, Tag("mesh")],
-    Discriminator(_shape_of),
-]
+)
+AnyShape = Annotated[_TaggedShape, Discriminator(_shape_of)]
+AnyBody = Annotated[_TaggedShape | Annotated[Mesh, Tag("mesh")], Discriminator(_shape_of)]
 
 
 class Units(Part):
