@@ -89,15 +89,16 @@ def test_record_loads(random, dtype):
     first, second = (random.integers(0, n, pairs).astype(np.uint32) for _ in range(2))
 
     @kernel
-    def load(table, positions, first, second, sums, differences):
+    def load(table, positions, first, second, sums, differences, alone):
         for k in range(0, first.shape[0], 4):
-            records.sum_records(table, first, second, k, sums, k)
-            records.subtract_positions(positions, first, second, k, differences, k)
+            records.gather_pairs(table, positions, first, second, k, sums, differences, k)
+            records.subtract_positions(positions, first, second, k, alone, k)
 
-    sums, differences = np.zeros((4, pairs), dtype), np.zeros((2, pairs), dtype)
-    load(table, positions, first, second, sums, differences)
+    sums, differences, alone = np.zeros((4, pairs), dtype), np.zeros((2, pairs), dtype), np.zeros((2, pairs), dtype)
+    load(table, positions, first, second, sums, differences, alone)
     np.testing.assert_array_equal(sums, (table[first] + table[second]).T)
     np.testing.assert_array_equal(differences, (positions[second] - positions[first]).T.astype(dtype))
+    np.testing.assert_array_equal(alone, differences)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])

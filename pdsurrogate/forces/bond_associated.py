@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from ..body import Body
 from ..kernels import bond_associated
-from ..kernels.blocks import BLOCK, SCRATCH_ROWS
+from ..kernels.blocks import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..materials import Law
 from .kinematics import Kinematics, at_point, locate
 from .protocol import InvalidState
@@ -107,9 +107,9 @@ class BondAssociatedEvaluation:
         chunks = self.kinematics.chunks
         longest = int(np.diff(self._table_pointers).max())
         self._volume_ratios = np.ones(len(owners))
-        self._tables = np.empty((chunks, longest, 4))
-        self._sums = np.ones((chunks, BLOCK, 4))
-        self._scratch = np.ones((chunks, SCRATCH_ROWS + 4, BLOCK))
+        self._tables = aligned_rows((chunks, longest, 4))
+        self._sums = aligned_rows((chunks, BLOCK, 4), value=1)
+        self._scratch = aligned_rows((chunks, SCRATCH_ROWS + 4, BLOCK), value=1)
         self._unsolved = np.zeros(chunks, dtype=np.int64)
         self._forces = np.empty((len(owners), 2))
 

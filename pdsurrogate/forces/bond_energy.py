@@ -6,7 +6,7 @@ import numpy as np
 
 from ..body import Body
 from ..kernels import bond_energy, gradient
-from ..kernels.blocks import BLOCK
+from ..kernels.blocks import BLOCK, aligned_rows
 from ..kernels.bond_pass import FALL_BACK, UNGUARDED
 from ..kernels.energy_density import exact_energy_density
 from ..materials import Law
@@ -51,7 +51,7 @@ class BondEnergyEvaluation(DomainWatch):
         self._strength = body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
         self._intact = np.ones(self._n_pairs, dtype=bool)
         self._weights = np.zeros(self._n_pairs)
-        self.geometry = np.zeros((blocks, 4, BLOCK), dtype=self.precision)
+        self.geometry = aligned_rows((blocks, 4, BLOCK), self.precision)
         rows = np.zeros((4, size))
         rows[:3, : self._n_pairs] = vectors[:, 0] / length, vectors[:, 1] / length, 1 / length
         self.geometry[:] = rows.reshape(4, blocks, BLOCK).transpose(1, 0, 2)
@@ -80,14 +80,14 @@ class BondEnergyEvaluation(DomainWatch):
         self._guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(self.outside, bond_energy.COUNTED) if domain else UNGUARDED
         self._domain = domain_constants(domain, self.precision) if domain else np.zeros(bond_energy.DOMAIN_SIZE, self.precision)
         chunks = self.kinematics.chunks
-        self._buffers = np.zeros((chunks, bond_energy.BUFFER_ROWS, BLOCK), dtype=self.precision)
-        self._sums = np.zeros((chunks, 4, BLOCK))
-        self._work = np.zeros((chunks, max(compiled.work_rows, 1), BLOCK), dtype=self.precision)
+        self._buffers = aligned_rows((chunks, bond_energy.BUFFER_ROWS, BLOCK), self.precision)
+        self._sums = aligned_rows((chunks, 4, BLOCK))
+        self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), self.precision)
         self._outside, self._invalid = np.zeros(chunks, dtype=np.int64), np.zeros(chunks, dtype=np.int64)
         self._energies = np.zeros(blocks)
-        self._forces = np.zeros((size, 2), dtype=self.precision)
-        self._moments = np.zeros((size, 4), dtype=self.precision)
-        self._stresses = np.zeros((total, 4))
+        self._forces = aligned_rows((size, 2), self.precision)
+        self._moments = aligned_rows((size, 4), self.precision)
+        self._stresses = aligned_rows((total, 4))
         self._node_parts, self._all_forces = np.zeros((total, 2)), np.zeros((total, 2))
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..body import Body
 from ..kernels import bond_pass, reference
-from ..kernels.blocks import BLOCK
+from ..kernels.blocks import BLOCK, aligned_rows
 from ..kernels.exact import exact_bond_force
 from ..materials import Law
 from .domain_watch import DomainWatch
@@ -32,7 +32,7 @@ class BondForceEvaluation(DomainWatch):
         bonds = body.bonds
         self._first, self._second = bonds.ends_in_blocks(BLOCK)
         blocks = len(self._first) // BLOCK
-        self.geometry = np.zeros((blocks, 5, BLOCK), dtype=self.precision)
+        self.geometry = aligned_rows((blocks, 5, BLOCK), self.precision)
         length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
         self._strength = 2 * body.weigh(length) * length * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
         self._find_geometry(np.arange(self._n_pairs, dtype=np.uint32))
@@ -48,10 +48,10 @@ class BondForceEvaluation(DomainWatch):
         within = domain.interior if self.outside == "fallback" else domain
         self._domain = np.stack([domain.limits(self.precision), within.limits(self.precision)])
         chunks = self.kinematics.chunks
-        self._buffers = np.zeros((chunks, bond_pass.BUFFER_ROWS, BLOCK), dtype=self.precision)
-        self._work = np.zeros((chunks, max(compiled.work_rows, 1), BLOCK), dtype=self.precision)
+        self._buffers = aligned_rows((chunks, bond_pass.BUFFER_ROWS, BLOCK), self.precision)
+        self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), self.precision)
         self._outside = np.zeros(chunks, dtype=np.int64)
-        self._forces = np.zeros((len(self._first), 2), dtype=self.precision)
+        self._forces = aligned_rows((len(self._first), 2), self.precision)
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..body import Body
 from ..kernels import gradient, node_state, reference
-from ..kernels.blocks import BLOCK, SCRATCH_ROWS
+from ..kernels.blocks import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..materials import Law, plane_stress
 from .learnt_thickness import LearntThickness
 from .protocol import InvalidState
@@ -66,10 +66,10 @@ class Kinematics:
         self.positions = points.copy()
         self._shift = images.points - images.parity * points[images.mirror]
         self._shift_at_rest = self._shift.copy()
-        self.gradients = np.empty((total, 4))
+        self.gradients = aligned_rows((total, 4))
         self.volume_ratios = np.ones(total)
-        self.records = np.empty((total, 4), dtype=record_precision)
-        self.scratch = np.ones((self.chunks, SCRATCH_ROWS, BLOCK))
+        self.records = aligned_rows((total, 4), record_precision)
+        self.scratch = aligned_rows((self.chunks, SCRATCH_ROWS, BLOCK), value=1)
         self._unsolved = np.zeros(self.chunks, dtype=np.int64)
         self.learnt_thickness: LearntThickness | None = None
 

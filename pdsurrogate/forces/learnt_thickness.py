@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels import learnt_thickness
-from ..kernels.blocks import BLOCK
+from ..kernels.blocks import BLOCK, aligned_rows
 from ..materials import Law
 from .protocol import CompiledBondForce, Domain
 
@@ -34,9 +34,9 @@ class LearntThickness:
         self._domain = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
         self._volumetric = law.volumetric_block()
         self._tolerance = TOLERANCE[str(np.dtype(precision))]
-        self._buffers = np.ones((chunks, learnt_thickness.BUFFER_ROWS, BLOCK), dtype=precision)
-        self._work = np.zeros((chunks, max(compiled.work_rows, 1), BLOCK), dtype=precision)
-        self._scratch = np.ones((chunks, learnt_thickness.SCRATCH_ROWS, BLOCK))
+        self._buffers = aligned_rows((chunks, learnt_thickness.BUFFER_ROWS, BLOCK), precision, 1)
+        self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), precision)
+        self._scratch = aligned_rows((chunks, learnt_thickness.SCRATCH_ROWS, BLOCK), value=1)
 
     def update(self, gradients, volume_ratios, rotation: int, response: int, parameters, records, unsolved) -> None:
         """Bring `volume_ratios` and `records` up to date; see `pdsurrogate.kernels.node_state.node_states`."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..body import Body
 from ..kernels import correspondence
+from ..kernels.blocks import aligned_rows
 from ..materials import Law
 from .kinematics import Kinematics, locate
 from .protocol import InvalidState
@@ -35,7 +36,7 @@ class CorrespondenceEvaluation:
         self.body, self.law = body, law
         self.evaluations = 0
         self.kinematics = Kinematics(body, law, settings.rotation, "float64", keep_weighted_bonds=True)
-        self._stresses = np.empty((len(body.all_points), 4))
+        self._stresses = aligned_rows((len(body.all_points), 4))
         self._broken = np.zeros(len(body.bonds.first), dtype=bool) if settings.breakable else None
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:

@@ -1,5 +1,8 @@
 """Arrays of rows whose length the compiler knows."""
 
+import math
+
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -16,6 +19,22 @@ TRACTION_ROWS = 3
 
 SCRATCH_ROWS = 8
 """Rows of doubles for a stress response: three of states, five of its result."""
+
+CACHE_LINE = 64
+
+
+def aligned_rows(shape, dtype=np.float64, value=0):
+    """Array filled with `value` that begins at a cache line, so that no vector of a row lies across two of them.
+
+    NumPy promises 16 bytes only; half of all 32-byte loads and every 64-byte load would then touch two lines.
+    """
+    dtype = np.dtype(dtype)
+    size = math.prod(shape) * dtype.itemsize
+    memory = np.empty(size + CACHE_LINE, dtype=np.uint8)
+    start = -memory.ctypes.data % CACHE_LINE
+    array = memory[start : start + size].view(dtype).reshape(shape)
+    array[...] = value
+    return array
 
 
 def _with_row_length(length):
@@ -66,6 +85,7 @@ def stack_rows(typingctx, count):
     def codegen(context, builder, signature, arguments):
         index, size = context.get_value_type(types.intp), context.get_abi_sizeof(ir.DoubleType())
         memory = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), rows * BLOCK))
+        memory.align = CACHE_LINE
         result = context.make_array(result_type)(context, builder)
         context.populate_array(
             result,

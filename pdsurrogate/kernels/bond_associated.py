@@ -9,7 +9,7 @@ import numpy as np
 from numba import prange
 
 from .blocks import BLOCK, block_rows, pair_records, quad_records, triple_records
-from .compile import kernel, parallel_kernel
+from .compile import kernel, parallel_kernel, widest_vectors
 from .node_state import solve_volume_ratios
 from .records import outer_products, sum_listed_records, sum_signed_records
 
@@ -135,6 +135,7 @@ def bond_associated_forces(
     n_tiles = (n + TILE - 1) // TILE
     chunks = scratch.shape[0]
     for chunk in prange(chunks):
+        widest_vectors()
         table_here = tables[chunk]
         block = sums[chunk]
         rows = block_rows(scratch[chunk])
@@ -160,6 +161,7 @@ def bond_associated_forces(
 @kernel
 def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces):
     """Forces of up to `BLOCK` consecutive bonds from their sums of products."""
+    widest_vectors()
     at = np.int64(at)
     states = block_rows(rows[0:3])
     result = block_rows(rows[3:8])

@@ -17,8 +17,8 @@ from numba import prange
 
 from .blocks import BLOCK, block_rows, pair_records, quad_records
 from .bond_pass import FALL_BACK, UNGUARDED
-from .compile import call_block, inline, kernel, parallel_kernel
-from .records import subtract_positions, sum_matrix_products, sum_quad_records, sum_records, sum_signed_records
+from .compile import call_block, inline, kernel, parallel_kernel, widest_vectors
+from .records import gather_pairs, sum_matrix_products, sum_quad_records, sum_signed_records
 
 COUNTED = 1
 """Bonds outside the domain are counted and otherwise left to the surrogate; `FALL_BACK` and `UNGUARDED` are those of the bond pass."""
@@ -125,6 +125,7 @@ def pair_energies(
     n_blocks = geometry.shape[0]
     chunks = buffers.shape[0]
     for chunk in prange(chunks):
+        widest_vectors()
         buffer = buffers[chunk]
         states = block_rows(buffer[0:2])
         result = block_rows(buffer[2:5])
@@ -144,9 +145,7 @@ def pair_energies(
             at = block * BLOCK
             reference = block_rows(geometry[block])
             for k in range(0, BLOCK, 4):
-                sum_records(gradients, first, second, at + k, means, k)
-            for k in range(0, BLOCK, 4):
-                subtract_positions(positions, first, second, at + k, bond, k)
+                gather_pairs(gradients, positions, first, second, at + k, means, bond, k)
             wrong = zero
             for k in range(BLOCK):
                 n1 = reference[0, k]
@@ -238,6 +237,7 @@ def pair_tangents(positions, gradients, first, second, geometry, linearised, buf
     n_blocks = geometry.shape[0]
     chunks = buffers.shape[0]
     for chunk in prange(chunks):
+        widest_vectors()
         bond = block_rows(buffers[chunk, 8:10])
         means = block_rows(sums[chunk])
         for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
@@ -245,9 +245,7 @@ def pair_tangents(positions, gradients, first, second, geometry, linearised, buf
             reference = block_rows(geometry[block])
             state = block_rows(linearised[block])
             for k in range(0, BLOCK, 4):
-                sum_records(gradients, first, second, at + k, means, k)
-            for k in range(0, BLOCK, 4):
-                subtract_positions(positions, first, second, at + k, bond, k)
+                gather_pairs(gradients, positions, first, second, at + k, means, bond, k)
             pair = pair_records(forces[at : at + BLOCK])
             moment = quad_records(moments[at : at + BLOCK])
             for k in range(BLOCK):

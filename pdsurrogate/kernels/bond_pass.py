@@ -5,9 +5,9 @@ from numba import prange
 
 from .blocks import BLOCK, block_rows, pair_records
 from .bond_state import LEAST_NORMAL_STRETCH, is_outside, lateral_stretch, share_inside
-from .compile import call_block, parallel_kernel
+from .compile import call_block, parallel_kernel, widest_vectors
 from .elementary import inverse_square_root
-from .records import subtract_positions, sum_records, sum_signed_records
+from .records import gather_pairs, sum_signed_records
 
 UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
 """What is done about bonds outside the domain of a force model: it has no bounds; they are counted, and those turned so far that they have
@@ -62,6 +62,7 @@ def pair_forces(
     n_blocks = geometry.shape[0]
     chunks = buffers.shape[0]
     for chunk in prange(chunks):
+        widest_vectors()
         buffer = buffers[chunk]
         states = block_rows(buffer[0:6])
         means = block_rows(buffer[14:18])
@@ -78,9 +79,7 @@ def pair_forces(
             at = block * BLOCK
             reference = block_rows(geometry[block])
             for k in range(0, BLOCK, 4):
-                sum_records(records, first, second, at + k, means, k)
-            for k in range(0, BLOCK, 4):
-                subtract_positions(positions, first, second, at + k, bond, k)
+                gather_pairs(records, positions, first, second, at + k, means, bond, k)
             for k in range(BLOCK):
                 # The mean of two rotations is the direction of the sum of their (cos, sin); two opposite ones have none.
                 c = means[0, k]

@@ -125,6 +125,22 @@ def call_block(typingctx, address, *arguments):
     return signature, codegen
 
 
+@intrinsic
+def widest_vectors(typingctx):
+    """Let LLVM use the processor's widest vectors in the function this stands in.
+
+    LLVM keeps to 256 bits on processors with AVX-512, for the sake of code whose few wide instructions would lower the clock of all else;
+    here they are most of the work.  Where there are none wider, this changes nothing.
+    """
+
+    def codegen(context, builder, signature, arguments):
+        # llvmlite knows no attributes with a value; added past its check they are written out as they stand.
+        set.update(builder.function.attributes, {'"prefer-vector-width"="512"', "noinline"})
+        return context.get_dummy_value()
+
+    return types.void(), codegen
+
+
 def compile_block_function(function: Callable, signature) -> CFunc:
     """Compile a block function for one signature, cached on disk; its ``address`` is what kernels take."""
     compiled = CFunc(function, numba.core.sigutils.normalize_signature(signature), locals={}, options=dict(OPTIONS))

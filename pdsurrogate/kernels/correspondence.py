@@ -4,7 +4,7 @@ import numpy as np
 from numba import prange
 
 from .blocks import BLOCK, block_rows, quad_records, triple_records
-from .compile import call_block, parallel_kernel
+from .compile import call_block, parallel_kernel, widest_vectors
 from .records import sum_matrix_products
 
 
@@ -15,6 +15,7 @@ def weighted_stresses(gradients, volume_ratios, inverse_shape, unit, response, p
     n_blocks = (n + BLOCK - 1) // BLOCK
     chunks = scratch.shape[0]
     for chunk in prange(chunks):
+        widest_vectors()
         states = block_rows(scratch[chunk, 0:3])
         result = block_rows(scratch[chunk, 3:8])
         for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):

@@ -4,7 +4,7 @@ import numpy as np
 from numba import prange
 
 from .blocks import BLOCK, block_rows
-from .compile import parallel_kernel
+from .compile import parallel_kernel, widest_vectors
 from .records import subtract_positions
 
 
@@ -24,6 +24,7 @@ def find_overstretched(positions, first, second, limits, buffers, found, counts)
     n_blocks = limits.shape[0]
     chunks = counts.shape[0]
     for chunk in prange(chunks):
+        widest_vectors()
         bond = block_rows(buffers[chunk])
         begin = chunk * n_blocks // chunks
         place = begin * BLOCK

@@ -116,8 +116,9 @@ def _logarithm(x):
 
         def implementation(x):
             bits = bits_of(x)
-            exponent = (bits - np.int32(0x3F3504F3)) >> np.int32(23)
-            f = real_of(np.int32(bits - (exponent << np.int32(23)))) - np.float32(1.0)
+            # Each step is cut to 32 bits: numba's integer arithmetic has 64, which would halve the lanes.
+            exponent = np.int32(np.int32(bits - np.int32(0x3F3504F3)) >> np.int32(23))
+            f = real_of(np.int32(bits - np.int32(exponent << np.int32(23)))) - np.float32(1.0)
             # log(1 + f) = f - f^2/2 + f^3 P(f), P fitted for the least largest relative error, 3e-8 before rounding.
             p = np.float32(-0.1426747590303421) + f * np.float32(0.08700359612703323)
             p = np.float32(0.1491478681564331) + f * p

@@ -11,7 +11,7 @@ import numpy as np
 from numba import carray
 
 from .blocks import BLOCK, SCRATCH_ROWS, block_rows
-from .compile import bond_force_signature, call_block, compile_block_function, inlined, source_digest
+from .compile import bond_force_signature, call_block, compile_block_function, inlined, source_digest, widest_vectors
 from .elementary import logarithm
 from .node_state import solve_volume_ratios
 from .smooth_activations import SMOOTH_ACTIVATIONS
@@ -33,6 +33,7 @@ def exact_energy_density(dtype):
 
     def energy_density(states, sizes, weights, response, parameters, work, scratch, result):
         digest  # noqa: B018  (part of the cache key)
+        widest_vectors()
         states = carray(states, (INVARIANT_ROWS, BLOCK))
         result = carray(result, (ENERGY_ROWS, BLOCK))
         scratch = carray(scratch, (SCRATCH_ROWS, BLOCK))
@@ -114,6 +115,7 @@ def network_energy_density(activation, dtype):
 
     def energy_density(states, sizes, weights, response, parameters, work, scratch, result):
         digest  # noqa: B018  (part of the cache key)
+        widest_vectors()
         states = carray(states, (INVARIANT_ROWS, BLOCK))
         result = carray(result, (ENERGY_ROWS, BLOCK))
         sizes = carray(sizes, (1,))

@@ -6,7 +6,7 @@ import numpy as np
 from numba import carray
 
 from .blocks import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
-from .compile import bond_force_signature, call_block, compile_block_function, source_digest
+from .compile import bond_force_signature, call_block, compile_block_function, source_digest, widest_vectors
 
 
 @cache
@@ -16,6 +16,7 @@ def exact_bond_force(dtype):
 
     def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
         digest  # noqa: B018  (part of the cache key)
+        widest_vectors()
         states = carray(states, (STATE_ROWS, BLOCK))
         traction = carray(traction, (TRACTION_ROWS, BLOCK))
         scratch = carray(scratch, (SCRATCH_ROWS, BLOCK))

@@ -13,7 +13,7 @@ from numba import prange
 
 from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
 from .bond_state import is_outside, share_inside
-from .compile import call_block, parallel_kernel
+from .compile import call_block, parallel_kernel, widest_vectors
 from .node_state import POLAR, convected_rotation, solve_volume_ratios
 
 MOST_ITERATIONS = 20
@@ -61,6 +61,7 @@ def learnt_node_states(
     n_blocks = (n + BLOCK - 1) // BLOCK
     chunks = scratch.shape[0]
     for chunk in prange(chunks):
+        widest_vectors()
         states = block_rows(scratch[chunk, 0:3])
         result = block_rows(scratch[chunk, 3:8])
         frame = block_rows(scratch[chunk, 8:11])

@@ -12,7 +12,7 @@ from numba import carray
 
 from .activations import ACTIVATIONS
 from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows
-from .compile import bond_force_signature, compile_block_function, inlined, kernel, source_digest
+from .compile import bond_force_signature, compile_block_function, inlined, kernel, source_digest, widest_vectors
 from .feature_sets import FEATURE_SETS
 
 GROUP = 4
@@ -84,6 +84,7 @@ def _padded(width):
 @kernel
 def _pre_activations(rows, n_rows, weights, z):
     """Four units of a layer before their activation: z = biases + rows @ weights."""
+    widest_vectors()
     rows = block_rows(rows)
     z = block_rows(z)
     for k in range(BLOCK):
@@ -129,6 +130,7 @@ def network_block(features, activation, dtype):
 
     def network(states, sizes, weights, response, parameters, work, scratch, traction):
         digest  # noqa: B018  (part of the cache key)
+        widest_vectors()
         states = carray(states, (STATE_ROWS, BLOCK))
         traction = carray(traction, (TRACTION_ROWS, BLOCK))
         sizes = carray(sizes, (N_SIZES,))

@@ -4,7 +4,7 @@ import numpy as np
 from numba import prange
 
 from .blocks import BLOCK, block_rows, quad_records
-from .compile import call_block, kernel, parallel_kernel
+from .compile import call_block, kernel, parallel_kernel, widest_vectors
 
 MOST_ITERATIONS = 40
 
@@ -26,6 +26,7 @@ def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8)
     The residual is J3 dPsi/dJ3, whose slope is about the bulk modulus: from J3 of the last evaluation one step reaches rounding, and the
     second confirms it.
     """
+    widest_vectors()
     for _ in range(MOST_ITERATIONS):
         call_block(response, states, parameters, result)
         largest = 0.0
@@ -65,6 +66,7 @@ def node_states(gradients, volume_ratios, rotation, response, parameters, scratc
     n_blocks = (n + BLOCK - 1) // BLOCK
     chunks = scratch.shape[0]
     for chunk in prange(chunks):
+        widest_vectors()
         states = block_rows(scratch[chunk, 0:3])
         result = block_rows(scratch[chunk, 3:8])
         count = 0

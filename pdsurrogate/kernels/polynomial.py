@@ -6,7 +6,7 @@ import numpy as np
 from numba import carray
 
 from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows
-from .compile import bond_force_signature, compile_block_function, inlined, source_digest
+from .compile import bond_force_signature, compile_block_function, inlined, source_digest, widest_vectors
 from .feature_sets import FEATURE_SETS
 
 N_OUTPUTS = 2
@@ -56,6 +56,7 @@ def polynomial_block(features, dtype):
 
     def polynomial(states, sizes, weights, response, parameters, work, scratch, traction):
         digest  # noqa: B018  (part of the cache key)
+        widest_vectors()
         states = carray(states, (STATE_ROWS, BLOCK))
         traction = carray(traction, (TRACTION_ROWS, BLOCK))
         sizes = carray(sizes, (COUNTS + MOST_DEGREE + 1,))

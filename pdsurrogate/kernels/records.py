@@ -62,25 +62,24 @@ def _scalar_of(context, array_type):
 
 
 @intrinsic
-def sum_records(typingctx, records, first, second, at, out, column):
-    """``out[r, column + k] = records[first[at + k], r] + records[second[at + k], r]`` for r, k in 0 … 3."""
-    signature = types.void(records, first, second, types.int64, out, types.int64)
+def gather_pairs(typingctx, records, positions, first, second, at, sums, differences, column):
+    """Sums of the records and differences of the positions of the ends of four pairs, a row for every component.
+
+    ``sums[r, column + k] = records[first[at + k], r] + records[second[at + k], r]`` for r in 0 … 3 and
+    ``differences[r, column + k] = positions[second[at + k], r] - positions[first[at + k], r]`` for r in 0, 1, each for k in 0 … 3.
+    """
+    signature = types.void(records, positions, first, second, types.int64, sums, differences, types.int64)
 
     def codegen(context, builder, signature, arguments):
-        tables = [_data(context, builder, signature.args[n], arguments[n]) for n in (0, 1, 2, 4)]
-        source, left, right, target = tables
-        rows = []
-        for k in range(4):
-            position = builder.add(arguments[3], _constant(k))
-            i = builder.load(_element(builder, left, position))
-            j = builder.load(_element(builder, right, position))
-            rows.append(
-                builder.fadd(_load(builder, _element(builder, source, i, 4), 4), _load(builder, _element(builder, source, j, 4), 4))
-            )
+        table, places, left, right = (_data(context, builder, signature.args[n], arguments[n]) for n in range(4))
+        pairs = _ends(builder, left, right, arguments[4])
+        rows = [builder.fadd(*(_load(builder, _element(builder, table, end, 4), 4) for end in pair)) for pair in pairs]
         low = [_shuffle(builder, rows[n], rows[n + 1], [0, 4, 1, 5]) for n in (0, 2)]
         high = [_shuffle(builder, rows[n], rows[n + 1], [2, 6, 3, 7]) for n in (0, 2)]
         columns = [_shuffle(builder, *pair, lanes) for pair in (low, high) for lanes in ([0, 1, 4, 5], [2, 3, 6, 7])]
-        _store_rows(context, builder, signature.args[4], arguments[4], target, columns, arguments[5])
+        vectors = _difference_columns(builder, places, pairs, _scalar_of(context, signature.args[6]))
+        _store_rows(context, builder, signature.args[5], arguments[5], columns, arguments[7])
+        _store_rows(context, builder, signature.args[6], arguments[6], vectors, arguments[7])
         return context.get_dummy_value()
 
     return signature, codegen
@@ -88,32 +87,37 @@ def sum_records(typingctx, records, first, second, at, out, column):
 
 @intrinsic
 def subtract_positions(typingctx, positions, first, second, at, out, column):
-    """``out[r, column + k] = positions[second[at + k], r] - positions[first[at + k], r]`` for r in 0, 1 and k in 0 … 3."""
+    """The differences of `gather_pairs` alone."""
     signature = types.void(positions, first, second, types.int64, out, types.int64)
 
     def codegen(context, builder, signature, arguments):
-        tables = [_data(context, builder, signature.args[n], arguments[n]) for n in (0, 1, 2, 4)]
-        source, left, right, target = tables
-        rows = []
-        for k in range(4):
-            position = builder.add(arguments[3], _constant(k))
-            i = builder.load(_element(builder, left, position))
-            j = builder.load(_element(builder, right, position))
-            rows.append(
-                builder.fsub(_load(builder, _element(builder, source, j, 2), 2), _load(builder, _element(builder, source, i, 2), 2))
-            )
-        pairs = [_shuffle(builder, rows[n], rows[n + 1], [0, 1, 2, 3]) for n in (0, 2)]
-        scalar = _scalar_of(context, signature.args[4])
-        columns = [_as_real(builder, _shuffle(builder, *pairs, lanes), scalar) for lanes in ([0, 2, 4, 6], [1, 3, 5, 7])]
-        _store_rows(context, builder, signature.args[4], arguments[4], target, columns, arguments[5])
+        places, left, right = (_data(context, builder, signature.args[n], arguments[n]) for n in range(3))
+        pairs = _ends(builder, left, right, arguments[3])
+        columns = _difference_columns(builder, places, pairs, _scalar_of(context, signature.args[4]))
+        _store_rows(context, builder, signature.args[4], arguments[4], columns, arguments[5])
         return context.get_dummy_value()
 
     return signature, codegen
 
 
-def _store_rows(context, builder, array_type, array, target, columns, column):
+def _ends(builder, left, right, at):
+    """Numbers of the points at both ends of four pairs."""
+    places = [builder.add(at, _constant(k)) for k in range(4)]
+    return [tuple(builder.zext(builder.load(_element(builder, ends, place)), _INDEX) for ends in (left, right)) for place in places]
+
+
+def _difference_columns(builder, positions, pairs, scalar):
+    """Components of second position minus first, one vector over four pairs each."""
+    loaded = [[_load(builder, _element(builder, positions, end, 2), 2) for end in pair] for pair in pairs]
+    rows = [builder.fsub(second, first) for first, second in loaded]
+    halves = [_shuffle(builder, rows[n], rows[n + 1], [0, 1, 2, 3]) for n in (0, 2)]
+    return [_as_real(builder, _shuffle(builder, *halves, lanes), scalar) for lanes in ([0, 2, 4, 6], [1, 3, 5, 7])]
+
+
+def _store_rows(context, builder, array_type, array, columns, column):
     """Write one vector into each row of a two-dimensional array, from the given column on."""
-    width = builder.extract_value(context.make_array(array_type)(context, builder, array).shape, 1)
+    array = context.make_array(array_type)(context, builder, array)
+    width, target = builder.extract_value(array.shape, 1), array.data
     for r, value in enumerate(columns):
         _store(builder, value, _element(builder, target, builder.add(builder.mul(_constant(r), width), column)))
 

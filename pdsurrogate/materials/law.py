@@ -23,7 +23,7 @@ import numpy as np
 from numba import carray
 
 from ..kernels.blocks import BLOCK, block_rows, stack_rows
-from ..kernels.compile import STRESS_RESPONSE, compile_block_function, inlined
+from ..kernels.compile import STRESS_RESPONSE, compile_block_function, inlined, widest_vectors
 from ..kernels.elementary import exponential, inverse_cube_root, logarithm, select
 
 TRACE, AREA_RATIO, VOLUME_RATIO = 0, 1, 2
@@ -112,6 +112,7 @@ class Law(ABC):
 
         def response(states, parameters, result):
             prints  # noqa: B018  (part of the cache key)
+            widest_vectors()
             states = carray(states, (3, BLOCK))
             result = carray(result, (RESPONSE_ROWS, BLOCK))
             parameters = carray(parameters, (MOST_PARAMETERS,))
@@ -163,6 +164,7 @@ class InvariantLaw(Law):
 
         def response(states, parameters, result):
             prints  # noqa: B018  (part of the cache key)
+            widest_vectors()
             states = carray(states, (3, BLOCK))
             result = carray(result, (RESPONSE_ROWS, BLOCK))
             parameters = carray(parameters, (n_parameters,))
@@ -261,6 +263,7 @@ class PrincipalStretchLaw(Law):
 
         def response(states, parameters, result):
             prints  # noqa: B018  (part of the cache key)
+            widest_vectors()
             states = carray(states, (3, BLOCK))
             result = carray(result, (RESPONSE_ROWS, BLOCK))
             n_terms = np.int64(carray(parameters, (2,))[1])
