@@ -48,7 +48,7 @@ def test_algorithm_1_follows_eq_2(random):
     assert len(samples) == 1000
     # The same draws again, by hand.
     generator = np.random.default_rng(3)
-    stretches = np.repeat(generator.uniform(0.8, 4.0, (100, 2)), 10, axis=0)
+    stretches = np.repeat(np.exp(generator.uniform(np.log(0.8), np.log(4.0), (100, 2))), 10, axis=0)
     length = np.repeat(horizon * (1 - generator.uniform(0, 1, 200)), 5)
     angle = 2 * np.pi * (1 - generator.uniform(0, 1, 1000))
     kappa = np.pi * horizon**4 / 3

@@ -229,25 +229,37 @@ class _Network:
             slopes.append(slope)
         residuals = values @ coefs[-1] + intercepts[-1] - Y
 
-        # The output layer's weights of one output do not touch another's: only the columns of this one are formed.
+        # The output layer's weights of one output do not touch another's: only the columns of this one are formed.  With one hidden layer
+        # these are the same for every output but for a factor, an output weight, so that their products are formed once.
         hidden = self.starts[-2]
         n_last, n_outputs = self.shapes[-1]
         normal, gradient = np.zeros((self.starts[-1], self.starts[-1])), np.zeros(self.starts[-1])
-        jacobian = np.empty((len(X), hidden + n_last + 1))
+        jacobian, factor = np.empty((len(X), hidden + n_last + 1)), np.ones(hidden + n_last + 1)
         jacobian[:, hidden:-1] = values
         jacobian[:, -1] = 1
+        one_layer = len(slopes) == 1
+        if one_layer:
+            self._fill(jacobian, coefs, inputs, slopes, slopes[0])
+            products = jacobian.T @ jacobian
         for output in range(n_outputs):
-            delta = slopes[-1] * coefs[-1][:, output]
-            for layer in range(len(slopes) - 1, -1, -1):
-                start, (n_in, n_out) = self.starts[layer], self.shapes[layer]
-                block = jacobian[:, start : start + n_in * n_out].reshape(len(X), n_in, n_out)
-                np.multiply(inputs[layer][:, :, None], delta[:, None, :], out=block)
-                jacobian[:, start + n_in * n_out : start + n_in * n_out + n_out] = delta
-                if layer:
-                    delta = (delta @ coefs[layer].T) * slopes[layer - 1]
+            if one_layer:
+                factor[:hidden] = np.tile(coefs[-1][:, output], hidden // n_last)
+            else:
+                self._fill(jacobian, coefs, inputs, slopes, slopes[-1] * coefs[-1][:, output])
+                products = jacobian.T @ jacobian
             columns = np.concatenate(
                 [np.arange(hidden), hidden + np.arange(n_last) * n_outputs + output, [hidden + n_last * n_outputs + output]]
             )
-            normal[np.ix_(columns, columns)] += jacobian.T @ jacobian
-            gradient[columns] += jacobian.T @ residuals[:, output]
+            normal[np.ix_(columns, columns)] += factor[:, None] * products * factor
+            gradient[columns] += factor * (jacobian.T @ residuals[:, output])
         return normal, gradient
+
+    def _fill(self, jacobian, coefs, inputs, slopes, delta):
+        """Derivatives by the weights of the hidden layers, of which `delta` is that by the last one's arguments."""
+        for layer in range(len(slopes) - 1, -1, -1):
+            start, (n_in, n_out) = self.starts[layer], self.shapes[layer]
+            block = jacobian[:, start : start + n_in * n_out].reshape(len(jacobian), n_in, n_out)
+            np.multiply(inputs[layer][:, :, None], delta[:, None, :], out=block)
+            jacobian[:, start + n_in * n_out : start + n_in * n_out + n_out] = delta
+            if layer:
+                delta = (delta @ coefs[layer].T) * slopes[layer - 1]
