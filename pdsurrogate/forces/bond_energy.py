@@ -83,7 +83,7 @@ class BondEnergyEvaluation(DomainWatch):
         self._buffers = aligned_rows((chunks, bond_energy.BUFFER_ROWS, BLOCK), self.precision)
         self._sums = aligned_rows((chunks, 4, BLOCK))
         self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), self.precision)
-        self._outside, self._invalid = np.zeros(chunks, dtype=np.int64), np.zeros(chunks, dtype=np.int64)
+        self._outside, self._collapsed, self._invalid = np.zeros((3, chunks), dtype=np.int64)
         self._energies = np.zeros(blocks)
         self._forces = aligned_rows((size, 2), self.precision)
         self._moments = aligned_rows((size, 4), self.precision)
@@ -122,6 +122,7 @@ class BondEnergyEvaluation(DomainWatch):
             self._work,
             kinematics.scratch,
             self._outside,
+            self._collapsed,
             self._invalid,
             self._energies,
             self._forces,
@@ -248,12 +249,12 @@ class BondEnergyEvaluation(DomainWatch):
             return Release(0.0, np.zeros_like(forces))
         return Release(energy, forces)
 
-    def inverted_pairs(self) -> np.ndarray:
-        """Numbers of the pairs that were turned inside out in the last evaluation."""
-        if not self._invalid.any():
+    def collapsed_pairs(self) -> np.ndarray:
+        """Numbers of the pairs that were turned inside out in the last evaluation, or pressed to a tenth of their area."""
+        if not self._collapsed.any():
             return np.empty(0, dtype=np.int64)
         c, e = self.bond_columns()
-        return np.flatnonzero((self._weights > 0) & ~(c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0] > 0))
+        return np.flatnonzero((self._weights > 0) & ~(c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0] > bond_energy.COLLAPSED))
 
     def _energy_at_present(self, out: np.ndarray) -> float:
         """Energy at the positions last placed, NaN where there is none; forces to `out`."""

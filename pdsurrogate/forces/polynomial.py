@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..kernels.feature_sets import FEATURE_SETS
-from ..kernels.polynomial import MOST_DEGREE, N_WORK_ROWS, pack, polynomial_block
+from ..kernels.polynomial import MOST_DEGREE, pack, polynomial_block
 from .learnt import N_OUTPUTS, LearntBondForce, checked_array, checked_feature_set
 from .protocol import Domain
 
@@ -42,8 +42,8 @@ class PolynomialForce(LearntBondForce):
         return np.stack([np.polynomial.chebyshev.chebval2d(*scaled.T, coefficients) for coefficients in self.coefficients], axis=1)
 
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
-        sizes, weights = pack(self.centre, self.half_width, self.coefficients, self.at_rest, dtype)
-        return polynomial_block(self.feature_set, dtype).address, sizes, weights, int(sizes[N_WORK_ROWS])
+        counts, weights = pack(self.centre, self.half_width, self.coefficients, self.at_rest, dtype)
+        return polynomial_block(self.feature_set, counts, dtype).address, np.array(counts), weights, 0
 
     def payload(self) -> dict:
         return {

@@ -26,6 +26,10 @@ COUNTED = 1
 BUFFER_ROWS = 14
 """Rows of the buffer in the precision of the pass: invariants, psi and its derivatives, the exact ones, the bond, c, e."""
 
+COLLAPSED = 0.1
+"""det F_ij up to which a bond counts as collapsed.  Intact rubber in a tear stays above 0.5; where a tenth is left, the law's volumetric
+energy makes the bond stiffer than any time step found before allows."""
+
 DOMAIN_SIZE = 7
 """Constants of `edge_distances` and `exact_share`."""
 
@@ -98,6 +102,7 @@ def pair_energies(
     work,
     scratch,
     outside,
+    collapsed,
     invalid,
     energies,
     forces,
@@ -117,7 +122,8 @@ def pair_energies(
     domain : (DOMAIN_SIZE,) see `edge_distances`.
     buffers, work : (n_chunks, rows, BLOCK) in the precision of the pass.
     sums, scratch : (n_chunks, rows, BLOCK) doubles.
-    outside, invalid : (n_chunks,) out: pairs outside the domain; pairs with det F_ij <= 0 or no energy.
+    outside, collapsed, invalid : (n_chunks,) out: pairs outside the domain; those with det F_ij <= COLLAPSED, and of them those with
+        det F_ij <= 0 or none.
     energies : (n_blocks,) out: sum of beta psi over each block, in double.
     forces : (n_blocks * BLOCK, 2) out: beta P n/l, what the bond part exerts on the first point.
     moments : (n_blocks * BLOCK, 4) out: S of the pair as (11, 21, 12, 22).
@@ -137,16 +143,18 @@ def pair_energies(
         half = real(0.5)
         zero = real(0.0)
         one = real(1.0)
+        least = real(COLLAPSED)
         limits = (domain[0], domain[1], domain[2], domain[3], domain[4], domain[5], domain[6])
         edge = -limits[6] if guard == FALL_BACK else zero
         count = 0
+        small = 0
         bad = 0
         for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
             at = block * BLOCK
             reference = block_rows(geometry[block])
             for k in range(0, BLOCK, 4):
                 gather_pairs(gradients, positions, first, second, at + k, means, bond, k)
-            wrong = zero
+            few = zero
             for k in range(BLOCK):
                 n1 = reference[0, k]
                 n2 = reference[1, k]
@@ -165,10 +173,12 @@ def pair_energies(
                 J = J if alive else one
                 states[0, k] = trace if alive else one + one
                 states[1, k] = J
-                # NaN is wrong too.
-                wrong += zero if zero < J else one
-            if wrong > zero:
-                bad += int(wrong)
+                # NaN counts too.
+                few += zero if least < J else one
+            if few > zero:
+                small += int(few)
+                for k in range(BLOCK):
+                    bad += 0 if states[1, k] > zero else 1
             call_block(energy_density, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], result)
             if guard != UNGUARDED:
                 found = zero
@@ -219,6 +229,7 @@ def pair_energies(
                 total += np.float64(beta * result[0, k])
             energies[block] = total
         outside[chunk] = count
+        collapsed[chunk] = small
         invalid[chunk] = bad
 
 

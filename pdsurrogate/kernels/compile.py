@@ -130,12 +130,13 @@ def widest_vectors(typingctx):
     """Let LLVM use the processor's widest vectors in the function this stands in.
 
     LLVM keeps to 256 bits on processors with AVX-512, for the sake of code whose few wide instructions would lower the clock of all else;
-    here they are most of the work.  Where there are none wider, this changes nothing.
+    here they are most of the work.  Where there are none wider, this changes nothing.  Spilled registers are aligned, too.
     """
 
     def codegen(context, builder, signature, arguments):
-        # llvmlite knows no attributes with a value; added past its check they are written out as they stand.
-        set.update(builder.function.attributes, {'"prefer-vector-width"="512"', "noinline"})
+        # llvmlite knows no attributes with a value; added past its check they are written out as they stand.  Inlined, the function would
+        # lose them.
+        set.update(builder.function.attributes, {'"prefer-vector-width"="512"', '"stackrealign"', "noinline"})
         return context.get_dummy_value()
 
     return types.void(), codegen

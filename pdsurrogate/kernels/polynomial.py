@@ -1,11 +1,18 @@
-"""Polynomials in two features as bond-force block functions: sums of products of Chebyshev polynomials."""
+"""Polynomials in two features as bond-force block functions: sums of products of Chebyshev polynomials.
 
-from functools import cache
+The sum is written out term by term for the terms that a polynomial has, so that features, polynomial and traction are one loop over bonds
+whose intermediate values never leave the registers.  Coefficients are arguments; a block function serves all polynomials of its terms.
+"""
+
+from functools import cache, reduce
 
 import numpy as np
-from numba import carray
+from llvmlite import ir
+from numba import carray, types
+from numba.core import cgutils
+from numba.extending import intrinsic
 
-from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows
+from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS
 from .compile import bond_force_signature, compile_block_function, inlined, source_digest, widest_vectors
 from .feature_sets import FEATURE_SETS
 
@@ -13,8 +20,10 @@ N_OUTPUTS = 2
 
 MOST_DEGREE = 24
 
-INNER, OUTER, N_WEIGHTS, N_WORK_ROWS, COUNTS = 0, 1, 2, 3, 4
-"""Places in a polynomial's sizes: its two degrees, and from `COUNTS` on how many terms go with each power of the second feature."""
+SCALING = 4
+"""Constants before the coefficients: centres and inverse half widths of both features."""
+
+_FLAGS = ("contract", "reassoc", "nsz")
 
 
 def pack(centre, half_width, coefficients, at_rest, dtype):
@@ -32,26 +41,96 @@ def pack(centre, half_width, coefficients, at_rest, dtype):
 
     Returns
     -------
-    sizes : ndarray of int64
+    counts : tuple of int
+        Terms for each power i of the second feature.
     weights : ndarray of `dtype`
     """
-    inner, outer = coefficients.shape[1] - 1, coefficients.shape[2] - 1
+    outer = coefficients.shape[2] - 1
     used = (coefficients != 0).any(axis=0)
-    counts = [int(np.flatnonzero(used[:, i])[-1]) + 1 if used[:, i].any() else 0 for i in range(outer + 1)]
-    # For each i the coefficients of both outputs side by side, in the order in which the loops want them.
+    counts = tuple(int(np.flatnonzero(used[:, i])[-1]) + 1 if used[:, i].any() else 0 for i in range(outer + 1))
+    # For each i the coefficients of both outputs side by side.
     terms = [coefficients[:, :count, i].T.ravel() for i, count in enumerate(counts)]
-    weights = np.concatenate([centre, 1 / np.asarray(half_width), *terms, at_rest]).astype(dtype)
-    return np.array([inner, outer, weights.size, inner + 4, *counts]), weights
+    return counts, np.concatenate([centre, 1 / np.asarray(half_width), *terms, at_rest]).astype(dtype)
+
+
+@intrinsic
+def tuple_of(typingctx, array, count):
+    """The first `count` values of an array, a literal number of them, as a tuple: scalars that a loop need not load again."""
+    if not isinstance(count, types.IntegerLiteral):
+        return None
+    result_type = types.UniTuple(array.dtype, count.literal_value)
+
+    def codegen(context, builder, signature, arguments):
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        values = [builder.load(builder.gep(data, [ir.Constant(ir.IntType(64), n)])) for n in range(count.literal_value)]
+        return cgutils.pack_array(builder, values)
+
+    return result_type(array, count), codegen
+
+
+@intrinsic
+def chebyshev_sums(typingctx, counts, x1, x2, weights):
+    """Sums over i and j < counts[i] of c_ij T_j(x1) T_i(x2) for both outputs.
+
+    `counts` is a literal, the counts between commas; `weights` a tuple with the coefficients from `SCALING` on, as `pack` has them.
+    """
+    if not isinstance(counts, types.StringLiteral):
+        return None
+    terms = [int(count) for count in counts.literal_value.split(",")]
+
+    def codegen(context, builder, signature, arguments):
+        _, x1, x2, weights = arguments
+        coefficients = iter(cgutils.unpack_tuple(builder, weights)[SCALING:])
+
+        def product(a, b):
+            return builder.fmul(a, b, flags=_FLAGS)
+
+        def total(values):
+            """Sum in short chains, so that one addition need not wait for all the others."""
+            while len(values) > 1:
+                values = [reduce(lambda a, b: builder.fadd(a, b, flags=_FLAGS), values[n : n + 3]) for n in range(0, len(values), 3)]
+            return values[0]
+
+        def chebyshev(x, count):
+            """T_0 … T_count-1, none of them more than a few steps from x: T_p+m = 2 T_p T_m - T_p-m, p a power of two."""
+            values = [ir.Constant(x.type, 1.0), x]
+            while len(values) < count:
+                p = 1 << (len(values) - 1).bit_length() - 1
+                m = len(values) - p
+                if m == 1:
+                    twice = builder.fadd(values[p], values[p], flags=_FLAGS)
+                values.append(builder.fsub(product(twice, values[m]), values[p - m], flags=_FLAGS))
+            return values[:count]
+
+        inner, outer = chebyshev(x1, max(terms)), chebyshev(x2, len(terms))
+        sums = [[ir.Constant(x1.type, 0.0)] for _ in range(N_OUTPUTS)]
+        for count, factor in zip(terms, outer, strict=True):
+            parts = [[product(next(coefficients), value) for _ in range(N_OUTPUTS)] for value in inner[:count]]
+            if parts:
+                for output in range(N_OUTPUTS):
+                    sums[output].append(product(total([part[output] for part in parts]), factor))
+        return cgutils.pack_array(builder, [total(values) for values in sums])
+
+    return types.UniTuple(x1, N_OUTPUTS)(counts, x1, x2, weights), codegen
 
 
 @cache
-def polynomial_block(features, dtype):
-    """Block function of polynomials in a feature set of two; degree and coefficients are arguments of it.
+def polynomial_block(features, counts, dtype):
+    """Block function of the polynomials with certain terms in a feature set of two; coefficients are arguments of it.
 
-    ``sizes`` and ``weights`` are what `pack` returns.
+    Parameters
+    ----------
+    features : str
+        One of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`.
+    counts : tuple of int
+        As from `pack`, whose other result is the block function's ``weights``; it takes no sizes.
+    dtype : float32 or float64
     """
     inputs = inlined(FEATURE_SETS[features].inputs)[0]
     traction_of = inlined(FEATURE_SETS[features].traction)[0]
+    terms = ",".join(str(count) for count in counts)
+    rest = SCALING + N_OUTPUTS * sum(counts)
+    size = rest + N_OUTPUTS
     digest = source_digest()
 
     def polynomial(states, sizes, weights, response, parameters, work, scratch, traction):
@@ -59,106 +138,13 @@ def polynomial_block(features, dtype):
         widest_vectors()
         states = carray(states, (STATE_ROWS, BLOCK))
         traction = carray(traction, (TRACTION_ROWS, BLOCK))
-        sizes = carray(sizes, (COUNTS + MOST_DEGREE + 1,))
-        weights = carray(weights, (sizes[N_WEIGHTS],))
-        work = carray(work, (sizes[N_WORK_ROWS], BLOCK))
-        inner = sizes[INNER]
-        # T_j(x1) for all j, and T_i(x2), T_i-1(x2) and x2 itself.
-        powers = block_rows(work[0 : inner + 1])
-        other = block_rows(work[inner + 1 : inner + 4])
-        centre1, centre2, scale1, scale2 = weights[0], weights[1], weights[2], weights[3]
+        values = tuple_of(carray(weights, (size,)), size)
+        centre1, centre2, scale1, scale2 = values[0], values[1], values[2], values[3]
+        rest0, rest1 = values[rest], values[rest + 1]
         for k in range(BLOCK):
-            x1, x2 = inputs(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], states[5, k])
-            other[2, k] = (x2 - centre2) * scale2
-            other[0, k] = 1
-            other[1, k] = 0
-            powers[0, k] = (x1 - centre1) * scale1
-            traction[0, k] = 0
-            traction[1, k] = 0
-        if inner >= 1:
-            for k in range(BLOCK):
-                powers[1, k] = powers[0, k]
-                powers[0, k] = 1
-        else:
-            for k in range(BLOCK):
-                powers[0, k] = 1
-        j = 2
-        while j + 1 <= inner:
-            for k in range(BLOCK):
-                twice = powers[1, k] + powers[1, k]
-                following = twice * powers[j - 1, k] - powers[j - 2, k]
-                powers[j + 1, k] = twice * following - powers[j - 1, k]
-                powers[j, k] = following
-            j += 2
-        if j <= inner:
-            for k in range(BLOCK):
-                powers[j, k] = (powers[1, k] + powers[1, k]) * powers[j - 1, k] - powers[j - 2, k]
-        at = 4
-        for i in range(sizes[OUTER] + 1):
-            if i == 1:
-                for k in range(BLOCK):
-                    other[1, k] = 1
-                    other[0, k] = other[2, k]
-            elif i > 1:
-                for k in range(BLOCK):
-                    following = (other[2, k] + other[2, k]) * other[0, k] - other[1, k]
-                    other[1, k] = other[0, k]
-                    other[0, k] = following
-            count = sizes[COUNTS + i]
-            j = 0
-            # Eight or four terms at a time: the sums are loaded and stored once for all of them.
-            while j + 7 < count:
-                a0, b0, a1, b1 = weights[at], weights[at + 1], weights[at + 2], weights[at + 3]
-                a2, b2, a3, b3 = weights[at + 4], weights[at + 5], weights[at + 6], weights[at + 7]
-                a4, b4, a5, b5 = weights[at + 8], weights[at + 9], weights[at + 10], weights[at + 11]
-                a6, b6, a7, b7 = weights[at + 12], weights[at + 13], weights[at + 14], weights[at + 15]
-                eight = block_rows(powers[j : j + 8])
-                for k in range(BLOCK):
-                    y0, y1, y2, y3 = eight[0, k], eight[1, k], eight[2, k], eight[3, k]
-                    y4, y5, y6, y7 = eight[4, k], eight[5, k], eight[6, k], eight[7, k]
-                    one = ((a0 * y0 + a1 * y1) + (a2 * y2 + a3 * y3)) + ((a4 * y4 + a5 * y5) + (a6 * y6 + a7 * y7))
-                    two = ((b0 * y0 + b1 * y1) + (b2 * y2 + b3 * y3)) + ((b4 * y4 + b5 * y5) + (b6 * y6 + b7 * y7))
-                    traction[0, k] += other[0, k] * one
-                    traction[1, k] += other[0, k] * two
-                at += 16
-                j += 8
-            while j + 3 < count:
-                a0, b0, a1, b1 = weights[at], weights[at + 1], weights[at + 2], weights[at + 3]
-                a2, b2, a3, b3 = weights[at + 4], weights[at + 5], weights[at + 6], weights[at + 7]
-                four = block_rows(powers[j : j + 4])
-                for k in range(BLOCK):
-                    y0 = four[0, k]
-                    y1 = four[1, k]
-                    y2 = four[2, k]
-                    y3 = four[3, k]
-                    traction[0, k] += other[0, k] * ((a0 * y0 + a1 * y1) + (a2 * y2 + a3 * y3))
-                    traction[1, k] += other[0, k] * ((b0 * y0 + b1 * y1) + (b2 * y2 + b3 * y3))
-                at += 8
-                j += 4
-            while j + 1 < count:
-                a0, b0, a1, b1 = weights[at], weights[at + 1], weights[at + 2], weights[at + 3]
-                for k in range(BLOCK):
-                    y0 = powers[j, k]
-                    y1 = powers[j + 1, k]
-                    traction[0, k] += other[0, k] * (a0 * y0 + a1 * y1)
-                    traction[1, k] += other[0, k] * (b0 * y0 + b1 * y1)
-                at += 4
-                j += 2
-            if j < count:
-                a0, b0 = weights[at], weights[at + 1]
-                for k in range(BLOCK):
-                    y0 = powers[j, k]
-                    traction[0, k] += other[0, k] * (a0 * y0)
-                    traction[1, k] += other[0, k] * (b0 * y0)
-                at += 2
-        rest0 = weights[at]
-        rest1 = weights[at + 1]
-        for k in range(BLOCK):
-            T_nn, T_nm, T_mm = traction_of(
-                traction[0, k] - rest0, traction[1, k] - rest1, states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
-            )
-            traction[0, k] = T_nn
-            traction[1, k] = T_nm
-            traction[2, k] = T_mm
+            a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
+            x1, x2 = inputs(a, b, U_mm, J, C33, states[5, k])
+            one, two = chebyshev_sums(terms, (x1 - centre1) * scale1, (x2 - centre2) * scale2, values)
+            traction[0, k], traction[1, k], traction[2, k] = traction_of(one - rest0, two - rest1, a, b, U_mm, J, C33)
 
     return compile_block_function(polynomial, bond_force_signature(np.dtype(dtype)))

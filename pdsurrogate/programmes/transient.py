@@ -210,19 +210,19 @@ class Transient:
         bonds, n, mirror = run.body.bonds, len(run.body), run.body.images.mirror
         F = run.force.kinematics.gradients[:n]
         collapsed = np.flatnonzero(~(F[:, 0] * F[:, 3] - F[:, 1] * F[:, 2] > LEAST_AREA_RATIO))
-        inverted = run.force.inverted_pairs() if hasattr(run.force, "inverted_pairs") else collapsed[:0]
-        if not len(collapsed) and not len(inverted):
+        crushed = run.force.collapsed_pairs() if hasattr(run.force, "collapsed_pairs") else collapsed[:0]
+        if not len(collapsed) and not len(crushed):
             return collapsed
         broken = np.flatnonzero(self.damage.broken)
         failed = np.zeros(len(run.body.all_points), dtype=bool)
         failed[np.intersect1d(collapsed, np.concatenate([bonds.first[broken], bonds.second[broken]]))] = True
         failed[n:] = failed[mirror]
         failing = failed[bonds.first] | failed[bonds.second]
-        if len(inverted):
-            # A bond turned inside out is let go where an end of it has lost others.
+        if len(crushed):
+            # A bond whose own gradient has collapsed is let go where an end of it has lost others.
             lost = np.zeros(len(run.body.all_points), dtype=bool)
             lost[bonds.first[broken]] = lost[bonds.second[broken]] = True
-            failing[inverted[lost[bonds.first[inverted]] | lost[bonds.second[inverted]]]] = True
+            failing[crushed[lost[bonds.first[crushed]] | lost[bonds.second[crushed]]]] = True
         pairs = np.flatnonzero(failing & ~self.damage.broken)
         if len(pairs):
             run.crack["failed_points"] += int(failed[:n].sum())
