@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 STEPS_PER_ROW = 20
 """Steps between rows of the history; work and damped energy are summed over them by the trapezoidal rule.
-Waves take longer than that to cross a few horizons."""
+Waves take longer than that to cross a few horizons.  The damping beside a crack changes faster: where the force has an energy, so that the
+account can close, it is taken in every step from a bond's breaking until as many steps later."""
 
 SECONDS_BETWEEN_CHECKPOINTS = 60.0
 
@@ -52,8 +53,10 @@ class Account:
         Work of the grips and energy taken by the damping since then, per unit thickness.
     power, damped_power : float
         At the last row of the history.
-    rate_time : float
-        When that row was.
+    rate_time, damped_time : float
+        When that row was, and when the damping was last taken.
+    last_break : int
+        Step in which a bond last broke.
     outputs : int
         States written so far.
     recent : list of int
@@ -69,6 +72,8 @@ class Account:
     power: float = 0.0
     damped_power: float = 0.0
     rate_time: float = 0.0
+    damped_time: float = 0.0
+    last_break: int = -STEPS_PER_ROW
     outputs: int = 0
     recent: list[int] = field(default_factory=list)
 
@@ -98,6 +103,7 @@ class Transient:
             self.spec.viscosity,
             self.spec.safety,
         )
+        self._keeps_account = hasattr(run.force, "energy")
         if damage is not None:
             run.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
 
@@ -149,6 +155,8 @@ class Transient:
             if integrator.steps % STEPS_PER_ROW == 0:
                 self._row()
                 run.progress.dynamics((run.stretch - account.begin) / span, run.stretch, run.crack["broken_bonds"] if run.crack else 0)
+            elif self._keeps_account and integrator.steps - account.last_break < STEPS_PER_ROW:
+                self._take_damping()
             if run.stretch >= account.begin + span * (account.outputs + 1) / spec.outputs - 1e-12:
                 self._output()
                 if run.crack is not None and run.crack["through"]:
@@ -241,6 +249,7 @@ class Transient:
             self.account.released_energy += release.energy
             self.integrator.kick(release.forces)
         self.account.recent += pairs.tolist()
+        self.account.last_break = self.integrator.steps
 
     def _row(self, first: bool = False) -> None:
         """A row of the history, and work and damped energy up to it."""
@@ -250,13 +259,12 @@ class Transient:
         kinetic = integrator.kinetic_energy()
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
-        power, damped_power = float(reactions @ run.loading.travels() * rate), integrator.damped_power()
+        power = float(reactions @ run.loading.travels() * rate)
+        self._take_damping()
         strain = self._strain_energy()
         if not first:
-            elapsed = account.time - account.rate_time
-            account.work += 0.5 * elapsed * (account.power + power)
-            account.damped_energy += 0.5 * elapsed * (account.damped_power + damped_power)
-        account.power, account.damped_power, account.rate_time = power, damped_power, account.time
+            account.work += 0.5 * (account.time - account.rate_time) * (account.power + power)
+        account.power, account.rate_time = power, account.time
         row = {
             "time": account.time,
             "stretch": run.stretch,
@@ -266,7 +274,7 @@ class Transient:
             "damped_energy": account.damped_energy,
             "strain_energy": strain,
         }
-        if hasattr(run.force, "energy"):
+        if self._keeps_account:
             row["released_energy"] = account.released_energy
         if first:
             account.initial_energy = kinetic + strain
@@ -281,9 +289,21 @@ class Transient:
             row |= {"broken_bonds": run.crack["broken_bonds"], "free_points": len(run.force.kinematics.unsupported)}
         run.history.append(row)
 
+    def _take_damping(self) -> None:
+        """Add the energy that the damping took since the last time it was taken; leaves the force evaluated at the positions themselves."""
+        account, integrator = self.account, self.integrator
+        power, elapsed = integrator.damped_power(), account.time - account.damped_time
+        if self._keeps_account and account.last_break == integrator.steps:
+            # Bonds that broke in this step have changed the power since the last one; before it stood as it was.
+            quiet = max(0.0, elapsed - integrator.time_step)
+            account.damped_energy += quiet * account.damped_power
+            elapsed -= quiet
+        account.damped_energy += 0.5 * elapsed * (account.damped_power + power)
+        account.damped_power, account.damped_time = power, account.time
+
     def _strain_energy(self) -> float:
         """The force's own energy; of a force map, which has none, that of the points' deformation gradients."""
-        if hasattr(self.run.force, "energy"):
+        if self._keeps_account:
             return self.run.force.energy()
         kinematics, law, n = self.run.force.kinematics, self.run.law, len(self.run.body)
         trace, J = plane_stress.invariants(kinematics.deformation_gradients())
