@@ -83,6 +83,18 @@ def fitted(name, data, weights=None):
     return pd.LawRegressor(name).fit(data.stretches, data.nominal_stress, data.balanced_weights() if weights is None else weights)
 
 
+def test_yeoh_is_the_solution_of_a_linear_problem(treloar):
+    """Its stress, 2 (l1 - l3^2/l1) sum_k k C_k0 (I1 - 3)^(k-1) with l3 = 1/(l1 l2), is linear in the constants: one least-squares solve."""
+    l1, l2 = treloar.stretches.T
+    l3 = 1 / (l1 * l2)
+    I1 = l1**2 + l2**2 + l3**2
+    columns = np.stack([2 * (l1 - l3**2 / l1) * k * (I1 - 3) ** (k - 1) for k in (1, 2, 3)], axis=1)
+    root = np.sqrt(treloar.balanced_weights())
+    C10, C20, C30 = np.linalg.lstsq(columns * root[:, None], treloar.nominal_stress * root, rcond=None)[0]
+    found = fitted("yeoh", treloar).law_
+    np.testing.assert_allclose([found.shear_modulus, found.second, found.third], [2 * C10, C20 / C10, C30 / C10], rtol=1e-4)
+
+
 def test_ogdens_three_terms_fit_treloars_three_modes(treloar):
     model = fitted("ogden", treloar)
     assert min(treloar.r_squared(model.predict(treloar.stretches)).values()) >= 0.995

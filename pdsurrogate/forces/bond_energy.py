@@ -250,7 +250,7 @@ class BondEnergyEvaluation(DomainWatch):
         return Release(energy, forces)
 
     def collapsed_pairs(self) -> np.ndarray:
-        """Numbers of the pairs that were turned inside out in the last evaluation, or pressed to a tenth of their area."""
+        """Numbers of the pairs that were turned inside out in the last evaluation, or pressed below a third of their area."""
         if not self._collapsed.any():
             return np.empty(0, dtype=np.int64)
         c, e = self.bond_columns()

@@ -26,9 +26,9 @@ COUNTED = 1
 BUFFER_ROWS = 14
 """Rows of the buffer in the precision of the pass: invariants, psi and its derivatives, the exact ones, the bond, c, e."""
 
-COLLAPSED = 0.1
-"""det F_ij up to which a bond counts as collapsed.  Intact rubber in a tear stays above 0.5; where a tenth is left, the law's volumetric
-energy makes the bond stiffer than any time step found before allows."""
+COLLAPSED = 0.3
+"""det F_ij up to which a bond counts as collapsed.  Intact rubber in a tear stays above 0.5.  The last bonds of a crack draw points
+together faster than sound: below a third the law's volumetric energy makes a bond stiffer than the time step allows."""
 
 DOMAIN_SIZE = 7
 """Constants of `edge_distances` and `exact_share`."""
