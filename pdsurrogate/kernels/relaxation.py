@@ -54,18 +54,19 @@ def greatest_force_density(forces, free, volumes):
 
 
 @kernel
-def central_difference_step(positions, velocities, forces, free, mass, damping, step):
+def central_difference_step(positions, velocities, forces, free, mass, damping, step, last_step):
     """One explicit step with velocities at half steps and damping proportional to mass.
 
     Parameters
     ----------
     damping : rate c in M (a + c v) = f.
-    step : time step.
+    step, last_step : time step, and the one before; the velocities span half of each.
     """
-    decay = 1.0 - 0.5 * damping * step
-    growth = 1.0 / (1.0 + 0.5 * damping * step)
+    span = 0.5 * (step + last_step)
+    decay = 1.0 - 0.5 * damping * span
+    growth = 1.0 / (1.0 + 0.5 * damping * span)
     for i in range(positions.shape[0]):
         for k in range(2):
-            v = (decay * velocities[i, k] + step * forces[i, k] / mass[i]) * growth * free[i, k]
+            v = (decay * velocities[i, k] + span * forces[i, k] / mass[i]) * growth * free[i, k]
             velocities[i, k] = v
             positions[i, k] += step * v

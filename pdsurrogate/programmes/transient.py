@@ -128,7 +128,7 @@ class Transient:
         run, integrator, kept = self.run, self.integrator, checkpoint.progress["dynamics"]
         self.account = Account(**kept["account"])
         run.crack = kept["crack"]
-        integrator.time_step, integrator.steps = kept["time_step"], kept["steps"]
+        integrator.time_step, integrator.last_step, integrator.steps = kept["time_step"], kept["last_step"], kept["steps"]
         integrator.velocities[:], integrator.forces[:] = checkpoint.arrays["velocities"], checkpoint.arrays["forces"]
         integrator.frequency.vector, integrator.frequency.fresh = checkpoint.arrays["mode"].copy(), False
         if self.damage is not None:
@@ -169,8 +169,8 @@ class Transient:
     def _save_last_state(self) -> None:
         """Go back to before the step that failed, and record the state there."""
         run, integrator = self.run, self.integrator
-        run.positions -= integrator.time_step * integrator.velocities
-        self.account.time -= integrator.time_step
+        run.positions -= integrator.last_step * integrator.velocities
+        self.account.time -= integrator.last_step
         run.stretch = min(self.account.begin + self.spec.stretch_rate * self.account.time, self.spec.stretch)
         with suppress(InvalidState):
             self._output()
@@ -178,7 +178,7 @@ class Transient:
     def _step(self) -> None:
         run, account, integrator = self.run, self.account, self.integrator
         integrator.move()
-        account.time += integrator.time_step
+        account.time += integrator.last_step
         run.steps = integrator.steps
         run.stretch = run.target = min(account.begin + self.spec.stretch_rate * account.time, self.spec.stretch)
         self._hold(run.positions, 0.0)
@@ -295,7 +295,7 @@ class Transient:
         power, elapsed = integrator.damped_power(), account.time - account.damped_time
         if self._keeps_account and account.last_break == integrator.steps:
             # Bonds that broke in this step have changed the power since the last one; before it stood as it was.
-            quiet = max(0.0, elapsed - integrator.time_step)
+            quiet = max(0.0, elapsed - integrator.last_step)
             account.damped_energy += quiet * account.damped_power
             elapsed -= quiet
         account.damped_energy += 0.5 * elapsed * (account.damped_power + power)
@@ -332,6 +332,7 @@ class Transient:
             "account": asdict(self.account),
             "crack": self.run.crack,
             "time_step": integrator.time_step,
+            "last_step": integrator.last_step,
             "steps": integrator.steps,
         }
         self.run.checkpoint({"phase": "dynamics", "dynamics": kept}, self.arrays())

@@ -105,6 +105,6 @@ class DampedExplicit(SteppingSolver):
         velocities = np.zeros_like(positions)
 
         def step(forces):
-            central_difference_step(positions, velocities, forces, self.free, self.volumes, damping, step_length)
+            central_difference_step(positions, velocities, forces, self.free, self.volumes, damping, step_length, step_length)
 
         return step
