@@ -1,7 +1,7 @@
 """What an energy buys: figures of the energy surrogate beside those of the other force models.
 
-python pipelines/energy_report.py            all tables, some ten minutes
-python pipelines/energy_report.py drift      one of: scenes, modes, drift, solvers, tear
+python pipelines/energy_report.py                  all tables, some ten minutes
+python pipelines/energy_report.py --table drift    one of: scenes, modes, drift, solvers, tear
 """
 
 from __future__ import annotations
@@ -181,8 +181,8 @@ TABLES = {function.__name__: function for function in (scenes, modes, drift, sol
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("table", nargs="*", choices=[*TABLES, []], default=list(TABLES), help="which tables; all by default")
-    for name in parser.parse_args().table:
+    parser.add_argument("--table", choices=list(TABLES), action="append", help="one table only; may be repeated")
+    for name in parser.parse_args().table or TABLES:
         console.rule(name)
         console.print(TABLES[name](), soft_wrap=True)
 
