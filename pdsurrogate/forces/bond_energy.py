@@ -40,7 +40,7 @@ class BondEnergyEvaluation(DomainWatch):
         model.check_material(law)
         self.body, self.law = body, law
         self.precision = settings.precision or model.default_precision
-        self._start_watch(model, settings.outside, len(body.bonds.first), "energy", "energy")
+        super().__init__(model, settings.outside, len(body.bonds.first), "energy", "energy")
         self.kinematics = Kinematics(body, law, settings.rotation, "float64", keep_weighted_bonds=True)
         bonds, n, total = body.bonds, len(body), len(body.all_points)
         self._first, self._second = bonds.ends_in_blocks(BLOCK)

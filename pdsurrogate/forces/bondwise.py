@@ -26,7 +26,7 @@ class BondForceEvaluation(DomainWatch):
         self.correction = settings.correction or ("tensor" if model.gives_transverse else "scalar")
         if self.correction == "tensor" and not model.gives_transverse:
             raise ValueError(f"{model.name} does not know T_mm, which correction=tensor needs; use correction=scalar")
-        self._start_watch(model, settings.outside, len(body.bonds.first), "force", "bond force")
+        super().__init__(model, settings.outside, len(body.bonds.first), "force", "bond force")
         self.kinematics = Kinematics(body, law, settings.rotation, self.precision, keep_weighted_bonds=settings.breakable)
 
         bonds = body.bonds

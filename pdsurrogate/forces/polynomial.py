@@ -43,7 +43,7 @@ class PolynomialForce(LearntBondForce):
 
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
         counts, weights = pack(self.centre, self.half_width, self.coefficients, self.at_rest, dtype)
-        return polynomial_block(self.feature_set, counts, dtype).address, np.array(counts), weights, 0
+        return polynomial_block(self.feature_set, counts, dtype).address, np.zeros(1, dtype=np.int64), weights, 0
 
     def payload(self) -> dict:
         return {

@@ -81,7 +81,7 @@ def algorithm_1(
     low, high = _checked_range(stretch_range)
     random = np.random.default_rng(random_state)
     pairs = max(1, round(n_samples / (LENGTHS * ORIENTATIONS)))
-    stretches = np.repeat(np.exp(random.uniform(np.log(low), np.log(high), (pairs, 2))), LENGTHS * ORIENTATIONS, axis=0)
+    stretches = np.repeat(np.exp(log_stretches(random, pairs, low, high, near_rest=0.0)), LENGTHS * ORIENTATIONS, axis=0)
     length = np.repeat(horizon * (1 - random.uniform(0, 1, pairs * LENGTHS)), ORIENTATIONS)
     angle = 2 * np.pi * (1 - random.uniform(0, 1, len(length)))
     U_nn, U_nm, J, C33 = _on_surface(law, *stretches.T, angle)

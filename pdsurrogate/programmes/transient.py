@@ -49,12 +49,12 @@ class Account:
         Since then.
     initial_energy : float
         Motion and strain at the start, per unit thickness.
-    work, damped_energy : float
-        Work of the grips and energy taken by the damping since then, per unit thickness.
+    work, damped_energy, released_energy : float
+        Work of the grips, and energy taken by the damping and released by breaking bonds since then, per unit thickness.
     power, damped_power : float
-        At the last row of the history.
+        When they were last taken.
     rate_time, damped_time : float
-        When that row was, and when the damping was last taken.
+        When that was: the power at the last row of the history, the damped power there or in a step since.
     last_break : int
         Step in which a bond last broke.
     outputs : int

@@ -12,7 +12,7 @@ import numpy as np
 
 from .files import write_with
 
-FORMAT = 1
+FORMAT = 2
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
 

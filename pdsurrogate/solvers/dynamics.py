@@ -100,7 +100,7 @@ class ExplicitDynamics:
 
     def move(self) -> None:
         """Advance velocities and positions by one step; the forces are still those before it."""
-        fastest = float(np.abs(self.velocities).max())
+        fastest = float(max(self.velocities.max(), -self.velocities.min()))
         step = min(self.time_step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else self.time_step
         scheme = self.forces, self._free, self._mass, self._damping
         central_difference_step(self.positions, self.velocities, *scheme, step, self.last_step)
