@@ -126,10 +126,10 @@ def test_compiled_code_is_cached_and_compilation_is_announced():
 
     body = sheet()
     Kinematics(body, NeoHookean(), "polar", "float64").update(body.points)
-    again = kernel(gradient.place_images.py_func)
+    again = kernel(gradient.place.py_func)
     announced = []
     with compilation_clock(lambda: announced.append(1)) as clock:
-        args = (body.all_points.copy(), len(body), body.images.mirror, body.images.parity, body.images.parity)
+        args = (body.points.copy(), body.all_points.copy(), body.images.mirror, body.images.parity, body.images.parity)
         again(*args)
     assert isinstance(clock, CompilationClock)
     assert sum(again.stats.cache_hits.values()) == 1

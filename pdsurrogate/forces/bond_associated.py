@@ -116,11 +116,11 @@ class BondAssociatedEvaluation:
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
         self.kinematics.place(positions)
-        self.pass_bonds(out)
-        if self._unsolved.any():
+        unsolved, strange = self.pass_bonds(out)
+        if unsolved:
             self._volume_ratios[:] = 1.0
             raise InvalidState(self._diagnose())
-        if not np.isfinite(out).all():
+        if strange:
             raise InvalidState(locate(self.body, out, "the force on it is not finite"))
 
     def _diagnose(self) -> str:
@@ -145,10 +145,10 @@ class BondAssociatedEvaluation:
             reason = f"{self.law.name} has no plane-stress state in one of the bonds"
         return at_point(body, owner, f"the deformation gradient of its bond to ({x1:.4g}, {x2:.4g}) has det F = {J[bond]:.3g}: {reason}")
 
-    def pass_bonds(self, out: np.ndarray) -> None:
-        """Everything but the placing of images, at the positions last given."""
+    def pass_bonds(self, out: np.ndarray) -> tuple[int, int]:
+        """Everything but the placing of images, at the positions last given; the bonds without a state and the points without a force."""
         kinematics = self.kinematics
-        bond_associated.bond_associated_forces(
+        unsolved = bond_associated.bond_associated_forces(
             kinematics.positions,
             self._table_pointers,
             self._table,
@@ -167,7 +167,7 @@ class BondAssociatedEvaluation:
             self._unsolved,
             self._forces,
         )
-        bond_associated.sum_bond_forces(self._forces, self._bond_pointers, self._reverse, self.law.shear_modulus, out)
+        return unsolved, bond_associated.sum_bond_forces(self._forces, self._bond_pointers, self._reverse, self.law.shear_modulus, out)
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""

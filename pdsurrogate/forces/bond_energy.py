@@ -41,7 +41,7 @@ class BondEnergyEvaluation(DomainWatch):
         self.body, self.law = body, law
         self.precision = settings.precision or model.default_precision
         super().__init__(model, settings.outside, len(body.bonds.first), "energy", "energy")
-        self.kinematics = Kinematics(body, law, settings.rotation, "float64", keep_weighted_bonds=True)
+        self.kinematics = Kinematics(body, law, settings.rotation, self.precision)
         bonds, n, total = body.bonds, len(body), len(body.all_points)
         self._first, self._second = bonds.ends_in_blocks(BLOCK)
         size = len(self._first)
@@ -83,7 +83,8 @@ class BondEnergyEvaluation(DomainWatch):
         self._buffers = aligned_rows((chunks, bond_energy.BUFFER_ROWS, BLOCK), self.precision)
         self._sums = aligned_rows((chunks, 4, BLOCK))
         self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), self.precision)
-        self._outside, self._collapsed, self._invalid = np.zeros((3, chunks), dtype=np.int64)
+        self._counts = np.zeros((3, chunks), dtype=np.int64)
+        self._energy, self._collapsed = 0.0, 0
         self._energies = np.zeros(blocks)
         self._forces = aligned_rows((size, 2), self.precision)
         self._moments = aligned_rows((size, 4), self.precision)
@@ -93,17 +94,20 @@ class BondEnergyEvaluation(DomainWatch):
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
         self.kinematics.update_gradients(positions)
-        self.pass_bonds(out)
-        self._report_outside(int(self._outside.sum()))
-        if self._invalid.any() or not np.isfinite(self._energies.sum()):
+        outside, invalid, strange = self.pass_bonds(out)
+        self._report_outside(outside)
+        if invalid or not np.isfinite(self._energy):
             raise InvalidState(self._diagnose())
-        if not np.isfinite(out).all():
+        if strange:
             raise InvalidState(locate(self.body, out, "the force on it is not finite"))
 
-    def pass_bonds(self, out: np.ndarray) -> None:
-        """Pass over the pairs and sums, with the deformation gradients last formed."""
+    def pass_bonds(self, out: np.ndarray) -> tuple[int, int, int]:
+        """Pass over the pairs and sums, with the deformation gradients last formed.
+
+        Returns the number of pairs outside the domain, of those turned inside out, and of points without a force.
+        """
         kinematics = self.kinematics
-        bond_energy.pair_energies(
+        self._energy, outside, self._collapsed, invalid = bond_energy.pair_energies(
             kinematics.positions,
             kinematics.gradients,
             self._first,
@@ -121,17 +125,18 @@ class BondEnergyEvaluation(DomainWatch):
             self._sums,
             self._work,
             kinematics.scratch,
-            self._outside,
-            self._collapsed,
-            self._invalid,
+            *self._counts,
             self._energies,
             self._forces,
             self._moments,
         )
-        self._sum_to_points(self._forces, self._moments, out)
+        return outside, invalid, self._sum_to_points(self._forces, self._moments, out)
 
-    def _sum_to_points(self, forces, moments, out) -> None:
-        """Force on the body's points from the parts of the pairs; what falls to an image goes to the point behind it."""
+    def _sum_to_points(self, forces, moments, out) -> int:
+        """Force on the body's points from the parts of the pairs; what falls to an image goes to the point behind it.
+
+        Returns the number of points and images without a force.
+        """
         body, bonds, images, kinematics = self.body, self.body.bonds, self.body.images, self.kinematics
         n = len(body)
         bond_energy.sum_moments(moments, self._pair_pointers, self._incidence_pointers, self._incidence, self._stresses)
@@ -140,11 +145,11 @@ class BondEnergyEvaluation(DomainWatch):
         common = (forces, self._stresses, self._pair_pointers, self._incidence_pointers, self._incidence)
         unit = self.law.shear_modulus
         total = self._all_forces if len(images) else out
-        bond_energy.point_forces(
+        strange = bond_energy.point_forces(
             *common, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes, unit, 0, self._node_parts, total
         )
         if len(images):
-            bond_energy.point_forces(
+            strange += bond_energy.point_forces(
                 *common,
                 self._image_pointers,
                 self._image_neighbours,
@@ -157,10 +162,11 @@ class BondEnergyEvaluation(DomainWatch):
             )
             bond_energy.return_forces(total, n, images.mirror, images.parity)
             out[:] = total[:n]
+        return strange
 
     def energy(self) -> float:
         """Stored energy per unit thickness in the state last evaluated."""
-        return self.law.shear_modulus * float(self._energies.sum())
+        return self.law.shear_modulus * self._energy
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""
@@ -251,7 +257,7 @@ class BondEnergyEvaluation(DomainWatch):
 
     def collapsed_pairs(self) -> np.ndarray:
         """Numbers of the pairs that were turned inside out in the last evaluation, or pressed below a third of their area."""
-        if not self._collapsed.any():
+        if not self._collapsed:
             return np.empty(0, dtype=np.int64)
         c, e = self.bond_columns()
         return np.flatnonzero((self._weights > 0) & ~(c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0] > bond_energy.COLLAPSED))
@@ -259,8 +265,8 @@ class BondEnergyEvaluation(DomainWatch):
     def _energy_at_present(self, out: np.ndarray) -> float:
         """Energy at the positions last placed, NaN where there is none; forces to `out`."""
         self.kinematics.update_gradients(self.kinematics.positions[: len(self.body)].copy())
-        self.pass_bonds(out)
-        return np.nan if self._invalid.any() else self.energy()
+        _, invalid, _ = self.pass_bonds(out)
+        return np.nan if invalid else self.energy()
 
     def _weigh_pairs(self, pairs: np.ndarray) -> None:
         """Bring m_i and beta up to date after a change at the given pairs, from what is intact and which points have a gradient."""
@@ -312,5 +318,7 @@ class BondEnergyEvaluation(DomainWatch):
         positions[:n] = displacements
         positions[n:] = images.parity * displacements[images.mirror]
         bonds = body.bonds
-        gradient.deformation_gradients(positions, bonds.pointers, bonds.neighbours, kinematics.gradient_weights, gradients)
+        gradient.deformation_gradients(
+            positions, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, kinematics.inverse_shape, 0.0, gradients
+        )
         bond_energy.reflect_changes(gradients, n, images.mirror, images.parity, images.axis)

@@ -27,7 +27,7 @@ class BondForceEvaluation(DomainWatch):
         if self.correction == "tensor" and not model.gives_transverse:
             raise ValueError(f"{model.name} does not know T_mm, which correction=tensor needs; use correction=scalar")
         super().__init__(model, settings.outside, len(body.bonds.first), "force", "bond force")
-        self.kinematics = Kinematics(body, law, settings.rotation, self.precision, keep_weighted_bonds=settings.breakable)
+        self.kinematics = Kinematics(body, law, settings.rotation, self.precision)
 
         bonds = body.bonds
         self._first, self._second = bonds.ends_in_blocks(BLOCK)
@@ -56,9 +56,9 @@ class BondForceEvaluation(DomainWatch):
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
         self.kinematics.update(positions)
-        self.pass_bonds(out)
-        self._report_outside(int(self._outside.sum()))
-        if not np.isfinite(out).all():
+        outside, strange = self.pass_bonds(out)
+        self._report_outside(outside)
+        if strange:
             raise InvalidState(self._diagnose(out))
 
     def _diagnose(self, out: np.ndarray) -> str:
@@ -74,10 +74,10 @@ class BondForceEvaluation(DomainWatch):
         what = f"its bond to ({x1:.4g}, {x2:.4g}), stretched {stretch:.3g} times in a horizon of det F = {J:.3g}, has no finite force"
         return at_point(self.body, i, f"{what}: that is beyond the limit of {self.law.name}")
 
-    def pass_bonds(self, out: np.ndarray) -> None:
-        """Bond pass and sum in the kinematic state last updated."""
+    def pass_bonds(self, out: np.ndarray) -> tuple[int, int]:
+        """Bond pass and sum in the kinematic state last updated; the pairs outside the domain and the points without a force."""
         kinematics, bonds = self.kinematics, self.body.bonds
-        bond_pass.pair_forces(
+        outside = bond_pass.pair_forces(
             kinematics.positions,
             kinematics.records,
             self._first,
@@ -97,7 +97,9 @@ class BondForceEvaluation(DomainWatch):
             self._outside,
             self._forces,
         )
-        bond_pass.sum_pair_forces(self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence, self.law.shear_modulus, out)
+        return outside, bond_pass.sum_pair_forces(
+            self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence, self.law.shear_modulus, out
+        )
 
     def _find_geometry(self, pairs: np.ndarray) -> None:
         body, bonds = self.body, self.body.bonds

@@ -23,10 +23,8 @@ class Kinematics:
     body : Body
     law : Law
     rotation : {"polar", "convected"}
-    record_precision : {"float32", "float64"}
-        Of the node records.
-    keep_weighted_bonds : bool
-        Whether w x V_j is kept beside the gradient weights: for models whose force needs it, and where bonds may break.
+    precision : {"float32", "float64"}
+        Of the node records and the weighted bonds; positions, gradients and what is summed are double.
 
     Attributes
     ----------
@@ -38,11 +36,15 @@ class Kinematics:
         J3, the start of the next plane-stress iteration.
     records : ndarray, shape (n + m, 4)
         (cos, sin, J, C33).
+    weighted_bonds : ndarray, shape (n_bonds, 2)
+        w x V_j of every directed bond, zero where broken.
+    inverse_shape : ndarray, shape (n + m, 3)
+        K^-1 as (11, 12, 22), zero where the bonds do not span the plane.
     learnt_thickness : LearntThickness or None
         What solves the plane-stress condition in the place of the law.
     """
 
-    def __init__(self, body: Body, law: Law, rotation: str, record_precision: str, keep_weighted_bonds: bool = False) -> None:
+    def __init__(self, body: Body, law: Law, rotation: str, precision: str) -> None:
         self.body, self.law = body, law
         bonds, points = body.bonds, body.all_points
         n, total = len(body), len(points)
@@ -52,15 +54,13 @@ class Kinematics:
         self._rotation = node_state.ROTATIONS[rotation]
 
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
-        self.weighted_bonds = points[bonds.neighbours] - points[owners]
-        factors = body.weigh(np.linalg.norm(self.weighted_bonds, axis=1)) * body.all_volumes[bonds.neighbours]
-        self.weighted_bonds *= factors[:, None]
+        vectors = points[bonds.neighbours] - points[owners]
+        factors = body.weigh(np.linalg.norm(vectors, axis=1)) * body.all_volumes[bonds.neighbours]
+        self.weighted_bonds = aligned_rows(vectors.shape, precision)
+        self.weighted_bonds[:] = vectors * factors[:, None]
         self.inverse_shape = np.zeros((total, 3))
         self.supported = np.zeros(total, dtype=np.uint8)
-        self.gradient_weights = np.empty_like(self.weighted_bonds) if keep_weighted_bonds else self.weighted_bonds
         self._find_shapes(np.arange(n, dtype=np.uint32))
-        if not keep_weighted_bonds:
-            self.weighted_bonds = None
         images = body.images
 
         self.positions = points.copy()
@@ -68,13 +68,13 @@ class Kinematics:
         self._shift_at_rest = self._shift.copy()
         self.gradients = aligned_rows((total, 4))
         self.volume_ratios = np.ones(total)
-        self.records = aligned_rows((total, 4), record_precision)
+        self.records = aligned_rows((total, 4), precision)
         self.scratch = aligned_rows((self.chunks, SCRATCH_ROWS, BLOCK), value=1)
         self._unsolved = np.zeros(self.chunks, dtype=np.int64)
         self.learnt_thickness: LearntThickness | None = None
 
     def _find_shapes(self, rows: np.ndarray) -> None:
-        """Shape tensors and gradient weights of the given points, then of all images."""
+        """Shape tensors of the given points, then of all images."""
         body, bonds = self.body, self.body.bonds
         reference.shape_rows(
             rows,
@@ -83,7 +83,6 @@ class Kinematics:
             body.all_points,
             self.weighted_bonds,
             self.inverse_shape,
-            self.gradient_weights,
             self.supported,
         )
         reference.reflect_shapes(len(body), body.images.mirror, self.inverse_shape, self.supported)
@@ -131,17 +130,16 @@ class Kinematics:
 
     def place(self, positions: np.ndarray) -> None:
         """Take new positions of the body's points, and move the images with them; nothing else."""
-        n, images = len(self.body), self.body.images
-        self.positions[:n] = positions
-        gradient.place_images(self.positions, n, images.mirror, images.parity, self._shift)
+        images = self.body.images
+        gradient.place(positions, self.positions, images.mirror, images.parity, self._shift)
 
     def update_gradients(self, positions: np.ndarray) -> None:
         """Take new positions of the body's points, and form the deformation gradients of points and images; nothing else."""
         self.place(positions)
         bonds, images = self.body.bonds, self.body.images
-        gradient.deformation_gradients(self.positions, bonds.pointers, bonds.neighbours, self.gradient_weights, self.gradients)
-        if len(self.unsupported):
-            gradient.hold_unsupported(self.gradients, self.unsupported)
+        gradient.deformation_gradients(
+            self.positions, bonds.pointers, bonds.neighbours, self.weighted_bonds, self.inverse_shape, 1.0, self.gradients
+        )
         gradient.reflect_gradients(self.gradients, len(self.body), images.mirror, images.parity, images.axis)
 
     def update(self, positions: np.ndarray) -> None:
@@ -155,9 +153,9 @@ class Kinematics:
         self.update_gradients(positions)
         if self.learnt_thickness is not None:
             law = self.response.address, self.parameters
-            self.learnt_thickness.update(self.gradients, self.volume_ratios, self._rotation, *law, self.records, self._unsolved)
+            unsolved = self.learnt_thickness.update(self.gradients, self.volume_ratios, self._rotation, *law, self.records, self._unsolved)
         else:
-            node_state.node_states(
+            unsolved = node_state.node_states(
                 self.gradients,
                 self.volume_ratios,
                 self._rotation,
@@ -167,7 +165,7 @@ class Kinematics:
                 self.records,
                 self._unsolved,
             )
-        if self._unsolved.any():
+        if unsolved:
             raise InvalidState(self._diagnose())
 
     def deformation_gradients(self) -> np.ndarray:

@@ -38,9 +38,9 @@ class LearntThickness:
         self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), precision)
         self._scratch = aligned_rows((chunks, learnt_thickness.SCRATCH_ROWS, BLOCK), value=1)
 
-    def update(self, gradients, volume_ratios, rotation: int, response: int, parameters, records, unsolved) -> None:
-        """Bring `volume_ratios` and `records` up to date; see `pdsurrogate.kernels.node_state.node_states`."""
-        learnt_thickness.learnt_node_states(
+    def update(self, gradients, volume_ratios, rotation: int, response: int, parameters, records, unsolved) -> int:
+        """Bring `volume_ratios` and `records` up to date, and count the points without a state; see `kernels.node_state.node_states`."""
+        return learnt_thickness.learnt_node_states(
             gradients,
             volume_ratios,
             rotation,

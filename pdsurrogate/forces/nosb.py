@@ -35,19 +35,18 @@ class CorrespondenceEvaluation:
     def __init__(self, body: Body, law: Law, settings: ForceSettings) -> None:
         self.body, self.law = body, law
         self.evaluations = 0
-        self.kinematics = Kinematics(body, law, settings.rotation, "float64", keep_weighted_bonds=True)
+        self.kinematics = Kinematics(body, law, settings.rotation, "float64")
         self._stresses = aligned_rows((len(body.all_points), 4))
         self._broken = np.zeros(len(body.bonds.first), dtype=bool) if settings.breakable else None
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
         self.kinematics.update(positions)
-        self.pass_bonds(out)
-        if not np.isfinite(out).all():
+        if self.pass_bonds(out):
             raise InvalidState(locate(self.body, out, "the force on it is not finite"))
 
-    def pass_bonds(self, out: np.ndarray) -> None:
-        """Stresses and bond pass in the kinematic state last updated."""
+    def pass_bonds(self, out: np.ndarray) -> int:
+        """Stresses and bond pass in the kinematic state last updated; the number of points without a force."""
         kinematics, bonds = self.kinematics, self.body.bonds
         correspondence.weighted_stresses(
             kinematics.gradients,
@@ -59,7 +58,7 @@ class CorrespondenceEvaluation:
             kinematics.scratch,
             self._stresses,
         )
-        correspondence.correspondence_forces(
+        return correspondence.correspondence_forces(
             self._stresses, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, self.body.volumes, out
         )
 

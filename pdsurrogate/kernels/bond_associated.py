@@ -10,6 +10,7 @@ from numba import prange
 
 from .blocks import BLOCK, block_rows, pair_records, quad_records, triple_records
 from .compile import kernel, parallel_kernel, widest_vectors
+from .elementary import not_finite
 from .node_state import solve_volume_ratios
 from .records import outer_products, sum_listed_records, sum_signed_records
 
@@ -128,8 +129,13 @@ def bond_associated_forces(
     tables : (n_chunks, longest table, 4) working memory.
     sums : (n_chunks, BLOCK, 4) working memory.
     scratch : (n_chunks, SCRATCH_ROWS + 4, BLOCK) doubles.
-    unsolved : (n_chunks,) out: bonds with det F <= 0, non-finite F or no plane-stress state.
+    unsolved : (n_chunks,) working memory.
     forces : (n_bonds, 2) out.
+
+    Returns
+    -------
+    int
+        Number of bonds with det F <= 0, non-finite F or no plane-stress state.
     """
     n = table_pointers.shape[0] - 1
     n_tiles = (n + TILE - 1) // TILE
@@ -156,6 +162,7 @@ def bond_associated_forces(
             if held > 0:
                 count += _block_forces(at, held, block, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces)
         unsolved[chunk] = count
+    return unsolved.sum()
 
 
 @kernel
@@ -202,8 +209,14 @@ def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, respon
 
 @parallel_kernel
 def sum_bond_forces(forces, bond_pointers, reverse, unit, out):
-    """Force on every point: its own bonds' forces less those of the same bonds seen from their other ends."""
+    """Force on every point: its own bonds' forces less those of the same bonds seen from their other ends.
+
+    Returns the number of points where it is not finite.
+    """
+    strange = 0
     for i in prange(out.shape[0]):
         start = bond_pointers[i]
         stop = bond_pointers[i + 1]
         sum_signed_records(forces, start, stop, reverse, start, stop, unit, np.uint64(i), out)
+        strange += not_finite(out[i, 0], out[i, 1])
+    return strange

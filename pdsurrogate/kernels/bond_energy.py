@@ -18,6 +18,7 @@ from numba import prange
 from .blocks import BLOCK, block_rows, pair_records, quad_records
 from .bond_pass import FALL_BACK, UNGUARDED
 from .compile import call_block, inline, kernel, parallel_kernel, widest_vectors
+from .elementary import not_finite
 from .records import gather_pairs, sum_matrix_products, sum_quad_records, sum_signed_records
 
 COUNTED = 1
@@ -122,11 +123,16 @@ def pair_energies(
     domain : (DOMAIN_SIZE,) see `edge_distances`.
     buffers, work : (n_chunks, rows, BLOCK) in the precision of the pass.
     sums, scratch : (n_chunks, rows, BLOCK) doubles.
-    outside, collapsed, invalid : (n_chunks,) out: pairs outside the domain; those with det F_ij <= COLLAPSED, and of them those with
-        det F_ij <= 0 or none.
+    outside, collapsed, invalid : (n_chunks,) working memory.
     energies : (n_blocks,) out: sum of beta psi over each block, in double.
     forces : (n_blocks * BLOCK, 2) out: beta P n/l, what the bond part exerts on the first point.
     moments : (n_blocks * BLOCK, 4) out: S of the pair as (11, 21, 12, 22).
+
+    Returns
+    -------
+    energy : float
+    outside, collapsed, invalid : int
+        Number of pairs outside the domain; of those with det F_ij <= COLLAPSED, and of them those with det F_ij <= 0 or none.
     """
     n_blocks = geometry.shape[0]
     chunks = buffers.shape[0]
@@ -231,6 +237,7 @@ def pair_energies(
         outside[chunk] = count
         collapsed[chunk] = small
         invalid[chunk] = bad
+    return energies.sum(), outside.sum(), collapsed.sum(), invalid.sum()
 
 
 @parallel_kernel
@@ -353,7 +360,13 @@ def point_forces(
     unit : the shear modulus.
     node_parts : (n, 2) working memory.
     out : (n, 2) written from `start` on.
+
+    Returns
+    -------
+    int
+        Number of points whose force is not finite.
     """
+    strange = 0
     for r in prange(pointers.shape[0] - 1):
         i = start + r
         sum_signed_records(
@@ -371,6 +384,8 @@ def point_forces(
         factor = unit * volumes[i]
         out[i, 0] += factor * node_parts[i, 0]
         out[i, 1] += factor * node_parts[i, 1]
+        strange += not_finite(out[i, 0], out[i, 1])
+    return strange
 
 
 @kernel

@@ -6,7 +6,7 @@ from numba import prange
 from .blocks import BLOCK, block_rows, pair_records
 from .bond_state import LEAST_NORMAL_STRETCH, is_outside, lateral_stretch, share_inside
 from .compile import call_block, parallel_kernel, widest_vectors
-from .elementary import inverse_square_root
+from .elementary import inverse_square_root, not_finite
 from .records import gather_pairs, sum_signed_records
 
 UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
@@ -56,8 +56,13 @@ def pair_forces(
     guard : UNGUARDED, TURNED or FALL_BACK.
     domain : (2, 7) limits of the domain and of the part of it where nothing but the model counts, see `bond_state.is_outside`.
     buffers, work, scratch : (n_chunks, rows, BLOCK), the first two in the model's precision, the last doubles.
-    outside : (n_chunks,) out: pairs outside the domain.
+    outside : (n_chunks,) working memory.
     forces : (n_blocks * BLOCK, 2) out.
+
+    Returns
+    -------
+    int
+        Number of pairs outside the domain.
     """
     n_blocks = geometry.shape[0]
     chunks = buffers.shape[0]
@@ -137,11 +142,16 @@ def pair_forces(
                 pair[k, 0] = r1 * along - r2 * across
                 pair[k, 1] = r2 * along + r1 * across
         outside[chunk] = count
+    return outside.sum()
 
 
 @parallel_kernel
 def sum_pair_forces(forces, pair_pointers, incidence_pointers, incidence, unit, out):
-    """Force on every point, times `unit` (the shear modulus), summed in double precision in an order that no thread count changes."""
+    """Force on every point, times `unit` (the shear modulus), summed in double precision in an order that no thread count changes.
+
+    Returns the number of points whose force is not finite.
+    """
+    strange = 0
     for i in prange(out.shape[0]):
         sum_signed_records(
             forces,
@@ -154,3 +164,5 @@ def sum_pair_forces(forces, pair_pointers, incidence_pointers, incidence, unit, 
             np.uint64(i),
             out,
         )
+        strange += not_finite(out[i, 0], out[i, 1])
+    return strange

@@ -1,22 +1,29 @@
-"""Work that needs no memory: what threads gain where nothing but the processor limits them."""
+"""Vector arithmetic within the first-level cache: what threads gain where nothing but the processor limits them."""
 
 import numpy as np
 from numba import prange
 
-from .compile import parallel_kernel
+from .blocks import block_rows
+from .compile import parallel_kernel, widest_vectors
+
+ROWS = 2
+"""Rows of the buffer: arguments and values."""
 
 
 @parallel_kernel
-def arithmetic(rounds, out):
-    """Independent chains of multiply-adds, one value a chain written at the end; `out` has one place a chunk."""
-    for chunk in prange(out.shape[0]):
-        a = np.float32(chunk)
-        b = a + np.float32(1.0)
-        c = b + np.float32(1.0)
-        d = c + np.float32(1.0)
-        for _ in range(rounds):
-            a = a * np.float32(0.999) + np.float32(0.1)
-            b = b * np.float32(0.999) + np.float32(0.1)
-            c = c * np.float32(0.999) + np.float32(0.1)
-            d = d * np.float32(0.999) + np.float32(0.1)
-        out[chunk] = a + b + c + d
+def arithmetic(rounds, buffers):
+    """Evaluate a polynomial on a block of single-precision numbers, `rounds` times over, shared among the chunks of `buffers`."""
+    chunks = buffers.shape[0]
+    for chunk in prange(chunks):
+        widest_vectors()
+        rows = block_rows(buffers[chunk])
+        for _ in range(chunk * rounds // chunks, (chunk + 1) * rounds // chunks):
+            for k in range(rows.shape[1]):
+                x = rows[0, k]
+                # Two chains that need each other, so that no part of them can be left out.
+                even = x * x
+                odd = even * x
+                for _ in range(8):
+                    even = odd * x + even
+                    odd = even * x - odd
+                rows[1, k] = np.float32(0.5) * (even + odd)

@@ -5,6 +5,7 @@ from numba import prange
 
 from .blocks import BLOCK, block_rows, quad_records, triple_records
 from .compile import call_block, parallel_kernel, widest_vectors
+from .elementary import not_finite
 from .records import sum_matrix_products
 
 
@@ -49,8 +50,11 @@ def weighted_stresses(gradients, volume_ratios, inverse_shape, unit, response, p
 
 @parallel_kernel
 def correspondence_forces(stresses, pointers, neighbours, weighted_bonds, volumes, out):
-    """Force on every point: sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j."""
+    """Force on every point: sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j; returns the number of points where it is not finite."""
+    strange = 0
     for i in prange(out.shape[0]):
         sum_matrix_products(stresses, neighbours, weighted_bonds, pointers[i], pointers[i + 1], np.uint64(i), out)
         out[i, 0] *= volumes[i]
         out[i, 1] *= volumes[i]
+        strange += not_finite(out[i, 0], out[i, 1])
+    return strange

@@ -9,7 +9,7 @@ import numpy as np
 from numba import types
 from numba.extending import intrinsic, overload
 
-from .compile import INLINE_OPTIONS
+from .compile import INLINE_OPTIONS, inline
 
 INT_OF = {types.float32: types.int32, types.float64: types.int64}
 REAL_OF = {types.int32: types.float32, types.int64: types.float64}
@@ -242,3 +242,9 @@ def _arctangent(y, x):
             return 8.0 * (t - t * s * series)
 
     return implementation
+
+
+@inline
+def not_finite(first, second):
+    """1 if either number is infinite or NaN, else 0; for finite ones their sum must not overflow."""
+    return 0 if abs(first) + abs(second) < np.inf else 1

@@ -56,6 +56,11 @@ def learnt_node_states(
     tolerance : relative step of J3 at which the iteration ends.
     buffers, work : (n_chunks, rows, BLOCK) in the precision of the learnt force.
     scratch : (n_chunks, SCRATCH_ROWS, BLOCK) doubles.
+
+    Returns
+    -------
+    int
+        Number of points without a state.
     """
     n = gradients.shape[0]
     n_blocks = (n + BLOCK - 1) // BLOCK
@@ -161,3 +166,4 @@ def learnt_node_states(
                     record[k, 0] = np.cos(angle)
                     record[k, 1] = np.sin(angle)
         unsolved[chunk] = count
+    return unsolved.sum()

@@ -60,7 +60,12 @@ def node_states(gradients, volume_ratios, rotation, response, parameters, scratc
     volume_ratios : (n,) J3, the last values in and the new ones out.
     scratch : (n_chunks, SCRATCH_ROWS, BLOCK) doubles.
     records : (n, 4) out, in the precision of the bond pass.
-    unsolved : (n_chunks,) out: points of each chunk with det F <= 0, non-finite F, or no plane-stress state.
+    unsolved : (n_chunks,) working memory.
+
+    Returns
+    -------
+    int
+        Number of points with det F <= 0, non-finite F, or no plane-stress state.
     """
     n = gradients.shape[0]
     n_blocks = (n + BLOCK - 1) // BLOCK
@@ -100,6 +105,7 @@ def node_states(gradients, volume_ratios, rotation, response, parameters, scratc
                     record[k, 0] = np.cos(angle)
                     record[k, 1] = np.sin(angle)
         unsolved[chunk] = count
+    return unsolved.sum()
 
 
 @kernel

@@ -133,18 +133,32 @@ def sum_outer_products(typingctx, positions, neighbours, weights, start, stop, p
     def codegen(context, builder, signature, arguments):
         source, indices, factors, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 1, 2, 6))
         own = _load(builder, _element(builder, source, arguments[5], 2), 2)
-        own = _shuffle(builder, own, own, [0, 1, 0, 1])
+        twice = _shuffle(builder, own, own, [0, 1, 0, 1])
+        double = ir.DoubleType()
 
-        def add_bond(position, accumulator):
-            j = builder.load(_element(builder, indices, position))
-            other = _load(builder, _element(builder, source, j, 2), 2)
-            factor = _load(builder, _element(builder, factors, position, 2), 2)
-            difference = builder.fsub(_shuffle(builder, other, other, [0, 1, 0, 1]), own)
-            product = builder.fmul(difference, _shuffle(builder, factor, factor, [0, 0, 1, 1]), flags=_CONTRACT)
-            builder.store(builder.fadd(builder.load(accumulator), product, flags=_CONTRACT), accumulator)
+        def end(position):
+            return _load(builder, _element(builder, source, builder.load(_element(builder, indices, position)), 2), 2)
 
-        total = _accumulate(builder, arguments[3], arguments[4], add_bond, ir.VectorType(ir.DoubleType(), 4))
-        _store(builder, total, _element(builder, target, arguments[5], 4))
+        def add(ends, weights, accumulators):
+            """Two bonds side by side: their differences times the first and times the second component of their weights."""
+            differences = builder.fsub(ends, twice)
+            for accumulator, lanes in zip(accumulators, ([0, 0, 2, 2], [1, 1, 3, 3]), strict=True):
+                product = builder.fmul(differences, _shuffle(builder, weights, weights, lanes), flags=_CONTRACT)
+                builder.store(builder.fadd(builder.load(accumulator), product, flags=_CONTRACT), accumulator)
+
+        def add_two(position, accumulators):
+            ends = _shuffle(builder, end(position), end(builder.add(position, _constant(1))), [0, 1, 2, 3])
+            weights = _load(builder, _element(builder, factors, position, 2), 4)
+            add(ends, _as_real(builder, weights, double), accumulators)
+
+        def add_one(position, accumulators):
+            weights = _as_real(builder, _load(builder, _element(builder, factors, position, 2), 2), double)
+            nothing = ir.Constant(weights.type, [0.0, 0.0])
+            add(_shuffle(builder, end(position), own, [0, 1, 2, 3]), _shuffle(builder, weights, nothing, [0, 1, 2, 3]), accumulators)
+
+        by_first, by_second = _accumulate_twos(builder, arguments[3], arguments[4], add_two, add_one, 2)
+        halves = (_shuffle(builder, by_first, by_second, lanes) for lanes in ([0, 1, 4, 5], [2, 3, 6, 7]))
+        _store(builder, builder.fadd(*halves), _element(builder, target, arguments[5], 4))
         return context.get_dummy_value()
 
     return signature, codegen
@@ -162,7 +176,7 @@ def sum_matrix_products(typingctx, matrices, neighbours, vectors, start, stop, p
         def add_bond(position, accumulator):
             j = builder.load(_element(builder, indices, position))
             other = _load(builder, _element(builder, source, j, 4), 4)
-            factor = _load(builder, _element(builder, factors, position, 2), 2)
+            factor = _as_real(builder, _load(builder, _element(builder, factors, position, 2), 2), ir.DoubleType())
             product = builder.fmul(builder.fadd(own, other), _shuffle(builder, factor, factor, [0, 0, 1, 1]), flags=_CONTRACT)
             builder.store(builder.fadd(builder.load(accumulator), product, flags=_CONTRACT), accumulator)
 
@@ -181,8 +195,8 @@ def sum_signed_records(typingctx, records, start, stop, indices, first, last, fa
 
     def codegen(context, builder, signature, arguments):
         source, places, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 3, 8))
-        total = _sum_records(builder, source, arguments[1], arguments[2], 2)
-        total = builder.fsub(total, _sum_records(builder, source, arguments[4], arguments[5], 2, places))
+        total = _sum_pairs(builder, source, arguments[1], arguments[2])
+        total = builder.fsub(total, _sum_pairs(builder, source, arguments[4], arguments[5], places))
         pair = total.type
         scale = builder.insert_element(ir.Constant(pair, ir.Undefined), arguments[6], ir.Constant(ir.IntType(32), 0))
         total = builder.fmul(total, _shuffle(builder, scale, scale, [0, 0]))
@@ -192,16 +206,63 @@ def sum_signed_records(typingctx, records, start, stop, indices, first, last, fa
     return signature, codegen
 
 
-def _sum_records(builder, source, start, stop, width, places=None):
-    """Sum in double of the records at ``start … stop``, or at ``places[start … stop]``."""
+def _sum_pairs(builder, source, start, stop, places=None):
+    """Sum in double of the records of two reals at ``start … stop``, or at ``places[start … stop]``."""
+    double = ir.DoubleType()
+
+    def record(position, count=2):
+        return _load(builder, _element(builder, source, position, 2), count)
+
+    def listed(position):
+        return record(builder.load(_element(builder, places, position)))
+
+    def add(value, accumulator):
+        builder.store(builder.fadd(builder.load(accumulator), _as_real(builder, value, double)), accumulator)
+
+    def add_two(position, accumulators):
+        if places is None:
+            add(record(position, 4), *accumulators)
+        else:
+            add(_shuffle(builder, listed(position), listed(builder.add(position, _constant(1))), [0, 1, 2, 3]), *accumulators)
+
+    def add_one(position, accumulators):
+        value = record(position) if places is None else listed(position)
+        add(_shuffle(builder, value, ir.Constant(value.type, [0.0, 0.0]), [0, 1, 2, 3]), *accumulators)
+
+    (total,) = _accumulate_twos(builder, start, stop, add_two, add_one, 1)
+    return builder.fadd(_shuffle(builder, total, total, [0, 1]), _shuffle(builder, total, total, [2, 3]))
+
+
+def _sum_quads(builder, source, start, stop, places=None):
+    """Sum in double of the records of four reals at ``start … stop``, or at ``places[start … stop]``."""
     double = ir.DoubleType()
 
     def add(position, accumulator):
         at = position if places is None else builder.load(_element(builder, places, position))
-        record = _as_real(builder, _load(builder, _element(builder, source, at, width), width), double)
+        record = _as_real(builder, _load(builder, _element(builder, source, at, 4), 4), double)
         builder.store(builder.fadd(builder.load(accumulator), record), accumulator)
 
-    return _accumulate(builder, start, stop, add, ir.VectorType(double, width))
+    return _accumulate(builder, start, stop, add, ir.VectorType(double, 4))
+
+
+def _accumulate_twos(builder, start, stop, add_two, add_one, count):
+    """Sum over ``start … stop``, two at a time, into `count` vectors of four doubles; the last ones alone.
+
+    Twice as many accumulators, so that one addition need not wait for the one before.
+    """
+    zero = ir.Constant(ir.VectorType(ir.DoubleType(), 4), [0.0] * 4)
+    sets = [[cgutils.alloca_once_value(builder, zero) for _ in range(count)] for _ in range(2)]
+    for accumulator in [*sets[0], *sets[1]]:
+        builder.store(zero, accumulator)
+    quads = builder.lshr(builder.sub(stop, start), _constant(2))
+    with cgutils.for_range(builder, quads) as loop:
+        base = builder.add(start, builder.shl(loop.index, _constant(2)))
+        for n, accumulators in enumerate(sets):
+            add_two(builder.add(base, _constant(2 * n)), accumulators)
+    rest = builder.add(start, builder.shl(quads, _constant(2)))
+    with cgutils.for_range(builder, builder.sub(stop, rest)) as loop:
+        add_one(builder.add(rest, loop.index), sets[0])
+    return [builder.fadd(builder.load(first), builder.load(second)) for first, second in zip(*sets, strict=True)]
 
 
 def _accumulate(builder, start, stop, add, vector_type):
@@ -251,7 +312,7 @@ def sum_listed_records(typingctx, records, listed, start, stop, out, at):
 
     def codegen(context, builder, signature, arguments):
         source, indices, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 1, 4))
-        total = _sum_records(builder, source, arguments[2], arguments[3], 4, indices)
+        total = _sum_quads(builder, source, arguments[2], arguments[3], indices)
         _store(builder, total, _element(builder, target, arguments[5], 4))
         return context.get_dummy_value()
 
@@ -265,8 +326,8 @@ def sum_quad_records(typingctx, records, start, stop, indices, first, last, poin
 
     def codegen(context, builder, signature, arguments):
         source, places, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 3, 7))
-        total = _sum_records(builder, source, arguments[1], arguments[2], 4)
-        total = builder.fadd(total, _sum_records(builder, source, arguments[4], arguments[5], 4, places))
+        total = _sum_quads(builder, source, arguments[1], arguments[2])
+        total = builder.fadd(total, _sum_quads(builder, source, arguments[4], arguments[5], places))
         _store(builder, total, _element(builder, target, arguments[6], 4))
         return context.get_dummy_value()
 

@@ -1,4 +1,4 @@
-"""Kernels of the reference state: shape tensors, gradient weights, and the reference vectors of the pair forces.
+"""Kernels of the reference state: shape tensors, and the reference vectors of the pair forces.
 
 They run once for a body without damage, and again for the rows and pairs around every bond that breaks.
 """
@@ -17,15 +17,15 @@ CORRECTIONS = {"none": NO_CORRECTION, "scalar": SCALAR_CORRECTION, "tensor": TEN
 
 
 @parallel_kernel
-def shape_rows(rows, pointers, neighbours, points, weighted_bonds, inverse_shape, gradient_weights, supported):
-    """Shape tensors (21) and gradient weights K^-1 w x V of the given points.
+def shape_rows(rows, pointers, neighbours, points, weighted_bonds, inverse_shape, supported):
+    """Shape tensors (21) of the given points.
 
     Parameters
     ----------
     rows : points to compute.
-    weighted_bonds : (n_bonds, 2) w x V_j of every directed bond, zero where broken; may be the same array as `gradient_weights`.
+    weighted_bonds : (n_bonds, 2) w x V_j of every directed bond, zero where broken.  K is summed with them as they are rounded, so
+        that in single precision, too, F of a homogeneous deformation is that deformation to some 1e-9.
     inverse_shape : (n, 3) out: K^-1 as (11, 12, 22); zero for points without support.
-    gradient_weights : (n_bonds, 2) out, so that F_i = sum_j (y_j - y_i) (x) gradient_weights (20).
     supported : (n,) out: 1 where the bonds span the plane.
     """
     for r in prange(rows.shape[0]):
@@ -38,7 +38,7 @@ def shape_rows(rows, pointers, neighbours, points, weighted_bonds, inverse_shape
             x1 = points[j, 0] - points[i, 0]
             x2 = points[j, 1] - points[i, 1]
             K11 += weighted_bonds[b, 0] * x1
-            K12 += weighted_bonds[b, 0] * x2
+            K12 += 0.5 * (weighted_bonds[b, 0] * x2 + weighted_bonds[b, 1] * x1)
             K22 += weighted_bonds[b, 1] * x2
         determinant = K11 * K22 - K12 * K12
         trace = K11 + K22
@@ -52,11 +52,6 @@ def shape_rows(rows, pointers, neighbours, points, weighted_bonds, inverse_shape
             inverse_shape[i, 0] = 0.0
             inverse_shape[i, 1] = 0.0
             inverse_shape[i, 2] = 0.0
-        for b in range(pointers[i], pointers[i + 1]):
-            w1 = weighted_bonds[b, 0]
-            w2 = weighted_bonds[b, 1]
-            gradient_weights[b, 0] = inverse_shape[i, 0] * w1 + inverse_shape[i, 1] * w2
-            gradient_weights[b, 1] = inverse_shape[i, 1] * w1 + inverse_shape[i, 2] * w2
 
 
 @kernel

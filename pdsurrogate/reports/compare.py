@@ -26,6 +26,8 @@ from ..forces import (
     ForceSurrogate,
 )
 from ..forces.kernel_face import kernel_bond_force, kernel_energy
+from ..kernels.blocks import BLOCK, aligned_rows
+from ..kernels.calibration import ROWS, arithmetic
 from ..kernels.compile import thread_count
 from ..learning import (
     ChebyshevRegressor,
@@ -128,10 +130,15 @@ def measure_speed(entries: list[Candidate], law: Law, spacing: float, repeats: i
 
     All models are timed in turn on one thread and on all, `repeats` times over, so that a drift of the machine's
     speed meets them alike; medians are given, and the gain from threads is the median of the ratios within each turn.
+    Beside every model stands what arithmetic gained that needs no memory, in pieces of a millisecond just before it: where other tenants
+    share the cores, no model can gain more.
     """
     body = Body.rectangle(3.0, 1.0, spacing, 3.15 * spacing)
     positions, out = bench_positions(body, law), np.empty_like(body.points)
     threads = sorted({1, numba.config.NUMBA_NUM_THREADS})
+
+    def gain(times: dict, key) -> float:
+        return statistics.median(one / many for one, many in zip(times[key, threads[0]], times[key, threads[-1]], strict=True))
 
     def timed(function, calls) -> float:
         began = time.perf_counter()
@@ -139,7 +146,7 @@ def measure_speed(entries: list[Candidate], law: Law, spacing: float, repeats: i
             function()
         return 1e9 * (time.perf_counter() - began) / calls / body.bonds.n_directed
 
-    forces, calls = {}, {}
+    forces, calls, buffers = {}, {}, {}
     for count in threads:
         with thread_count(count):
             for number, entry in enumerate(entries):
@@ -148,13 +155,22 @@ def measure_speed(entries: list[Candidate], law: Law, spacing: float, repeats: i
                 once = timed(lambda force=force: force(positions, out), 3)
                 forces[number, count] = force
                 calls[number, count] = max(3, int(seconds * 1e9 / once / body.bonds.n_directed))
+            buffers[count] = aligned_rows((count, ROWS, BLOCK), np.float32, 0.5)
+            arithmetic(1, buffers[count])
+    with thread_count(1):
+        began = time.perf_counter()
+        arithmetic(10_000, buffers[1])
+        rounds = int(10_000 * 1e-3 / (time.perf_counter() - began))
+    pieces = max(3, int(seconds / 1e-3))
     total = {key: [] for key in forces}
     bonds = {key: [] for key in forces}
+    plain = {key: [] for key in forces}
     for _ in range(repeats):
         for number in range(len(entries)):
             for count in threads:
                 key = number, count
                 with thread_count(count), threadpool_limits(1):
+                    plain[key].append(timed(lambda count=count: arithmetic(rounds, buffers[count]), pieces))
                     total[key].append(timed(lambda key=key: forces[key](positions, out), calls[key]))
                     bonds[key].append(timed(lambda key=key: forces[key].pass_bonds(out), calls[key]))
     rows = []
@@ -165,8 +181,8 @@ def measure_speed(entries: list[Candidate], law: Law, spacing: float, repeats: i
             row[f"ns_per_bond_{label}"] = statistics.median(total[key])
             row[f"ns_per_bond_{label}_spread"] = max(total[key]) - min(total[key])
             row[f"ns_bond_pass_{label}"] = statistics.median(bonds[key])
-        gains = [one / many for one, many in zip(total[number, threads[0]], total[number, threads[-1]], strict=True)]
-        row["thread_speedup"] = statistics.median(gains)
+        row["thread_speedup"] = gain(total, number)
+        row["arithmetic_speedup"] = gain(plain, number)
         rows.append(row)
     return rows
 

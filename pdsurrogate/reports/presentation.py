@@ -33,7 +33,7 @@ COLUMNS = (
     ("ns/bond, 1 thread", lambda row: f"{row['ns_per_bond_1']:.2f}"),
     ("its bond pass", lambda row: f"{row['ns_bond_pass_1']:.2f}"),
     ("all threads", lambda row: f"{row['ns_per_bond_all']:.2f}"),
-    ("gain", lambda row: f"{row['thread_speedup']:.2f}"),
+    ("gain, of arithmetic's", lambda row: f"{row['thread_speedup']:.2f} of {row['arithmetic_speedup']:.2f}"),
     ("BA-NOSB / this", lambda row: f"{row['speedup_over_ba_nosb']:.1f}"),
     ("this / NOSB", lambda row: f"{row['cost_over_nosb']:.1f}"),
     ("RMS error on / off surface", lambda row: _pair(row, "rms_on_surface", "rms_off_surface")),
