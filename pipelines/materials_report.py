@@ -33,6 +33,17 @@ LIMITS = (30.0, 60.0, 120.0, 240.0)
 
 console = Console(width=150)
 
+PUBLISHED = (
+    ("ogden", "all, by scatter", "shear modulus", 0.4225, "Ogden, Proc. R. Soc. A 326 (1972) 565"),
+    ("arruda-boyce", "all, by scatter", "chain links", 26.5, "Arruda, Boyce, J. Mech. Phys. Solids 41 (1993) 389"),
+    ("gent", "tension, evenly", "shear modulus", 0.24, "Hyperelastics.jl, example treloar.jl"),
+    ("gent", "tension, evenly", "chain limit", 79.97, "the same"),
+    ("yeoh", "tension, evenly", "C10", 0.18, "Altair Radioss, RD-V: 0210"),
+    ("yeoh", "tension, evenly", "C20", -2e-3, "the same"),
+    ("yeoh", "tension, evenly", "C30", 5e-5, "the same"),
+)
+"""Constants of Treloar's rubber, in MPa, as others give them: law, the data fitted to and their weights, constant, value and source."""
+
 
 def show(title: str, rows: list[dict]) -> None:
     """Print rows as a table."""
@@ -81,6 +92,28 @@ def identification(folder: Path) -> dict:
     )
     figures.save(figure([model for model in models if model.law in ("gent", "yeoh", "ogden")], treloar), folder / "identification.png")
     return {"laws": found, "fitted_to_uniaxial": held_out, "table": rows}
+
+
+def beside_published() -> list[dict]:
+    """Constants found here and by others."""
+    data = pd.load_test_data("treloar")
+    rows = []
+    for name, fitted_to, constant, published, source in PUBLISHED:
+        model = pd.LawRegressor(name)
+        if fitted_to == "tension, evenly":
+            tension = data.of("uniaxial")
+            law = model.fit(tension.stretches, tension.nominal_stress).law_
+        else:
+            law = model.fit(data.stretches, data.nominal_stress, data.balanced_weights()).law_
+        constants = {"shear modulus": law.shear_modulus}
+        if name == "yeoh":
+            constants |= {f"C{k}0": law.shear_modulus / 2 * factor for k, factor in ((1, 1.0), (2, law.second), (3, law.third))}
+        else:
+            constants |= {key.replace("_", " "): getattr(law, key) for key in ("chain_limit", "chain_links") if hasattr(law, key)}
+        found = {"here": constants[constant], "published": f"{published:g}", "source": source}
+        rows.append({"law": name, "fitted to": fitted_to, "constant": constant, **found})
+    show("Treloar's rubber, in MPa", rows)
+    return rows
 
 
 def surrogate(law, degree):
@@ -185,12 +218,14 @@ def main() -> None:
     arguments = parser.parse_args()
     found = {
         "identification": identification(FIGURES),
+        "published": beside_published(),
         "chain_limit_as_input": chain_limit_as_input(),
         "speed": speed(arguments.quick),
     }
     write_json(FIGURES / "materials.json", found)
     if arguments.readme:
         replace_block("identification", as_markdown(found["identification"]["table"]))
+        replace_block("published", as_markdown(found["published"]))
         replace_block("laws", as_markdown(found["speed"]))
 
 
