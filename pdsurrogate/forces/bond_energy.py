@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..body import Body
-from ..kernels import bond_energy, gradient
+from ..kernels import bond_energy, gradient, reference
 from ..kernels.blocks import BLOCK, aligned_rows
 from ..kernels.bond_pass import FALL_BACK, UNGUARDED
 from ..kernels.energy_density import exact_energy_density
@@ -70,7 +70,7 @@ class BondEnergyEvaluation(DomainWatch):
         self._image_neighbours = owners[self._image_bonds]
         self._image_pointers = np.zeros(total - n + 1, dtype=np.uint64)
         self._image_pointers[1:] = np.cumsum(np.bincount(bonds.neighbours[towards] - n, minlength=total - n))
-        self._counted, self._inverse_mass = np.zeros(self._n_pairs), np.zeros(n)
+        self._counted, self._shares = np.zeros(self._n_pairs), np.zeros(len(bonds.neighbours))
         self._weigh_pairs(np.arange(self._n_pairs))
 
         compiled = model.compiled(self.precision)
@@ -269,24 +269,25 @@ class BondEnergyEvaluation(DomainWatch):
         return np.nan if invalid else self.energy()
 
     def _weigh_pairs(self, pairs: np.ndarray) -> None:
-        """Bring m_i and beta up to date after a change at the given pairs, from what is intact and which points have a gradient."""
+        """Bring beta up to date after a change at the given pairs, from what is intact and which points have a gradient.
+
+        Of a pair with an image only the point's share counts.
+        """
         bonds, body, n = self.body.bonds, self.body, len(self.body)
         supported = self.kinematics.supported.astype(bool)
-        # A point without support has no gradient; its bonds carry nothing, and so are no part of the other end's m_i either.
+        # A point without support has no gradient; its bonds carry nothing, and so take no share of the other end's volume either.
         carries = self._intact[pairs] & supported[bonds.first[pairs]] & supported[bonds.second[pairs]]
         self._counted[pairs] = np.where(carries, self._strength[pairs], 0.0)
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
         starts, counts = bonds.pointers[touched].astype(np.int64), np.diff(bonds.pointers).astype(np.int64)[touched]
         entries = np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
-        around = bonds.pair_of[entries]
-        mass = np.bincount(np.repeat(np.arange(len(touched)), counts), self._counted[around], len(touched))
-        self._inverse_mass[touched] = np.divide(body.volumes[touched], mass, out=np.zeros(len(touched)), where=mass > 0)
-        around = np.unique(around)
-        share = self._inverse_mass[bonds.first[around]]
-        within = bonds.second[around] < n
-        share[within] += self._inverse_mass[bonds.second[around][within]]
-        self._weights[around] = self._counted[around] * share
+        around = np.unique(bonds.pair_of[entries])
+        around_touched = bonds.pointers, bonds.neighbours, bonds.pair_of
+        reference.bond_shares(touched, *around_touched, body.all_points, body.volumes, self._counted, body.horizon, self._shares)
+        entries, starts = self.kinematics.pair_entries
+        one, other = entries[starts[around]], entries[starts[around + 1] - 1]
+        self._weights[around] = self._shares[one] + np.where(other != one, self._shares[other], 0.0)
         self.geometry[around // BLOCK, 3, around % BLOCK] = self._weights[around]
         bond, volumes = self.kinematics.weighted_bonds[self._image_bonds], body.all_volumes
         ratio = volumes[self._image_neighbours] / volumes[bonds.neighbours[self._image_bonds]]

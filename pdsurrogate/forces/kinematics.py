@@ -97,7 +97,7 @@ class Kinematics:
             All pairs at which anything changed: those of every point that lost a bond, and of its images.
         """
         bonds, n = self.body.bonds, len(self.body)
-        entries, starts = self._entries
+        entries, starts = self.pair_entries
         self.weighted_bonds[np.concatenate([entries[starts[pairs]], entries[starts[pairs + 1] - 1]])] = 0.0
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
@@ -110,7 +110,7 @@ class Kinematics:
         return np.unique(np.concatenate([*own, outer[reached[bonds.second[outer]]]]))
 
     @cached_property
-    def _entries(self) -> tuple[np.ndarray, np.ndarray]:
+    def pair_entries(self) -> tuple[np.ndarray, np.ndarray]:
         """Entries of the neighbour lists by pair, and where each pair's begin: two to a pair, one for a pair with an image."""
         pair_of = self.body.bonds.pair_of
         starts = np.zeros(len(self.body.bonds.first) + 1, dtype=np.int64)

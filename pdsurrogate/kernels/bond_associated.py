@@ -10,7 +10,7 @@ from numba import prange
 
 from .blocks import BLOCK, block_rows, pair_records, quad_records, triple_records
 from .compile import kernel, parallel_kernel, widest_vectors
-from .elementary import not_finite
+from .elementary import not_finite, sum_in_order
 from .node_state import solve_volume_ratios
 from .records import outer_products, sum_listed_records, sum_signed_records
 
@@ -162,7 +162,7 @@ def bond_associated_forces(
             if held > 0:
                 count += _block_forces(at, held, block, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces)
         unsolved[chunk] = count
-    return unsolved.sum()
+    return sum_in_order(unsolved)
 
 
 @kernel

@@ -18,7 +18,7 @@ from numba import prange
 from .blocks import BLOCK, block_rows, pair_records, quad_records
 from .bond_pass import FALL_BACK, UNGUARDED
 from .compile import call_block, inline, kernel, parallel_kernel, widest_vectors
-from .elementary import not_finite
+from .elementary import not_finite, sum_in_order
 from .records import gather_pairs, sum_matrix_products, sum_quad_records, sum_signed_records
 
 COUNTED = 1
@@ -237,7 +237,7 @@ def pair_energies(
         outside[chunk] = count
         collapsed[chunk] = small
         invalid[chunk] = bad
-    return energies.sum(), outside.sum(), collapsed.sum(), invalid.sum()
+    return sum_in_order(energies), sum_in_order(outside), sum_in_order(collapsed), sum_in_order(invalid)
 
 
 @parallel_kernel

@@ -6,7 +6,7 @@ from numba import prange
 from .blocks import BLOCK, block_rows, pair_records
 from .bond_state import LEAST_NORMAL_STRETCH, is_outside, lateral_stretch, share_inside
 from .compile import call_block, parallel_kernel, widest_vectors
-from .elementary import inverse_square_root, not_finite
+from .elementary import inverse_square_root, not_finite, sum_in_order
 from .records import gather_pairs, sum_signed_records
 
 UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
@@ -142,7 +142,7 @@ def pair_forces(
                 pair[k, 0] = r1 * along - r2 * across
                 pair[k, 1] = r2 * along + r1 * across
         outside[chunk] = count
-    return outside.sum()
+    return sum_in_order(outside)
 
 
 @parallel_kernel

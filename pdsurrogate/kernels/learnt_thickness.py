@@ -14,6 +14,7 @@ from numba import prange
 from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
 from .bond_state import is_outside, share_inside
 from .compile import call_block, parallel_kernel, widest_vectors
+from .elementary import sum_in_order
 from .node_state import POLAR, convected_rotation, solve_volume_ratios
 
 MOST_ITERATIONS = 20
@@ -166,4 +167,4 @@ def learnt_node_states(
                     record[k, 0] = np.cos(angle)
                     record[k, 1] = np.sin(angle)
         unsolved[chunk] = count
-    return unsolved.sum()
+    return sum_in_order(unsolved)

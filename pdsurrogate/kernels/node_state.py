@@ -5,6 +5,7 @@ from numba import prange
 
 from .blocks import BLOCK, block_rows, quad_records
 from .compile import call_block, kernel, parallel_kernel, widest_vectors
+from .elementary import sum_in_order
 
 MOST_ITERATIONS = 40
 
@@ -105,7 +106,7 @@ def node_states(gradients, volume_ratios, rotation, response, parameters, scratc
                     record[k, 0] = np.cos(angle)
                     record[k, 1] = np.sin(angle)
         unsolved[chunk] = count
-    return unsolved.sum()
+    return sum_in_order(unsolved)
 
 
 @kernel
