@@ -167,11 +167,21 @@ def test_pure_shear_against_finite_elements():
 
 
 @pytest.mark.slow
+def test_hole_is_at_least_as_close_to_finite_elements_as_with_the_force_map():
+    scene = pd.load_scene("hole", {"spacing": 0.025})
+    energy, force_map = (pd.simulate(scene, load_surrogate(SHIPPED / name)).levels[-1] for name in ("neo-hookean-energy", "neo-hookean"))
+    for quantity in ("nominal_stress_error", "greatest_lateral_displacement_error"):
+        assert abs(energy[quantity]) <= abs(force_map[quantity])
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("spacing", [0.1, 0.05])
 def test_energy_is_accounted_for_while_a_sheet_tears(spacing):
     """Work of the grips = stored + kinetic + damped + released energy within 1 % of what was put in, all the way, at coarse spacings."""
-    result = pd.simulate(pd.load_scene("tear", spacing=spacing), load_surrogate(SHIPPED / "neo-hookean-energy"))
-    assert result.summary["crack"]["tips"][-1]["tip"][0] > 10  # of 11 cm; the programme ends before the coarser sheet has come apart
+    # Farther than the scene's own 1.6, at which the coarser sheet has not yet come apart.
+    scene = pd.load_scene("tear", {"spacing": spacing, "dynamics.stretch": 1.7})
+    result = pd.simulate(scene, load_surrogate(SHIPPED / "neo-hookean-energy"))
+    assert result.summary["crack"]["through"]
     history = [row for row in result.history if "work" in row]
     parts = ("strain_energy", "kinetic_energy", "damped_energy", "released_energy")
     first = sum(history[0][part] for part in parts)
