@@ -54,6 +54,22 @@ def greatest_force_density(forces, free, volumes):
 
 
 @kernel
+def greatest_strain(displacements, points, first, second):
+    """Largest relative displacement, in either component, of two bonded points over their distance; pairs with images are left out."""
+    largest = 0.0
+    for b in range(first.shape[0]):
+        i = first[b]
+        j = second[b]
+        if j < points.shape[0]:
+            x1 = points[j, 0] - points[i, 0]
+            x2 = points[j, 1] - points[i, 1]
+            u1 = abs(displacements[j, 0] - displacements[i, 0])
+            u2 = abs(displacements[j, 1] - displacements[i, 1])
+            largest = max(largest, max(u1, u2) / np.sqrt(x1 * x1 + x2 * x2))
+    return largest
+
+
+@kernel
 def central_difference_step(positions, velocities, forces, free, mass, damping, step, last_step):
     """One explicit step with velocities at half steps and damping proportional to mass.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..forces import InvalidState
 from .equilibrium import Diverging
-from .quasi_newton import QuasiNewton
+from .quasi_newton import QuasiNewton, inner
 
 
 class EnergyMinimiser(QuasiNewton):
@@ -32,12 +32,12 @@ class EnergyMinimiser(QuasiNewton):
     def _advance(self, force, positions, step, forces, trial):
         if not hasattr(force, "energy"):
             raise Diverging(f"{type(force).__name__} has no energy to minimise; use another solver")
-        slope, before = -np.vdot(forces, step), force.energy()
+        slope, before = -inner(forces, step), force.energy()
         if slope >= 0:
             # Rounding has spoilt the curvature that was gathered: the preconditioned force itself is downhill.
             step[:] = self._stiffness.solve(forces) * self.free
-            step *= min(1.0, self.LARGEST_STRAIN / max(self._strain(force, step), 1e-300))
-            slope = -np.vdot(forces, step)
+            self._bound(force, step)
+            slope = -inner(forces, step)
         noise = self.ROUNDING[force.precision] * force.law.shear_modulus * self.volumes.sum()
         following, share = np.empty_like(forces), 1.0
         while share >= self.LEAST_STEP:
@@ -47,7 +47,7 @@ class EnergyMinimiser(QuasiNewton):
             try:
                 force(trial, following)
                 following *= self.free
-                change, slope_there = force.energy() - before, -np.vdot(following, step)
+                change, slope_there = force.energy() - before, -inner(following, step)
                 falls = change <= self.SUFFICIENT * share * slope
                 if falls or (change <= noise and slope_there <= (2 * self.SUFFICIENT - 1) * slope):
                     step *= share

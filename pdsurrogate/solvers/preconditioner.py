@@ -8,8 +8,11 @@ from scipy.sparse.linalg import splu
 
 from ..body import Body
 
-REACH = 1.5
-"""Bonds up to this many spacings make the matrix: eight to a point on a grid, whose factor stays sparse."""
+REACH = 1.3
+"""Bonds up to this many spacings make the matrix: four to a point on a grid, and those of points that lie off it.
+
+With the diagonals the factor has four times the entries and takes four times as long, for a tenth fewer steps.
+"""
 
 SHEAR_SHARE = 1 / 3
 """Stiffness across a bond over that along it; the true tangent has both."""

@@ -7,9 +7,15 @@ from collections import deque
 import numpy as np
 
 from ..forces import InvalidState
+from ..kernels.relaxation import greatest_strain
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, no_report
 from .preconditioner import NearestBondStiffness
 from .stepping import DynamicRelaxation
+
+
+def inner(first: np.ndarray, second: np.ndarray) -> float:
+    """Inner product; not by BLAS, whose threads would wait for those of the kernels, and whose sum depends on their number."""
+    return float(np.einsum("ij,ij->", first, second))
 
 
 class QuasiNewton(EquilibriumSolver):
@@ -50,13 +56,13 @@ class QuasiNewton(EquilibriumSolver):
         history: deque = deque(maxlen=self.MEMORY)
         while not residual <= tolerance:
             step = self._direction(forces, history)
-            step *= min(1.0, self.LARGEST_STRAIN / max(self._strain(force, step), 1e-300))
+            self._bound(force, step)
             following = self._advance(force, positions, step, forces, trial)
             residual = self.residual(force, following)
             evaluations = force.evaluations - began
             change = forces - following
-            curvature = np.vdot(step, change)
-            if curvature > 1e-10 * np.linalg.norm(step) * np.linalg.norm(change):
+            curvature = inner(step, change)
+            if curvature > 1e-10 * np.sqrt(inner(step, step) * inner(change, change)):
                 history.append((step, change, 1 / curvature))
             forces = following
             report(evaluations, residual)
@@ -64,9 +70,15 @@ class QuasiNewton(EquilibriumSolver):
                 raise self.not_converged(residual, evaluations, tolerance)
         return Equilibrium(residual, force.evaluations - began, self.name)
 
+    def _bound(self, force, step) -> None:
+        """Shorten a step that strains a bond more than may be."""
+        bonds = force.body.bonds
+        strain = greatest_strain(step, force.body.points, bonds.first, bonds.second)
+        step *= min(1.0, self.LARGEST_STRAIN / max(strain, 1e-300))
+
     def _advance(self, force, positions, step, forces, trial):
         """Take the longest part of a step that the residual allows; returns the forces there, and scales `step` to what was taken."""
-        norm, share = np.linalg.norm(forces), 1.0
+        square, share = inner(forces, forces), 1.0
         following = np.empty_like(forces)
         while share >= self.LEAST_STEP:
             np.multiply(step, share, out=trial)
@@ -74,7 +86,7 @@ class QuasiNewton(EquilibriumSolver):
             try:
                 force(trial, following)
                 following *= self.free
-                if np.linalg.norm(following) <= self.MOST_GROWTH * norm:
+                if inner(following, following) <= self.MOST_GROWTH**2 * square:
                     step *= share
                     positions[:] = trial
                     return following
@@ -88,24 +100,13 @@ class QuasiNewton(EquilibriumSolver):
         q = forces.copy()
         factors = []
         for step, change, rho in reversed(history):
-            factor = rho * np.vdot(step, q)
+            factor = rho * inner(step, q)
             q -= factor * change
             factors.append(factor)
         q = self._stiffness.solve(q) * self.free
         for (step, change, rho), factor in zip(history, reversed(factors), strict=True):
-            q += (factor - rho * np.vdot(change, q)) * step
+            q += (factor - rho * inner(change, q)) * step
         return q
-
-    @staticmethod
-    def _strain(force, step) -> float:
-        """Largest relative displacement of neighbouring points over their distance, over a sample of the bonds."""
-        bonds, body = force.body.bonds, force.body
-        within = slice(None, None, max(1, len(bonds.first) // 200_000))
-        first, second = bonds.first[within], bonds.second[within]
-        inner = second < len(body)
-        first, second = first[inner], second[inner]
-        length = np.linalg.norm(body.points[second] - body.points[first], axis=1)
-        return float((np.abs(step[second] - step[first]).max(axis=1) / length).max())
 
 
 class Automatic(EquilibriumSolver):
@@ -117,7 +118,8 @@ class Automatic(EquilibriumSolver):
 
     name = "automatic"
 
-    MOST_POINTS = 250_000
+    # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor takes some 3 kB a point.
+    MOST_POINTS = 1_000_000
 
     def __init__(self, free, volumes, tolerance=1e-6, most_evaluations=50_000) -> None:
         super().__init__(free, volumes, tolerance, most_evaluations)
