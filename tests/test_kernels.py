@@ -7,6 +7,7 @@ from bodies import disc_with_hole, gripped_sheet, jittered, sheet
 from pdsurrogate.forces.kinematics import Kinematics
 from pdsurrogate.kernels import records
 from pdsurrogate.kernels.compile import CompilationClock, compilation_clock, kernel, source_digest
+from pdsurrogate.kernels.relaxation import greatest_strain
 from pdsurrogate.materials import NeoHookean, plane_stress
 
 
@@ -147,3 +148,32 @@ def test_compiled_code_is_cached_and_compilation_is_announced():
 
 def test_cache_key_carries_the_sources():
     assert len(source_digest()) == 64
+
+
+def test_greatest_strain(random):
+    body = gripped_sheet()
+    displacements = random.standard_normal(body.points.shape)
+    first, second = body.bonds.first, body.bonds.second
+    within = second < len(body)
+    first, second = first[within], second[within]
+    length = np.linalg.norm(body.points[second] - body.points[first], axis=1)
+    expected = (np.abs(displacements[second] - displacements[first]).max(axis=1) / length).max()
+    found = greatest_strain(displacements, body.points, body.bonds.first, body.bonds.second)
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 5, 28])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_outer_products_of_every_number_of_bonds(random, dtype, count):
+    """Two bonds at a time, four in a turn, and the rest one by one."""
+
+    @kernel
+    def gradient(positions, neighbours, weights, start, stop, point, out):
+        records.sum_outer_products(positions, neighbours, weights, start, stop, point, out)
+
+    positions, weights = random.standard_normal((40, 2)), random.standard_normal((60, 2)).astype(dtype)
+    neighbours, out = random.integers(0, 40, 60).astype(np.uint32), np.zeros((40, 4))
+    gradient(positions, neighbours, weights, np.uint64(7), np.uint64(7 + count), np.uint64(3), out)
+    mine = slice(7, 7 + count)
+    expected = np.einsum("bi,bj->ij", positions[neighbours[mine]] - positions[3], weights[mine].astype(float))
+    np.testing.assert_allclose(out[3], expected.T.ravel(), atol=1e-13)
