@@ -197,6 +197,15 @@ def tear():
     return load_scene("tear", TEAR)
 
 
+@pytest.fixture
+def heeds_interrupts():
+    """A shell that starts the tests in the background has them ignore Ctrl-C, and what they start as well."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heeds_interrupts")
 @pytest.mark.parametrize("stage", [{"levels": 1}, {"share": 0.4}])
 def test_an_interrupt_saves_a_checkpoint_that_resumes_to_the_same_bits(tmp_path, stage):
     with pytest.raises(SimulationInterrupted, match="interrupted") as caught:
@@ -209,6 +218,7 @@ def test_an_interrupt_saves_a_checkpoint_that_resumes_to_the_same_bits(tmp_path,
     np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
 
 
+@pytest.mark.usefixtures("heeds_interrupts")
 def test_ctrl_c_on_the_command_line(tmp_path):
     """Exit status 130, results of what was reached, one line that says how to go on; and going on works."""
     command = [sys.executable, "-m", "pdsurrogate", "run", "tear", "--force", "analytic", "--out", str(tmp_path)]
