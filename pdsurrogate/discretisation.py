@@ -46,51 +46,59 @@ def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
 
 def _points_of(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Points and volumes, holes left out, and the corners of the bounding box of the body."""
-    outline = None
     if isinstance(scene.body, Mesh):
         cells = _mesh_cells(scene.body)
         corners = np.concatenate([block.reshape(-1, 2) for block in cells])
         points, volumes = (np.concatenate(parts) for parts in zip(*map(_centroids, cells), strict=True))
-        lower, upper = corners.min(axis=0), corners.max(axis=0)
-    else:
-        lower, upper = low, high = scene.body.bounds()
-        if not isinstance(scene.body, Rectangle):
-            # A grid of whole cells about the same centre: the outline is not made of cells anyway.
-            cells = np.ceil((upper - lower) / scene.spacing - 1e-6)
-            middle, half = (lower + upper) / 2, cells * scene.spacing / 2
-            low, high = middle - half, middle + half
-            outline = scene.body
-        points = grid(low, high, scene.spacing)
-        volumes = np.full(len(points), scene.spacing**2)
+        # Its cells have any shape: those whose centroid lies in a hole are left out whole.
+        kept = _in_material(scene, points, np.ones(len(points), dtype=bool))
+        return points[kept], volumes[kept], corners.min(axis=0), corners.max(axis=0)
+    lower, upper = low, high = scene.body.bounds()
+    rectangle = isinstance(scene.body, Rectangle)
+    if not rectangle:
+        # A grid of whole cells about the same centre: the outline is not made of cells anyway.
+        cells = np.ceil((upper - lower) / scene.spacing - 1e-6)
+        middle, half = (lower + upper) / 2, cells * scene.spacing / 2
+        low, high = middle - half, middle + half
+    points = grid(low, high, scene.spacing)
+    if rectangle and not scene.holes:
+        return points, np.full(len(points), scene.spacing**2), lower, upper
 
     def material(places: np.ndarray) -> np.ndarray:
-        there = np.ones(len(places), dtype=bool) if outline is None else outline.contains(places)
+        there = np.ones(len(places), dtype=bool) if rectangle else scene.body.contains(places)
         for hole in scene.holes:
             there &= ~hole.contains(places)
         return there
 
+    kept = _in_material(scene, points, np.ones(len(points), dtype=bool) if rectangle else scene.body.contains(points))
+    return *_material_of_cells(points, kept, scene.spacing, material), lower, upper
+
+
+def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.ndarray:
+    """Which of the points are left of those within the outline, the holes taken away; an error where a hole or the body holds none."""
+    kept = within.copy()
     for number, hole in enumerate(scene.holes):
-        if not (hole.contains(points) & (outline is None or outline.contains(points))).any():
+        inside = hole.contains(points)
+        if not (inside & within).any():
             raise ValueError(f"holes.{number}: no point of the body lies in it; is it outside, or smaller than the spacing?")
-    if not material(points).any():
+        kept &= ~inside
+    if not kept.any():
         raise ValueError(
             "body: no point is left" + (": its holes take all of it" if scene.holes else f"; the spacing is {scene.spacing:g}")
         )
-    if isinstance(scene.body, Mesh):
-        # Its cells have any shape: those whose centroid lies in a hole are left out whole.
-        kept = material(points)
-        return points[kept], volumes[kept], lower, upper
-    return *_material_of_cells(points, scene.spacing, material), lower, upper
+    return kept
 
 
-def _material_of_cells(centres: np.ndarray, spacing: float, material) -> tuple[np.ndarray, np.ndarray]:
+def _material_of_cells(centres: np.ndarray, kept: np.ndarray, spacing: float, material) -> tuple[np.ndarray, np.ndarray]:
     """Centroids and volumes of what lies in each square cell; what fills less than half of one goes to the nearest of the others.
+
+    `material` says of places whether there is any; `kept`, the same of the cells' centres.
 
     Cells cut by an outline count with the part of them that is there, found on a raster: with whole cells a curved boundary would be a
     staircase, whose steps carry no stress, and a hole larger than it is.
     """
     corners = spacing / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]])
-    found = np.stack([material(centres), *(material(centres + corner) for corner in corners)])
+    found = np.stack([kept, *(material(centres + corner) for corner in corners)])
     cut = np.flatnonzero(found.any(axis=0) & ~found.all(axis=0))
     places = ((np.arange(RASTER) + 0.5) / RASTER - 0.5) * spacing
     raster = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2)

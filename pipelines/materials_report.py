@@ -34,15 +34,22 @@ LIMITS = (30.0, 60.0, 120.0, 240.0)
 console = Console(width=150)
 
 PUBLISHED = (
-    ("ogden", "all, by scatter", "shear modulus", 0.4225, "Ogden, Proc. R. Soc. A 326 (1972) 565"),
-    ("arruda-boyce", "all, by scatter", "chain links", 26.5, "Arruda, Boyce, J. Mech. Phys. Solids 41 (1993) 389"),
-    ("gent", "tension, evenly", "shear modulus", 0.24, "Hyperelastics.jl, example treloar.jl"),
-    ("gent", "tension, evenly", "chain limit", 79.97, "the same"),
-    ("yeoh", "tension, evenly", "C10", 0.18, "Altair Radioss, RD-V: 0210"),
-    ("yeoh", "tension, evenly", "C20", -2e-3, "the same"),
-    ("yeoh", "tension, evenly", "C30", 5e-5, "the same"),
+    ("ogden", "all, by scatter", {"shear modulus": 0.4225}, "Ogden, Proc. R. Soc. A 326 (1972) 565"),
+    ("arruda-boyce", "all, by scatter", {"chain links": 26.5}, "Arruda, Boyce, J. Mech. Phys. Solids 41 (1993) 389"),
+    ("gent", "tension, evenly", {"shear modulus": 0.24, "chain limit": 79.97}, "Hyperelastics.jl, example treloar.jl"),
+    ("yeoh", "tension, evenly", {"C10": 0.18, "C20": -2e-3, "C30": 5e-5}, "Altair Radioss, RD-V: 0210"),
 )
-"""Constants of Treloar's rubber, in MPa, as others give them: law, the data fitted to and their weights, constant, value and source."""
+"""Constants of Treloar's rubber, in MPa, as others give them: law, the data fitted to and their weights, constants and source."""
+
+CONSTANTS = {
+    "shear modulus": lambda law: law.shear_modulus,
+    "chain links": lambda law: law.chain_links,
+    "chain limit": lambda law: law.chain_limit,
+    "C10": lambda law: law.shear_modulus / 2,
+    "C20": lambda law: law.shear_modulus / 2 * law.second,
+    "C30": lambda law: law.shear_modulus / 2 * law.third,
+}
+"""The same of a law fitted here."""
 
 
 def show(title: str, rows: list[dict]) -> None:
@@ -97,21 +104,17 @@ def identification(folder: Path) -> dict:
 def beside_published() -> list[dict]:
     """Constants found here and by others."""
     data = pd.load_test_data("treloar")
+    tension = data.of("uniaxial")
+    fits = {
+        "all, by scatter": (data.stretches, data.nominal_stress, data.balanced_weights()),
+        "tension, evenly": (tension.stretches, tension.nominal_stress),
+    }
     rows = []
-    for name, fitted_to, constant, published, source in PUBLISHED:
-        model = pd.LawRegressor(name)
-        if fitted_to == "tension, evenly":
-            tension = data.of("uniaxial")
-            law = model.fit(tension.stretches, tension.nominal_stress).law_
-        else:
-            law = model.fit(data.stretches, data.nominal_stress, data.balanced_weights()).law_
-        constants = {"shear modulus": law.shear_modulus}
-        if name == "yeoh":
-            constants |= {f"C{k}0": law.shear_modulus / 2 * factor for k, factor in ((1, 1.0), (2, law.second), (3, law.third))}
-        else:
-            constants |= {key.replace("_", " "): getattr(law, key) for key in ("chain_limit", "chain_links") if hasattr(law, key)}
-        found = {"here": constants[constant], "published": f"{published:g}", "source": source}
-        rows.append({"law": name, "fitted to": fitted_to, "constant": constant, **found})
+    for name, fitted_to, constants, source in PUBLISHED:
+        law = pd.LawRegressor(name).fit(*fits[fitted_to]).law_
+        for constant, value in constants.items():
+            found = {"here": CONSTANTS[constant](law), "published": f"{value:g}", "source": source}
+            rows.append({"law": name, "fitted to": fitted_to, "constant": constant, **found})
     show("Treloar's rubber, in MPa", rows)
     return rows
 

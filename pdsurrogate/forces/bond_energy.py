@@ -283,15 +283,16 @@ class BondEnergyEvaluation(DomainWatch):
         starts, counts = bonds.pointers[touched].astype(np.int64), np.diff(bonds.pointers).astype(np.int64)[touched]
         entries = np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
         around = np.unique(bonds.pair_of[entries])
-        around_touched = bonds.pointers, bonds.neighbours, bonds.pair_of
-        reference.bond_shares(touched, *around_touched, body.all_points, body.volumes, self._counted, body.horizon, self._shares)
+        directed = bonds.pointers, bonds.neighbours, bonds.pair_of
+        reference.bond_shares(touched, *directed, body.all_points, body.volumes, self._counted, body.horizon, self._shares)
         entries, starts = self.kinematics.pair_entries
         one, other = entries[starts[around]], entries[starts[around + 1] - 1]
         self._weights[around] = self._shares[one] + np.where(other != one, self._shares[other], 0.0)
         self.geometry[around // BLOCK, 3, around % BLOCK] = self._weights[around]
         bond, volumes = self.kinematics.weighted_bonds[self._image_bonds], body.all_volumes
         ratio = volumes[self._image_neighbours] / volumes[bonds.neighbours[self._image_bonds]]
-        self._image_weighted_bonds = np.ascontiguousarray(-bond * ratio[:, None])
+        # In the precision of the points' own: another would have `point_forces` compiled a second time.
+        self._image_weighted_bonds = (-bond * ratio[:, None]).astype(bond.dtype)
 
     def _diagnose(self) -> str:
         """Say which bond has no energy, and why."""

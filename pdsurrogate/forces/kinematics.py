@@ -86,7 +86,7 @@ class Kinematics:
             self.supported,
         )
         reference.reflect_shapes(len(body), body.images.mirror, self.inverse_shape, self.supported)
-        self.unsupported = np.flatnonzero(self.supported[: len(body)] == 0).astype(np.uint32)
+        self.unsupported = np.flatnonzero(self.supported[: len(body)] == 0)
 
     def break_bonds(self, pairs: np.ndarray) -> np.ndarray:
         """Take pairs out of their ends' horizons.

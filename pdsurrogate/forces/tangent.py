@@ -83,8 +83,8 @@ class Tangent:
         length = np.linalg.norm(vectors, axis=1)
         m = np.stack([-vectors[:, 1], vectors[:, 0]]) / length
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
-        bonds_weighted, z = force.kinematics.weighted_bonds, force.kinematics.inverse_shape[owners]
-        weights = np.einsum("bij,bj->bi", z[:, [[0, 1], [1, 2]]], bonds_weighted)
+        inverse_shape = force.kinematics.inverse_shape[owners][:, [[0, 1], [1, 2]]]
+        weights = np.einsum("bij,bj->bi", inverse_shape, force.kinematics.weighted_bonds)
         gradient = []
         for b in range(2):
             values = np.concatenate([weights[:, b], -np.bincount(owners, weights[:, b], n)])

@@ -246,41 +246,48 @@ def _sum_quads(builder, source, start, stop, places=None):
 
 
 def _accumulate_twos(builder, start, stop, add_two, add_one, count):
-    """Sum over ``start … stop``, two at a time, into `count` vectors of four doubles; the last ones alone.
+    """Sum over ``start … stop``, two at a time, into `count` vectors of four doubles; the last ones alone."""
+    quad = ir.VectorType(ir.DoubleType(), 4)
+    sets = [_zeros(builder, quad, count) for _ in range(2)]
 
-    Twice as many accumulators, so that one addition need not wait for the one before.
-    """
-    zero = ir.Constant(ir.VectorType(ir.DoubleType(), 4), [0.0] * 4)
-    sets = [[cgutils.alloca_once_value(builder, zero) for _ in range(count)] for _ in range(2)]
-    for accumulator in [*sets[0], *sets[1]]:
-        builder.store(zero, accumulator)
-    quads = builder.lshr(builder.sub(stop, start), _constant(2))
-    with cgutils.for_range(builder, quads) as loop:
-        base = builder.add(start, builder.shl(loop.index, _constant(2)))
+    def add_four(base):
         for n, accumulators in enumerate(sets):
             add_two(builder.add(base, _constant(2 * n)), accumulators)
-    rest = builder.add(start, builder.shl(quads, _constant(2)))
-    with cgutils.for_range(builder, builder.sub(stop, rest)) as loop:
-        add_one(builder.add(rest, loop.index), sets[0])
+
+    _in_fours(builder, start, stop, add_four, lambda position: add_one(position, sets[0]))
     return [builder.fadd(builder.load(first), builder.load(second)) for first, second in zip(*sets, strict=True)]
 
 
 def _accumulate(builder, start, stop, add, vector_type):
-    """Sum over ``start … stop`` into four interleaved accumulators, so that one addition need not wait for the one before."""
-    zero = ir.Constant(vector_type, [0.0] * vector_type.count)
-    accumulators = [cgutils.alloca_once_value(builder, zero) for _ in range(4)]
-    for accumulator in accumulators:
-        builder.store(zero, accumulator)
-    quads = builder.lshr(builder.sub(stop, start), _constant(2))
-    with cgutils.for_range(builder, quads) as loop:
-        base = builder.add(start, builder.shl(loop.index, _constant(2)))
+    """Sum over ``start … stop``, one at a time."""
+    accumulators = _zeros(builder, vector_type, 4)
+
+    def add_four(base):
         for n, accumulator in enumerate(accumulators):
             add(builder.add(base, _constant(n)), accumulator)
-    rest = builder.add(start, builder.shl(quads, _constant(2)))
-    with cgutils.for_range(builder, builder.sub(stop, rest)) as loop:
-        add(builder.add(rest, loop.index), accumulators[0])
+
+    _in_fours(builder, start, stop, add_four, lambda position: add(position, accumulators[0]))
     values = [builder.load(accumulator) for accumulator in accumulators]
     return builder.fadd(builder.fadd(values[0], values[1]), builder.fadd(values[2], values[3]))
+
+
+def _zeros(builder, vector_type, count):
+    """Accumulators: several, so that one addition need not wait for the one before."""
+    zero = ir.Constant(vector_type, [0.0] * vector_type.count)
+    accumulators = [cgutils.alloca_once(builder, vector_type) for _ in range(count)]
+    for accumulator in accumulators:
+        builder.store(zero, accumulator)
+    return accumulators
+
+
+def _in_fours(builder, start, stop, add_four, add_one):
+    """Loop over ``start … stop`` in steps of four, and over the rest."""
+    quads = builder.lshr(builder.sub(stop, start), _constant(2))
+    with cgutils.for_range(builder, quads) as loop:
+        add_four(builder.add(start, builder.shl(loop.index, _constant(2))))
+    rest = builder.add(start, builder.shl(quads, _constant(2)))
+    with cgutils.for_range(builder, builder.sub(stop, rest)) as loop:
+        add_one(builder.add(rest, loop.index))
 
 
 @intrinsic

@@ -1,4 +1,4 @@
-"""Steps of dynamic relaxation and of explicit dynamics: vectors in, vectors out, no allocation."""
+"""Steps of dynamic relaxation and of explicit dynamics, and what bounds a step: vectors in, vectors out, no allocation."""
 
 import numpy as np
 
