@@ -310,6 +310,19 @@ def test_isochoric_features_lose_nothing():
         surrogate_of(other, LAW, domain_of(samples))
 
 
+@pytest.mark.parametrize("law", [pd.NeoHookean(), pd.Gent()], ids=["both", "one"])
+def test_an_output_that_only_rounding_moves_is_not_learnt(law):
+    """Neo-Hookean rubber has two constant isochoric outputs, Gent's one; scaled to unit variance their rounding would be fitted."""
+    samples = pd.wide_design(law, 1500, random_state=0)
+    network = pd.LevenbergMarquardtRegressor((4,), "algebraic", max_iter=100, random_state=0)
+    model = pd.bond_force_pipeline("isochoric", network).fit(samples.X, samples.y)
+    fresh = pd.wide_design(law, 1500, random_state=1)
+    outputs = outputs_of_force(fresh.X, model.predict(fresh.X), "isochoric")
+    assert np.abs(outputs[:, 1]).max() < 1e-9
+    if law.name == "neo-hookean":
+        np.testing.assert_allclose(model.predict(fresh.X), fresh.y, rtol=1e-9, atol=1e-9)
+
+
 def test_torch_network_becomes_a_surrogate():
     samples = pd.wide_design(LAW, 1500, random_state=0)
     network = pd.TorchMLPRegressor((16, 16), max_epochs=60, random_state=0)

@@ -14,6 +14,9 @@ from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .sampling import COLUMNS, force_factor
 from .target import InputAwareTargetRegressor
 
+ROUNDING = 1e-10
+"""Spread, in parts of the greatest output, below which an output is taken for constant."""
+
 AT_REST = (1.0, 0.0, 1.0, 1.0, 1.0)
 """Bond quantities of an undeformed bond as long as the horizon."""
 
@@ -72,22 +75,31 @@ def feature_transformer(features: str, horizon: float = 1.0) -> FunctionTransfor
 def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.ndarray:
     """Values of a feature set, shape (n, n_features)."""
     a, b, U_mm, J, C33, length = _bond_state(X)
-    return np.stack(FEATURE_SETS[features].inputs(a, b, U_mm, J, C33, length / horizon), axis=1)
+    chosen = FEATURE_SETS[features]
+    return np.stack(chosen.inputs(chosen.shared(a, b, J, C33), a, b, U_mm, J, C33, length / horizon), axis=1)
 
 
 def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
-    """What the network is trained to give: the nondimensional force as the feature set's outputs."""
+    """What the network is trained to give: the nondimensional force as the feature set's outputs.
+
+    An output that only rounding moves is made constant: scaled to unit variance it would be noise that a regressor spends itself on.
+    """
     a, b, U_mm, J, C33, length = _bond_state(X)
     force = np.asarray(y) if factor is None else y / factor(length)[:, None]
     stretch = X[:, 0]
     T_nn, T_nm = ((force[:, 0] * a - force[:, 1] * b) / stretch, (force[:, 0] * b + force[:, 1] * a) / stretch)
-    return np.stack(FEATURE_SETS[features].outputs(T_nn, T_nm, a, b, U_mm, J, C33), axis=1)
+    chosen = FEATURE_SETS[features]
+    outputs = np.stack(chosen.outputs(chosen.shared(a, b, J, C33), T_nn, T_nm, a, b, U_mm, J, C33), axis=1)
+    constant = np.ptp(outputs, axis=0) < ROUNDING * np.abs(outputs).max()
+    outputs[:, constant] = np.median(outputs[:, constant], axis=0)
+    return outputs
 
 
 def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
     """The inverse of `outputs_of_force`."""
     a, b, U_mm, J, C33, length = _bond_state(X)
-    T_nn, T_nm, _ = FEATURE_SETS[features].traction(z[:, 0], z[:, 1], a, b, U_mm, J, C33)
+    chosen = FEATURE_SETS[features]
+    T_nn, T_nm, _ = chosen.traction(chosen.shared(a, b, J, C33), z[:, 0], z[:, 1], a, b, U_mm, J, C33)
     force = np.stack([T_nn * a + T_nm * b, T_nm * a - T_nn * b], axis=1) / X[:, :1]
     return force if factor is None else force * factor(length)[:, None]
 
