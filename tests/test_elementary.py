@@ -20,6 +20,20 @@ def apply(function, x):
     return y.astype(float)
 
 
+@pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 3e-7), (np.float64, 2.3e-16)])
+def test_quotient(random, dtype, tolerance):
+    x, y = (np.exp(random.uniform(-40, 40, (2, 5000))) * random.choice([-1, 1], (2, 5000))).astype(dtype)
+
+    @kernel
+    def loop(x, y, out):
+        for k in range(x.shape[0]):
+            out[k] = elementary.quotient(x[k], y[k])
+
+    out = np.empty_like(x)
+    loop(x, y, out)
+    assert np.abs(out * y.astype(float) / x.astype(float) - 1).max() < tolerance
+
+
 @pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 3e-7), (np.float64, 4e-16)])
 def test_inverse_cube_root(random, dtype, tolerance):
     x = np.exp(random.uniform(-80, 80, 5000)).astype(dtype)

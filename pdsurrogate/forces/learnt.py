@@ -101,8 +101,9 @@ class LearntBondForce(ABC):
         U_mm = lateral_stretch(a, b, J)
         features = FEATURE_SETS[self.feature_set]
         with np.errstate(invalid="ignore"):  # a bond turned past a right angle has no stretch tensor: NaN
-            outputs = self.outputs(np.stack(features.inputs(a, b, U_mm, J, C33, length), axis=1)) - self.at_rest
-            T_nn, T_nm, _ = features.traction(outputs[:, 0], outputs[:, 1], a, b, U_mm, J, C33)
+            shared = features.shared(a, b, J, C33)
+            outputs = self.outputs(np.stack(features.inputs(shared, a, b, U_mm, J, C33, length), axis=1)) - self.at_rest
+            T_nn, T_nm, _ = features.traction(shared, outputs[:, 0], outputs[:, 1], a, b, U_mm, J, C33)
         return np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
 
     def compiled(self, dtype) -> CompiledBondForce:

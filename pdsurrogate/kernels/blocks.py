@@ -75,6 +75,40 @@ pair_records, triple_records, quad_records = (_with_row_length(length) for lengt
 
 
 @intrinsic
+def put_column(typingctx, rows, column, values):
+    """``rows[q, column] = values[q]`` for every value of a tuple.
+
+    Written as a loop over q, LLVM splits the first columns off the loop around it, whose vectors then lie across cache lines.
+    """
+
+    def codegen(context, builder, signature, arguments):
+        kind, _, values_type = signature.args
+        array = context.make_array(kind)(context, builder, arguments[0])
+        for q, value in enumerate(cgutils.unpack_tuple(builder, arguments[2], len(values_type))):
+            indices = [ir.Constant(context.get_value_type(types.intp), q), arguments[1]]
+            builder.store(value, cgutils.get_item_pointer(context, builder, kind, array, indices))
+        return context.get_dummy_value()
+
+    return types.void(rows, types.intp, values), codegen
+
+
+@intrinsic
+def column_like(typingctx, rows, column, values):
+    """What `put_column` wrote of a tuple like `values`."""
+
+    def codegen(context, builder, signature, arguments):
+        kind = signature.args[0]
+        array = context.make_array(kind)(context, builder, arguments[0])
+        found = []
+        for q in range(len(signature.return_type)):
+            indices = [ir.Constant(context.get_value_type(types.intp), q), arguments[1]]
+            found.append(builder.load(cgutils.get_item_pointer(context, builder, kind, array, indices)))
+        return context.make_tuple(builder, signature.return_type, found)
+
+    return values(rows, types.intp, values), codegen
+
+
+@intrinsic
 def stack_rows(typingctx, count):
     """An array of rows of doubles on the stack, for intermediate values within a block function; `count` is a literal."""
     if not isinstance(count, types.IntegerLiteral):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from .compile import inline, inlined
+from .elementary import quotient
 from .feature_sets import like
 
 LEAST_NORMAL_STRETCH = 0.1
@@ -16,7 +17,7 @@ def lateral_stretch(a, b, J):
     bond on instead of back.  So below `LEAST_NORMAL_STRETCH` 1/a goes on along its tangent.  With p > 0 and q < 0
     the traction T_nn = p a + q U_mm/J is then finite and rises with a through all turns: it pushes the bond back.
     """
-    inverse = like(a, 1.0) / np.maximum(a, like(a, LEAST_NORMAL_STRETCH))
+    inverse = quotient(like(a, 1.0), np.maximum(a, like(a, LEAST_NORMAL_STRETCH)))
     return (J + b * b) * inverse * (like(a, 2.0) - a * inverse)
 
 

@@ -14,7 +14,7 @@ from numba import types
 from numba.extending import overload
 
 from .compile import INLINE_OPTIONS
-from .elementary import arctangent, inverse_cube_root, logarithm
+from .elementary import arctangent, inverse_cube_root, logarithm, quotient
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,14 @@ class FeatureSet:
     name : str
     names : tuple of str
         Of the features.
+    shared : callable
+        ``shared(a, b, J, C33)`` gives a tuple of what the functions below have in common; a = U_nn, b = U_nm.
     inputs : callable
-        ``inputs(a, b, U_mm, J, C33, length)`` gives the features; a = U_nn, b = U_nm, length in horizons.
+        ``inputs(shared, a, b, U_mm, J, C33, length)`` gives the features; length in horizons.
     traction : callable
-        ``traction(o1, o2, a, b, U_mm, J, C33)`` gives T_nn, T_nm, T_mm from the two outputs.
+        ``traction(shared, o1, o2, a, b, U_mm, J, C33)`` gives T_nn, T_nm, T_mm from the two outputs.
     outputs : callable
-        ``outputs(T_nn, T_nm, a, b, U_mm, J, C33)`` inverts it, for training (NumPy only).
+        ``outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33)`` inverts it, for training (NumPy only).
     anchored : int or None
         The output that must vanish at rest for the force to vanish there; there T_nn is `rest_factor` times it.
     gives_transverse : bool
@@ -40,6 +42,7 @@ class FeatureSet:
 
     name: str
     names: tuple[str, ...]
+    shared: Callable
     inputs: Callable
     traction: Callable
     outputs: Callable
@@ -60,74 +63,90 @@ def _like(x, value):
     return lambda x, value: value
 
 
-def symmetric_inputs(a, b, U_mm, J, C33, length):
+def symmetric_shared(a, b, J, C33):
+    """The ratio k = C33/J."""
+    return (quotient(C33, J),)
+
+
+def symmetric_inputs(shared, a, b, U_mm, J, C33, length):
     """Log U_nn, log U_mm, log J, log J3^2 (THEORY section 4): even in b, so mirror symmetry is exact; all zero at rest."""
     return logarithm(a), logarithm(U_mm), logarithm(J), logarithm(C33 * J * J)
 
 
-def symmetric_traction(o1, o2, a, b, U_mm, J, C33):
+def symmetric_traction(shared, o1, o2, a, b, U_mm, J, C33):
     """T_nn, T_nm, T_mm from T_nn/(U_nn + k U_mm) and T_nm/(b (1 + k)), k = C33/J.
 
     T and U are coaxial for every isotropic law, T_nm (U_nn - U_mm) = U_nm (T_nn - T_mm), so T_mm needs no output of its own.
     """
-    k = C33 / J
+    k = shared[0]
     shear = o2 * (like(a, 1.0) + k)
     T_nn = o1 * (a + k * U_mm)
     return T_nn, shear * b, T_nn - shear * (a - U_mm)
 
 
-def symmetric_outputs(T_nn, T_nm, a, b, U_mm, J, C33):
+def symmetric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
     """Inverse of `symmetric_traction`."""
-    k = C33 / J
+    k = shared[0]
     return T_nn / (a + k * U_mm), T_nm / (b * (1 + k))
 
 
-def isochoric_inputs(a, b, U_mm, J, C33, length):
+def isochoric_shared(a, b, J, C33):
+    """J3^(-1/3)."""
+    return (inverse_cube_root(J * J * C33),)
+
+
+def isochoric_inputs(shared, a, b, U_mm, J, C33, length):
     """Log Jbar and tr Cbar/(2 Jbar) - 1 of the isochoric stretch in the plane, Ubar = J3^(-1/3) U.
 
     For a law W_iso + U(J3) the traction is J3^(-1/3) times a function of Ubar alone, and an isotropic function of it
     has two arguments: with these features nothing is lost, and isotropy and the split are exact.  The second is cosh
     log(lambda_1/lambda_2) - 1.
     """
-    c = inverse_cube_root(J * J * C33)
+    c = shared[0]
     trace = a * a + like(a, 2.0) * b * b + U_mm * U_mm
-    return logarithm(c * J), trace / (like(a, 2.0) * J) - like(a, 1.0)
+    return logarithm(c * J), quotient(like(a, 0.5) * trace, J) - like(a, 1.0)
 
 
-def isochoric_traction(o1, o2, a, b, U_mm, J, C33):
+def isochoric_traction(shared, o1, o2, a, b, U_mm, J, C33):
     """T = p (U - C33 U^-1) + r U^-1 with p = J3^(-2/3) o1 and r = o2; zero at rest if o2 is.
 
     r vanishes for every law of I1bar alone, where p is 2 W1 J3^(-2/3).
     """
-    c = inverse_cube_root(J * J * C33)
+    c = shared[0]
     p = c * o1
-    q = (o2 - C33 * p) / J
+    q = quotient(o2 - C33 * p, J)
     return p * a + q * U_mm, (p - q) * b, p * U_mm + q * a
 
 
-def isochoric_outputs(T_nn, T_nm, a, b, U_mm, J, C33):
+def isochoric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
     """Inverse of `isochoric_traction`."""
-    c = inverse_cube_root(J * J * C33)
+    c = shared[0]
     q = (T_nn - a * T_nm / b) / (a + U_mm)
     p = T_nm / b + q
     return p / c, q * J + C33 * p
 
 
-def paper_inputs(a, b, U_mm, J, C33, length):
+def paper_shared(a, b, J, C33):
+    """lambda_b and its inverse."""
+    stretch = np.sqrt(a * a + b * b)
+    return stretch, like(a, 1.0) / stretch
+
+
+def paper_inputs(shared, a, b, U_mm, J, C33, length):
     """lambda_b, dtheta, l_b/delta, C33, det F: the paper's five."""
-    return np.sqrt(a * a + b * b), arctangent(b, a), length, C33, J
+    return shared[0], arctangent(b, a), length, C33, J
 
 
-def paper_traction(o1, o2, a, b, U_mm, J, C33):
+def paper_traction(shared, o1, o2, a, b, U_mm, J, C33):
     """T_nn, T_nm from t_n and t_tau, the components along and across the deformed bond; T_mm is not known and given as 0."""
-    norm = like(a, 1.0) / np.sqrt(a * a + b * b)
-    return (o1 * a - o2 * b) * norm, (o1 * b + o2 * a) * norm, like(a, 0.0) * o1
+    inverse = shared[1]
+    return (o1 * a - o2 * b) * inverse, (o1 * b + o2 * a) * inverse, like(a, 0.0) * o1
 
 
-def paper_outputs(T_nn, T_nm, a, b, U_mm, J, C33):
+def paper_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
     """Inverse of `paper_traction`."""
-    norm = 1 / np.sqrt(a * a + b * b)
-    return (T_nn * a + T_nm * b) * norm, (T_nm * a - T_nn * b) * norm
+    inverse = shared[1]
+    return (T_nn * a + T_nm * b) * inverse, (T_nm * a - T_nn * b) * inverse
 
 
 FEATURE_SETS = {
@@ -136,6 +155,7 @@ FEATURE_SETS = {
         FeatureSet(
             "symmetric",
             ("log U_nn", "log U_mm", "log J", "log J3^2"),
+            symmetric_shared,
             symmetric_inputs,
             symmetric_traction,
             symmetric_outputs,
@@ -146,6 +166,7 @@ FEATURE_SETS = {
         FeatureSet(
             "isochoric",
             ("log Jbar", "tr Cbar/(2 Jbar) - 1"),
+            isochoric_shared,
             isochoric_inputs,
             isochoric_traction,
             isochoric_outputs,
@@ -153,6 +174,16 @@ FEATURE_SETS = {
             1.0,
             True,
         ),
-        FeatureSet("paper", ("stretch", "rotation", "length", "C33", "J"), paper_inputs, paper_traction, paper_outputs, None, 1.0, False),
+        FeatureSet(
+            "paper",
+            ("stretch", "rotation", "length", "C33", "J"),
+            paper_shared,
+            paper_inputs,
+            paper_traction,
+            paper_outputs,
+            None,
+            1.0,
+            False,
+        ),
     )
 }

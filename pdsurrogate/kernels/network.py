@@ -2,7 +2,7 @@
 
 Weights arrive packed for the loops here: units in groups of four, whose weights are scalars of the inner loop over
 bonds, so that a state is loaded once for four units and the accumulators are written once for four.  Inputs are
-padded to a multiple of four with zero weights.
+padded to a multiple of four with zero weights, except two that go straight to the last hidden layer.
 """
 
 from functools import cache
@@ -11,11 +11,14 @@ import numpy as np
 from numba import carray
 
 from .activations import ACTIVATIONS
-from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows
+from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
 from .compile import bond_force_signature, compile_block_function, inlined, kernel, source_digest, widest_vectors
 from .feature_sets import FEATURE_SETS
 
 GROUP = 4
+
+PAIR = 2
+"""Inputs that a single hidden layer takes without padding."""
 
 N_OUTPUTS = 2
 """Outputs of every bond-force network; the feature set says what they mean."""
@@ -23,6 +26,9 @@ N_OUTPUTS = 2
 
 MOST_HIDDEN = 2
 """Hidden layers that a network may have."""
+
+MOST_SHARED = 2
+"""Values that a feature set's functions may share."""
 
 N_WEIGHTS, N_WORK_ROWS, N_HIDDEN, WIDTHS = 0, 1, 2, 3
 """Places in a network's sizes: length of its weights, rows of working memory, hidden layers, then the widths of
@@ -58,7 +64,8 @@ def pack(layers, at_rest, dtype):
         raise ValueError(f"a network needs one to {MOST_HIDDEN} hidden layers, this one has {len(hidden)}")
     if output_weights.shape[1] != N_OUTPUTS:
         raise ValueError(f"a bond-force network has {N_OUTPUTS} outputs, this one {output_weights.shape[1]}")
-    widths = [_padded(hidden[0][0].shape[0])] + [_padded(biases.size) for _, biases in hidden]
+    n_inputs = hidden[0][0].shape[0]
+    widths = [n_inputs if n_inputs == PAIR and len(hidden) == 1 else _padded(n_inputs)] + [_padded(biases.size) for _, biases in hidden]
     parts = []
     for (weights, biases), n_in, n_out in zip(hidden, widths[:-1], widths[1:], strict=True):
         W = np.zeros((n_in, n_out))
@@ -72,7 +79,7 @@ def pack(layers, at_rest, dtype):
     parts += [V[group : group + GROUP].T.ravel() for group in range(0, widths[-1], GROUP)]
     packed = np.concatenate([*parts, output_biases, at_rest]).astype(dtype)
     sizes = np.zeros(N_SIZES, dtype=np.int64)
-    sizes[:WIDTHS] = packed.size, sum(widths) + GROUP, len(hidden)
+    sizes[:WIDTHS] = packed.size, sum(widths) + MOST_SHARED + GROUP, len(hidden)
     sizes[WIDTHS : WIDTHS + len(widths)] = widths
     return sizes, packed
 
@@ -123,6 +130,7 @@ def network_block(features, activation, dtype):
         One of `pdsurrogate.kernels.activations.ACTIVATIONS`.
     dtype : float32 or float64
     """
+    shared_of = inlined(FEATURE_SETS[features].shared)[0]
     inputs = inlined(FEATURE_SETS[features].inputs)[0]
     traction_of = inlined(FEATURE_SETS[features].traction)[0]
     activate = inlined(ACTIVATIONS[activation])[0]
@@ -139,15 +147,18 @@ def network_block(features, activation, dtype):
         n_hidden = sizes[N_HIDDEN]
         width = sizes[WIDTHS]
         rows = block_rows(work[0:width])
+        kept = block_rows(work[width : width + MOST_SHARED])
         for k in range(BLOCK):
-            values = inputs(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], states[5, k])
-            for q in range(len(values)):
-                rows[q, k] = values[q]
+            a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
+            shared = shared_of(a, b, J, C33)
+            values = inputs(shared, a, b, U_mm, J, C33, states[5, k])
+            put_column(kept, k, shared)
+            put_column(rows, k, values)
         for q in range(len(values), width):
             for k in range(BLOCK):
                 rows[q, k] = 0
         at = 0
-        free = width
+        free = width + MOST_SHARED
         for layer in range(1, n_hidden):
             units = sizes[WIDTHS + layer]
             activated = block_rows(work[free : free + units])
@@ -193,6 +204,19 @@ def network_block(features, activation, dtype):
                     z3 = activate(b3 + w03 * x0 + w13 * x1 + w23 * x2 + w33 * x3)
                     traction[0, k] += u0 * z0 + u1 * z1 + u2 * z2 + u3 * z3
                     traction[1, k] += v0 * z0 + v1 * z1 + v2 * z2 + v3 * z3
+            elif width == PAIR:
+                b0, b1, b2, b3 = w[0], w[1], w[2], w[3]
+                w00, w01, w02, w03 = w[4], w[5], w[6], w[7]
+                w10, w11, w12, w13 = w[8], w[9], w[10], w[11]
+                for k in range(BLOCK):
+                    x0 = rows[0, k]
+                    x1 = rows[1, k]
+                    z0 = activate(b0 + w00 * x0 + w10 * x1)
+                    z1 = activate(b1 + w01 * x0 + w11 * x1)
+                    z2 = activate(b2 + w02 * x0 + w12 * x1)
+                    z3 = activate(b3 + w03 * x0 + w13 * x1)
+                    traction[0, k] += u0 * z0 + u1 * z1 + u2 * z2 + u3 * z3
+                    traction[1, k] += v0 * z0 + v1 * z1 + v2 * z2 + v3 * z3
             else:
                 _pre_activations(rows, width, w, z)
                 for k in range(BLOCK):
@@ -205,9 +229,9 @@ def network_block(features, activation, dtype):
         rest0 = weights[last + 2]
         rest1 = weights[last + 3]
         for k in range(BLOCK):
-            T_nn, T_nm, T_mm = traction_of(
-                traction[0, k] - rest0, traction[1, k] - rest1, states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
-            )
+            a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
+            again = column_like(kept, k, shared)
+            T_nn, T_nm, T_mm = traction_of(again, traction[0, k] - rest0, traction[1, k] - rest1, a, b, U_mm, J, C33)
             traction[0, k] = T_nn
             traction[1, k] = T_nm
             traction[2, k] = T_mm

@@ -5,7 +5,7 @@ from numba import prange
 
 from .blocks import BLOCK, block_rows, quad_records
 from .compile import call_block, kernel, parallel_kernel, widest_vectors
-from .elementary import sum_in_order
+from .elementary import inverse_square_root, sum_in_order
 
 MOST_ITERATIONS = 40
 
@@ -30,7 +30,7 @@ def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8)
     widest_vectors()
     for _ in range(MOST_ITERATIONS):
         call_block(response, states, parameters, result)
-        largest = 0.0
+        beyond = -np.inf
         for k in range(n):
             J3 = states[2, k]
             step = result[2, k] / result[3, k]
@@ -40,8 +40,8 @@ def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8)
             # Past the law's limit at this J3, which a state with more volume may keep: swell, until there is one.
             step = step if result[2, k] == result[2, k] else -SWELLING * J3
             states[2, k] = J3 - step
-            largest = max(largest, abs(step) / J3)
-        if largest < last_step:
+            beyond = max(beyond, abs(step) - last_step * J3)
+        if beyond < 0.0:
             break
     unsolved = 0
     for k in range(n):
@@ -89,18 +89,18 @@ def node_states(gradients, volume_ratios, rotation, response, parameters, scratc
                 states[2, k] = J3[k]
             count += solve_volume_ratios(size, states, result, response, parameters)
             for k in range(size):
-                thickness = states[2, k] / states[1, k]
                 J3[k] = states[2, k]
+            # All four at once: records that are written a part at a time are scattered.
+            for k in range(size):
+                thickness = states[2, k] / states[1, k]
+                c = F[k, 0] + F[k, 3]
+                s = F[k, 1] - F[k, 2]
+                norm = inverse_square_root(c * c + s * s)
+                record[k, 0] = c * norm
+                record[k, 1] = s * norm
                 record[k, 2] = states[1, k]
                 record[k, 3] = thickness * thickness
-            if rotation == POLAR:
-                for k in range(size):
-                    c = F[k, 0] + F[k, 3]
-                    s = F[k, 1] - F[k, 2]
-                    norm = 1.0 / np.sqrt(c * c + s * s)
-                    record[k, 0] = c * norm
-                    record[k, 1] = s * norm
-            else:
+            if rotation != POLAR:
                 for k in range(size):
                     angle = convected_rotation(F[k, 0], F[k, 1], F[k, 2], F[k, 3])
                     record[k, 0] = np.cos(angle)

@@ -126,6 +126,7 @@ def polynomial_block(features, counts, dtype):
         As from `pack`, whose other result is the block function's ``weights``; it takes no sizes.
     dtype : float32 or float64
     """
+    shared_of = inlined(FEATURE_SETS[features].shared)[0]
     inputs = inlined(FEATURE_SETS[features].inputs)[0]
     traction_of = inlined(FEATURE_SETS[features].traction)[0]
     terms = ",".join(str(count) for count in counts)
@@ -143,8 +144,9 @@ def polynomial_block(features, counts, dtype):
         rest0, rest1 = values[rest], values[rest + 1]
         for k in range(BLOCK):
             a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
-            x1, x2 = inputs(a, b, U_mm, J, C33, states[5, k])
+            shared = shared_of(a, b, J, C33)
+            x1, x2 = inputs(shared, a, b, U_mm, J, C33, states[5, k])
             one, two = chebyshev_sums(terms, (x1 - centre1) * scale1, (x2 - centre2) * scale2, values)
-            traction[0, k], traction[1, k], traction[2, k] = traction_of(one - rest0, two - rest1, a, b, U_mm, J, C33)
+            traction[0, k], traction[1, k], traction[2, k] = traction_of(shared, one - rest0, two - rest1, a, b, U_mm, J, C33)
 
     return compile_block_function(polynomial, bond_force_signature(np.dtype(dtype)))

@@ -254,7 +254,9 @@ def _accumulate_twos(builder, start, stop, add_two, add_one, count):
         for n, accumulators in enumerate(sets):
             add_two(builder.add(base, _constant(2 * n)), accumulators)
 
-    _in_fours(builder, start, stop, add_four, lambda position: add_one(position, sets[0]))
+    rest = _in_steps(builder, start, stop, 4, add_four)
+    rest = _in_steps(builder, rest, stop, 2, lambda position: add_two(position, sets[0]))
+    _in_steps(builder, rest, stop, 1, lambda position: add_one(position, sets[1]))
     return [builder.fadd(builder.load(first), builder.load(second)) for first, second in zip(*sets, strict=True)]
 
 
@@ -266,7 +268,8 @@ def _accumulate(builder, start, stop, add, vector_type):
         for n, accumulator in enumerate(accumulators):
             add(builder.add(base, _constant(n)), accumulator)
 
-    _in_fours(builder, start, stop, add_four, lambda position: add(position, accumulators[0]))
+    rest = _in_steps(builder, start, stop, 4, add_four)
+    _in_steps(builder, rest, stop, 1, lambda position: add(position, accumulators[0]))
     values = [builder.load(accumulator) for accumulator in accumulators]
     return builder.fadd(builder.fadd(values[0], values[1]), builder.fadd(values[2], values[3]))
 
@@ -280,14 +283,13 @@ def _zeros(builder, vector_type, count):
     return accumulators
 
 
-def _in_fours(builder, start, stop, add_four, add_one):
-    """Loop over ``start … stop`` in steps of four, and over the rest."""
-    quads = builder.lshr(builder.sub(stop, start), _constant(2))
-    with cgutils.for_range(builder, quads) as loop:
-        add_four(builder.add(start, builder.shl(loop.index, _constant(2))))
-    rest = builder.add(start, builder.shl(quads, _constant(2)))
-    with cgutils.for_range(builder, builder.sub(stop, rest)) as loop:
-        add_one(builder.add(rest, loop.index))
+def _in_steps(builder, start, stop, step, body):
+    """Loop over ``start … stop`` in whole steps, a power of two long; returns where the rest begins."""
+    shift = _constant(step.bit_length() - 1)
+    steps = builder.lshr(builder.sub(stop, start), shift)
+    with cgutils.for_range(builder, steps) as loop:
+        body(builder.add(start, builder.shl(loop.index, shift)))
+    return builder.add(start, builder.shl(steps, shift))
 
 
 @intrinsic

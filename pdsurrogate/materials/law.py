@@ -278,7 +278,9 @@ class PrincipalStretchLaw(Law):
                 rows[3, k] = s1
                 rows[4, k] = s2
                 rows[5, k] = s3
-                for row in range(RESPONSE_ROWS):
+            # On its own: a loop within the one above would split rounds off it.
+            for row in range(RESPONSE_ROWS):
+                for k in range(BLOCK):
                     result[row, k] = 0.0
             for number in range(n_terms):
                 constants = coefficients(parameters, number)
