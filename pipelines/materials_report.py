@@ -18,7 +18,8 @@ import pdsurrogate as pd
 from pdsurrogate.identification import figure, held_out_modes, report
 from pdsurrogate.learning import domain_of, surrogate_of
 from pdsurrogate.materials import plane_stress
-from pdsurrogate.reports.compare import Candidate, measure_speed, processor
+from pdsurrogate.reports.compare import processor
+from pdsurrogate.reports.speed import bench_positions, measure_speed, sheet
 from pdsurrogate.results import figures
 from pdsurrogate.results.files import write_json
 
@@ -147,7 +148,6 @@ def scene_errors(law, model) -> tuple[float, float]:
 def thickness_error(model, law, precision: str) -> float:
     """Greatest relative error of J3 from the learnt force in the waved state of the comparison; NaN where the law is solved."""
     from pdsurrogate.forces import ForceSettings
-    from pdsurrogate.reports.compare import bench_positions
 
     body = pd.Body.rectangle(3.0, 1.0, 0.05, 3.15 * 0.05)
     positions = bench_positions(body, law)
@@ -164,8 +164,8 @@ def speed(quick: bool) -> list[dict]:
     rows = []
     for law in (law() for law in pd.LAWS.values()):
         model, finer = cheapest(law), surrogate(law, DEGREES[-1])
-        entries = [Candidate("exact", pd.AnalyticBondForce(law), "float64"), Candidate("surrogate", model, "float32")]
-        exact, learnt = measure_speed(entries, law, 0.02, 3 if quick else 9, 0.05 if quick else 0.2)
+        models = [(pd.AnalyticBondForce(law), "float64"), (model, "float32")]
+        exact, learnt = measure_speed(models, law, sheet(), 2.0 if quick else 20.0)
         slope = pd.evaluate(pd.AnalyticBondForce(law).bond_force, law, pd.reachable_stretches(law), 5000)["least_slope_exact"]
         errors = [errors_of(candidate, law) for candidate in (model, finer)]
         stress, displacement = scene_errors(law, model)

@@ -40,6 +40,8 @@ def compare(
     for row in rows:
         table.add_row(*row)
     Console(width=max(out.width, 190)).print(table)
+    if caution := presentation.caution(report):
+        err.print(caution, soft_wrap=True)
     if folder is not None:
         with writing(folder):
             write_text(folder / "compare.csv", presentation.as_csv(report))

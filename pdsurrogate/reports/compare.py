@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import platform
-import statistics
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numba
-import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ..artifacts import load_surrogate
-from ..body import Body
 from ..forces import (
     AnalyticBondForce,
     BondAssociatedForce,
@@ -22,13 +17,9 @@ from ..forces import (
     CorrespondenceForce,
     EnergySurrogate,
     ForceModel,
-    ForceSettings,
     ForceSurrogate,
 )
 from ..forces.kernel_face import kernel_bond_force, kernel_energy
-from ..kernels.blocks import BLOCK, aligned_rows
-from ..kernels.calibration import ROWS, arithmetic
-from ..kernels.compile import thread_count
 from ..learning import (
     ChebyshevRegressor,
     LevenbergMarquardtRegressor,
@@ -41,9 +32,10 @@ from ..learning import (
 )
 from ..learning.energy import energy_design, energy_errors, energy_pipeline, energy_surrogate_of
 from ..learning.sobolev import SobolevRegressor
-from ..materials import Law, NeoHookean, homogeneous
+from ..materials import Law, NeoHookean
 from ..scenes import load_scene
 from ..simulation import SimulationFailed, simulate
+from .speed import measure_speed, sheet
 
 RIVAL, REFERENCE = "BA-NOSB", "NOSB"
 """Titles of the models to whose cost the others' is compared."""
@@ -116,77 +108,6 @@ def candidates(law: Law, quick: bool, say: Callable[[str], None]) -> list[Candid
     return found
 
 
-def bench_positions(body: Body, law: Law) -> np.ndarray:
-    """Positions of a body at uniaxial stretch 2 with a smooth wave on top: every bond in a state of its own."""
-    state = homogeneous.uniaxial(law, 2.0)
-    x1, x2 = body.points.T
-    wave = 0.2 * body.horizon
-    phase = 2 * np.pi / (10 * body.horizon)
-    return np.stack([2 * x1 + wave * np.sin(phase * x2), state.lateral_stretch * x2 + wave * np.sin(phase * x1)], axis=1)
-
-
-def measure_speed(entries: list[Candidate], law: Law, spacing: float, repeats: int, seconds: float) -> list[dict]:
-    """Nanoseconds per directed bond of the whole evaluation and of the bond pass, on one thread and on all.
-
-    All models are timed in turn on one thread and on all, `repeats` times over, so that a drift of the machine's
-    speed meets them alike; medians are given, and the gain from threads is the median of the ratios within each turn.
-    Beside every model stands what arithmetic gained that needs no memory, in pieces of a millisecond just before it: where other tenants
-    share the cores, no model can gain more.
-    """
-    body = Body.rectangle(3.0, 1.0, spacing, 3.15 * spacing)
-    positions, out = bench_positions(body, law), np.empty_like(body.points)
-    threads = sorted({1, numba.config.NUMBA_NUM_THREADS})
-
-    def gain(times: dict, key) -> float:
-        return statistics.median(one / many for one, many in zip(times[key, threads[0]], times[key, threads[-1]], strict=True))
-
-    def timed(function, calls) -> float:
-        began = time.perf_counter()
-        for _ in range(calls):
-            function()
-        return 1e9 * (time.perf_counter() - began) / calls / body.bonds.n_directed
-
-    forces, calls, buffers = {}, {}, {}
-    for count in threads:
-        with thread_count(count):
-            for number, entry in enumerate(entries):
-                force = entry.model.bind(body, law, ForceSettings(precision=entry.precision))
-                force(positions, out)
-                once = timed(lambda force=force: force(positions, out), 3)
-                forces[number, count] = force
-                calls[number, count] = max(3, int(seconds * 1e9 / once / body.bonds.n_directed))
-            buffers[count] = aligned_rows((count, ROWS, BLOCK), np.float32, 0.5)
-            arithmetic(1, buffers[count])
-    with thread_count(1):
-        began = time.perf_counter()
-        arithmetic(10_000, buffers[1])
-        rounds = int(10_000 * 1e-3 / (time.perf_counter() - began))
-    pieces = max(3, int(seconds / 1e-3))
-    total = {key: [] for key in forces}
-    bonds = {key: [] for key in forces}
-    plain = {key: [] for key in forces}
-    for _ in range(repeats):
-        for number in range(len(entries)):
-            for count in threads:
-                key = number, count
-                with thread_count(count), threadpool_limits(1):
-                    plain[key].append(timed(lambda count=count: arithmetic(rounds, buffers[count]), pieces))
-                    total[key].append(timed(lambda key=key: forces[key](positions, out), calls[key]))
-                    bonds[key].append(timed(lambda key=key: forces[key].pass_bonds(out), calls[key]))
-    rows = []
-    for number in range(len(entries)):
-        row = {}
-        for label, count in (("1", threads[0]), ("all", threads[-1])):
-            key = number, count
-            row[f"ns_per_bond_{label}"] = statistics.median(total[key])
-            row[f"ns_per_bond_{label}_spread"] = max(total[key]) - min(total[key])
-            row[f"ns_bond_pass_{label}"] = statistics.median(bonds[key])
-        row["thread_speedup"] = gain(total, number)
-        row["arithmetic_speedup"] = gain(plain, number)
-        rows.append(row)
-    return rows
-
-
 def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
     """Force error of the kernel in its own precision, on and off the surface, and the least stiffness slope; empty where there is none."""
     if isinstance(entry.model, EnergySurrogate):
@@ -234,7 +155,7 @@ def compare(law: Law | None = None, quick: bool = False, say: Callable[[str], No
     law : Law, optional
         Neo-Hookean with K = 100 mu by default.
     quick : bool
-        Coarser scene, smaller fits, fewer repeats: for a look, not for quoting.
+        Coarser scene, smaller fits, less patience: for a look, not for quoting.
     say : callable
         Told what is being done.
 
@@ -246,10 +167,11 @@ def compare(law: Law | None = None, quick: bool = False, say: Callable[[str], No
     law = law or NeoHookean()
     spacing = 0.05 if quick else 0.02
     entries = candidates(law, quick, say)
-    say("timing all models in turn")
-    repeats, seconds = (3, 0.02) if quick else (9, 0.15)
+    body, patience = sheet(), 10.0 if quick else 150.0
     rows = []
-    for entry, speed in zip(entries, measure_speed(entries, law, 0.02, repeats, seconds), strict=True):
+    for entry, speed in zip(
+        entries, measure_speed([(entry.model, entry.precision) for entry in entries], law, body, patience), strict=True
+    ):
         say(f"errors of {entry.title}, {entry.precision}")
         size = getattr(entry.model, "size", "")
         rows.append(
@@ -271,6 +193,6 @@ def compare(law: Law | None = None, quick: bool = False, say: Callable[[str], No
     return {
         "machine": {"processor": processor(), "threads": numba.config.NUMBA_NUM_THREADS, "numba": numba.__version__},
         "material": law.describe(),
-        "settings": {"quick": quick, "points": 7500, "repeats": repeats, "scene_spacing": spacing},
+        "settings": {"quick": quick, "points": len(body), "patience": patience, "scene_spacing": spacing},
         "models": rows,
     }

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from ..results.figures import STYLE
 from .compare import RIVAL
+from .speed import UNDISTURBED
 
 NOTHING = "-"
 """Where a model has no such figure."""
@@ -48,6 +49,14 @@ COLUMNS = (
 def table(report: dict) -> tuple[list[str], list[list[str]]]:
     """Header and rows of the comparison."""
     return [title for title, _ in COLUMNS], [[cell(row) for _, cell in COLUMNS] for row in report["models"]]
+
+
+def caution(report: dict) -> str:
+    """What a busy machine did to the comparison; empty if nothing."""
+    most = max(max(row["disturbance_1"], row["disturbance_all"]) for row in report["models"])
+    if most <= UNDISTURBED:
+        return ""
+    return f"The cores were shared: arithmetic took up to {most:.2f} times as long beside some timings as at best; read no ratio closer."
 
 
 def as_csv(report: dict) -> str:

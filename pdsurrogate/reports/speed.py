@@ -1,0 +1,155 @@
+"""Cost of force evaluations, on a machine whose cores others use as well."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numba
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from ..body import Body
+from ..forces import ForceModel, ForceSettings
+from ..kernels.blocks import BLOCK, aligned_rows
+from ..kernels.calibration import ROWS, arithmetic
+from ..kernels.compile import thread_count
+from ..materials import Law, homogeneous
+
+ENOUGH = 12
+"""Undisturbed timings wanted of every model."""
+
+UNDISTURBED = 1.1
+"""Arithmetic beside a timing may take so many times as long as at its best."""
+
+TIMINGS = 4
+"""Timings in each turn of a model."""
+
+WARM_UP = 8e-3
+"""Seconds for which a model runs before it is timed: the caches are another model's, and it takes some calls until they are its own."""
+
+PIECE = 5e-4
+"""Seconds of arithmetic, on one thread of an undisturbed core, by which a turn is judged."""
+
+
+def sheet() -> Body:
+    """The body on which models are compared: that of the paper's section 6.2, of 7,500 points."""
+    return Body.rectangle(3.0, 1.0, 0.02, 0.063)
+
+
+def bench_positions(body: Body, law: Law) -> np.ndarray:
+    """Positions of a body at uniaxial stretch 2 with a smooth wave on top: every bond in a state of its own."""
+    state = homogeneous.uniaxial(law, 2.0)
+    x1, x2 = body.points.T
+    wave = 0.2 * body.horizon
+    phase = 2 * np.pi / (10 * body.horizon)
+    return np.stack([2 * x1 + wave * np.sin(phase * x2), state.lateral_stretch * x2 + wave * np.sin(phase * x1)], axis=1)
+
+
+def measure_speed(
+    models: list[tuple[ForceModel, str]], law: Law, body: Body, patience: float, say: Callable[[str], None] = lambda text: None
+) -> list[dict]:
+    """Nanoseconds per directed bond of the whole evaluation and of the bond pass, on one thread and on all.
+
+    All models take turns of some milliseconds, on one thread and on all.  A core may be shared with others, whose work comes and goes: a
+    processor that runs two threads on a core then takes half as long again.  So arithmetic that needs no memory is timed just before and
+    after every timing, on as many threads, and those timings count beside which it was as fast as ever; of them medians are given.  The
+    models' own times have no say in it.
+
+    Parameters
+    ----------
+    models : list of (ForceModel, precision)
+    law : Law
+    body : Body
+    patience : float
+        Seconds after which the least disturbed timings must do.
+    say : callable
+        Told how far it is.
+
+    Returns
+    -------
+    list of dict
+        For each model ``ns_per_bond_1`` and ``ns_per_bond_all``, ``ns_bond_pass_1`` and ``ns_bond_pass_all``, ``thread_speedup``,
+        ``arithmetic_speedup`` (what arithmetic gained from the threads beside the same timings), ``disturbance_1`` and
+        ``disturbance_all`` (how many times as long as at its best arithmetic took there), and the medians of all timings,
+        ``ns_per_bond_1_at_any_time`` and ``ns_per_bond_all_at_any_time``.
+    """
+    positions, out = bench_positions(body, law), np.empty_like(body.points)
+    threads = sorted({1, numba.config.NUMBA_NUM_THREADS})
+    bound, calls = {}, {}
+    for count in threads:
+        with thread_count(count):
+            for number, (model, precision) in enumerate(models):
+                force = model.bind(body, law, ForceSettings(precision=precision))
+                force(positions, out)
+                force.pass_bonds(out)
+                bound[number, count] = force
+                calls[number, count] = max(1, round(WARM_UP / _seconds(lambda force=force: force(positions, out))))
+    yardsticks = {count: _arithmetic_on(count) for count in threads}
+    rounds = _rounds_in(PIECE, yardsticks[1])
+
+    def take_turn(number: int, count: int) -> list[tuple[float, float, float]]:
+        """Times of the whole evaluation, of the bond pass, and of the slower arithmetic beside them."""
+        force, found = bound[number, count], []
+        with thread_count(count):
+            for _ in range(calls[number, count]):
+                force(positions, out)
+            before = yardsticks[count](rounds)
+            for _ in range(TIMINGS):
+                whole, bonds = _seconds(lambda: force(positions, out)), _seconds(lambda: force.pass_bonds(out))
+                after = yardsticks[count](rounds)
+                found.append((whole, bonds, max(before, after)))
+                before = after
+        return found
+
+    timings = {key: [] for key in bound}
+    wanted = list(timings)
+    began = time.perf_counter()
+    with threadpool_limits(1):
+        while wanted:
+            say(f"timing all models in turn, {len(timings) - len(wanted)} of {len(timings)} done")
+            for key in wanted:
+                timings[key] += take_turn(*key)
+            best = {count: min(timing[2] for key in timings if key[1] == count for timing in timings[key]) for count in threads}
+            if time.perf_counter() - began > patience:
+                break
+            wanted = [key for key in timings if sum(timing[2] < UNDISTURBED * best[key[1]] for timing in timings[key]) < ENOUGH]
+
+    rows = []
+    for number in range(len(models)):
+        row = {}
+        for label, count in (("1", threads[0]), ("all", threads[-1])):
+            found = np.array(timings[number, count])
+            whole, bonds, beside = np.median(found[np.argsort(found[:, 2])[:ENOUGH]], axis=0)
+            row[f"ns_per_bond_{label}"] = 1e9 * whole / body.bonds.n_directed
+            row[f"ns_bond_pass_{label}"] = 1e9 * bonds / body.bonds.n_directed
+            row[f"disturbance_{label}"] = beside / best[count]
+            row[f"ns_per_bond_{label}_at_any_time"] = 1e9 * np.median(found[:, 0]) / body.bonds.n_directed
+        row["thread_speedup"] = row["ns_per_bond_1"] / row["ns_per_bond_all"]
+        row["arithmetic_speedup"] = best[threads[0]] * row["disturbance_1"] / (best[threads[-1]] * row["disturbance_all"])
+        rows.append({key: float(value) for key, value in row.items()})
+    return rows
+
+
+def _arithmetic_on(count: int) -> Callable[[int], float]:
+    """A function that times rounds of arithmetic on a number of threads, in which it is called."""
+    buffer = aligned_rows((count, ROWS, BLOCK), np.float32, 0.5)
+
+    def seconds(rounds: int) -> float:
+        arithmetic(1, buffer)
+        return _seconds(lambda: arithmetic(rounds, buffer))
+
+    return seconds
+
+
+def _rounds_in(seconds: float, yardstick: Callable[[int], float]) -> int:
+    """Rounds of arithmetic that take the given seconds on an undisturbed core."""
+    trial = 1000
+    with thread_count(1):
+        return max(1, int(trial * seconds / min(yardstick(trial) for _ in range(50))))
+
+
+def _seconds(function: Callable[[], object]) -> float:
+    began = time.perf_counter()
+    function()
+    return time.perf_counter() - began
