@@ -18,8 +18,9 @@ import pdsurrogate as pd
 from pdsurrogate.identification import figure, held_out_modes, report
 from pdsurrogate.learning import domain_of, surrogate_of
 from pdsurrogate.materials import plane_stress
+from pdsurrogate.reports import presentation
 from pdsurrogate.reports.compare import processor
-from pdsurrogate.reports.speed import bench_positions, measure_speed, sheet
+from pdsurrogate.reports.speed import Case, bench_positions, measure_speed, sheet
 from pdsurrogate.results import figures
 from pdsurrogate.results.files import write_json
 
@@ -159,13 +160,14 @@ def thickness_error(model, law, precision: str) -> float:
     return float(np.abs(force.kinematics.volume_ratios[: len(body)] / plane_stress.volume_ratio(law, trace, J) - 1).max())
 
 
-def speed(quick: bool) -> list[dict]:
-    """Cost of the exact bond force and of its surrogate for every law."""
-    rows = []
+def speed(quick: bool) -> tuple[list[dict], str]:
+    """Cost of the exact bond force and of its surrogate for every law, and how far to trust it."""
+    rows, costs, body = [], [], sheet()
     for law in (law() for law in pd.LAWS.values()):
         model, finer = cheapest(law), surrogate(law, DEGREES[-1])
-        models = [(pd.AnalyticBondForce(law), "float64"), (model, "float32")]
-        exact, learnt = measure_speed(models, law, sheet(), 2.0 if quick else 20.0)
+        cases = [Case(pd.AnalyticBondForce(law), "float64", body), Case(model, "float32", body)]
+        exact, learnt = measure_speed(cases, law, 2.0 if quick else 40.0)
+        costs += [exact, learnt]
         slope = pd.evaluate(pd.AnalyticBondForce(law).bond_force, law, pd.reachable_stretches(law), 5000)["least_slope_exact"]
         errors = [errors_of(candidate, law) for candidate in (model, finer)]
         stress, displacement = scene_errors(law, model)
@@ -189,7 +191,9 @@ def speed(quick: bool) -> list[dict]:
         )
         console.print(f"{law.name}: {ratio:.2f}")
     show(f"Whole force evaluation, one thread, {processor()}", rows)
-    return rows
+    caution = presentation.caution(costs)
+    console.print(caution)
+    return rows, caution
 
 
 def chain_limit_as_input() -> list[dict]:
@@ -219,17 +223,18 @@ def main() -> None:
     parser.add_argument("--readme", action="store_true", help="put the tables into the README")
     parser.add_argument("--quick", action="store_true", help="fewer repeats, not for quoting")
     arguments = parser.parse_args()
+    costs, caution = speed(arguments.quick)
     found = {
         "identification": identification(FIGURES),
         "published": beside_published(),
         "chain_limit_as_input": chain_limit_as_input(),
-        "speed": speed(arguments.quick),
+        "speed": costs,
     }
     write_json(FIGURES / "materials.json", found)
     if arguments.readme:
         replace_block("identification", as_markdown(found["identification"]["table"]))
         replace_block("published", as_markdown(found["published"]))
-        replace_block("laws", as_markdown(found["speed"]))
+        replace_block("laws", f"{as_markdown(costs)}\n\n{caution}".strip())
 
 
 if __name__ == "__main__":

@@ -14,9 +14,8 @@ LAW = pd.NeoHookean()
 def test_costs_are_ordered_as_the_work_is():
     body = pd.Body.rectangle(1.0, 1.0, 0.05, 0.1575)
     told = []
-    nosb, rival = speed.measure_speed(
-        [(pd.CorrespondenceForce(), "float64"), (pd.BondAssociatedForce(), "float64")], LAW, body, 0.0, told.append
-    )
+    cases = [speed.Case(pd.CorrespondenceForce(), "float64", body), speed.Case(pd.BondAssociatedForce(), "float64", body)]
+    nosb, rival = speed.measure_speed(cases, LAW, 0.0, told.append)
     assert told
     for row in (nosb, rival):
         # The bond pass is part of the evaluation; the factor is for a core that is taken away between the two.
@@ -52,7 +51,7 @@ def test_those_timings_count_beside_which_arithmetic_was_fastest(monkeypatch):
     monkeypatch.setattr(speed, "_arithmetic_on", arithmetic_on)
     monkeypatch.setattr(speed, "_seconds", lambda function: (function() or 1.0) * (3.0 if state["slow"] else 1.0))
     body = pd.Body.rectangle(1.0, 1.0, 0.1, 0.315)
-    (row,) = speed.measure_speed([(Force(), "float64")], LAW, body, 60.0)
+    (row,) = speed.measure_speed([speed.Case(Force(), "float64", body)], LAW, 60.0)
     assert row["disturbance_1"] == 1
     assert row["ns_per_bond_1"] == pytest.approx(2e9 / body.bonds.n_directed, rel=1e-12)
     assert row["ns_per_bond_1_at_any_time"] > row["ns_per_bond_1"]
@@ -60,9 +59,9 @@ def test_those_timings_count_beside_which_arithmetic_was_fastest(monkeypatch):
 
 @pytest.mark.parametrize(("disturbance", "words"), [(1.05, ""), (1.4, "1.40 times")])
 def test_a_busy_machine_is_told_of(disturbance, words):
-    report = {"models": [{"disturbance_1": 1.0, "disturbance_all": disturbance}]}
-    assert words in presentation.caution(report)
-    assert bool(presentation.caution(report)) == bool(words)
+    told = presentation.caution([{"disturbance_1": 1.0, "disturbance_all": disturbance}])
+    assert words in told
+    assert bool(told) == bool(words)
 
 
 @pytest.mark.slow

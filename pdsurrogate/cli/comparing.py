@@ -40,7 +40,7 @@ def compare(
     for row in rows:
         table.add_row(*row)
     Console(width=max(out.width, 190)).print(table)
-    if caution := presentation.caution(report):
+    if caution := presentation.caution(report["models"]):
         err.print(caution, soft_wrap=True)
     if folder is not None:
         with writing(folder):

@@ -51,9 +51,9 @@ def table(report: dict) -> tuple[list[str], list[list[str]]]:
     return [title for title, _ in COLUMNS], [[cell(row) for _, cell in COLUMNS] for row in report["models"]]
 
 
-def caution(report: dict) -> str:
-    """What a busy machine did to the comparison; empty if nothing."""
-    most = max(max(row["disturbance_1"], row["disturbance_all"]) for row in report["models"])
+def caution(rows: list[dict]) -> str:
+    """What a busy machine did to measured costs; empty if nothing."""
+    most = max(max(row["disturbance_1"], row["disturbance_all"]) for row in rows)
     if most <= UNDISTURBED:
         return ""
     return f"The cores were shared: arithmetic took up to {most:.2f} times as long beside some timings as at best; read no ratio closer."

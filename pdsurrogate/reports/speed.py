@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 
 import numba
 import numpy as np
@@ -46,21 +48,27 @@ def bench_positions(body: Body, law: Law) -> np.ndarray:
     return np.stack([2 * x1 + wave * np.sin(phase * x2), state.lateral_stretch * x2 + wave * np.sin(phase * x1)], axis=1)
 
 
-def measure_speed(
-    models: list[tuple[ForceModel, str]], law: Law, body: Body, patience: float, say: Callable[[str], None] = lambda text: None
-) -> list[dict]:
+@dataclass(frozen=True)
+class Case:
+    """A force model in a precision on a body."""
+
+    model: ForceModel
+    precision: str
+    body: Body
+
+
+def measure_speed(cases: list[Case], law: Law, patience: float, say: Callable[[str], None] = lambda text: None) -> list[dict]:
     """Nanoseconds per directed bond of the whole evaluation and of the bond pass, on one thread and on all.
 
-    All models take turns of some milliseconds, on one thread and on all.  A core may be shared with others, whose work comes and goes: a
+    All cases take turns of some milliseconds, on one thread and on all.  A core may be shared with others, whose work comes and goes: a
     processor that runs two threads on a core then takes half as long again.  So arithmetic that needs no memory is timed just before and
     after every timing, on as many threads, and those timings count beside which it was as fast as ever; of them medians are given.  The
     models' own times have no say in it.
 
     Parameters
     ----------
-    models : list of (ForceModel, precision)
+    cases : list of Case
     law : Law
-    body : Body
     patience : float
         Seconds after which the least disturbed timings must do.
     say : callable
@@ -69,45 +77,46 @@ def measure_speed(
     Returns
     -------
     list of dict
-        For each model ``ns_per_bond_1`` and ``ns_per_bond_all``, ``ns_bond_pass_1`` and ``ns_bond_pass_all``, ``thread_speedup``,
+        For each case ``ns_per_bond_1`` and ``ns_per_bond_all``, ``ns_bond_pass_1`` and ``ns_bond_pass_all``, ``thread_speedup``,
         ``arithmetic_speedup`` (what arithmetic gained from the threads beside the same timings), ``disturbance_1`` and
         ``disturbance_all`` (how many times as long as at its best arithmetic took there), and the medians of all timings,
         ``ns_per_bond_1_at_any_time`` and ``ns_per_bond_all_at_any_time``.
     """
-    positions, out = bench_positions(body, law), np.empty_like(body.points)
     threads = sorted({1, numba.config.NUMBA_NUM_THREADS})
-    bound, calls = {}, {}
-    for count in threads:
-        with thread_count(count):
-            for number, (model, precision) in enumerate(models):
-                force = model.bind(body, law, ForceSettings(precision=precision))
-                force(positions, out)
-                force.pass_bonds(out)
-                bound[number, count] = force
-                calls[number, count] = max(1, round(WARM_UP / _seconds(lambda force=force: force(positions, out))))
+    whole, bonds, calls = {}, {}, {}
+    for number, case in enumerate(cases):
+        positions, out = bench_positions(case.body, law), np.empty_like(case.body.points)
+        for count in threads:
+            key = number, count
+            with thread_count(count):
+                force = case.model.bind(case.body, law, ForceSettings(precision=case.precision))
+                whole[key], bonds[key] = partial(force, positions, out), partial(force.pass_bonds, out)
+                whole[key]()
+                bonds[key]()
+                calls[key] = max(1, round(WARM_UP / _seconds(whole[key])))
     yardsticks = {count: _arithmetic_on(count) for count in threads}
     rounds = _rounds_in(PIECE, yardsticks[1])
 
     def take_turn(number: int, count: int) -> list[tuple[float, float, float]]:
         """Times of the whole evaluation, of the bond pass, and of the slower arithmetic beside them."""
-        force, found = bound[number, count], []
+        key, found = (number, count), []
         with thread_count(count):
-            for _ in range(calls[number, count]):
-                force(positions, out)
+            for _ in range(calls[key]):
+                whole[key]()
             before = yardsticks[count](rounds)
             for _ in range(TIMINGS):
-                whole, bonds = _seconds(lambda: force(positions, out)), _seconds(lambda: force.pass_bonds(out))
+                times = _seconds(whole[key]), _seconds(bonds[key])
                 after = yardsticks[count](rounds)
-                found.append((whole, bonds, max(before, after)))
+                found.append((*times, max(before, after)))
                 before = after
         return found
 
-    timings = {key: [] for key in bound}
+    timings = {key: [] for key in whole}
     wanted = list(timings)
     began = time.perf_counter()
     with threadpool_limits(1):
         while wanted:
-            say(f"timing all models in turn, {len(timings) - len(wanted)} of {len(timings)} done")
+            say(f"timing all in turn, {len(timings) - len(wanted)} of {len(timings)} done")
             for key in wanted:
                 timings[key] += take_turn(*key)
             best = {count: min(timing[2] for key in timings if key[1] == count for timing in timings[key]) for count in threads}
@@ -116,15 +125,15 @@ def measure_speed(
             wanted = [key for key in timings if sum(timing[2] < UNDISTURBED * best[key[1]] for timing in timings[key]) < ENOUGH]
 
     rows = []
-    for number in range(len(models)):
-        row = {}
+    for number, case in enumerate(cases):
+        row, scale = {}, 1e9 / case.body.bonds.n_directed
         for label, count in (("1", threads[0]), ("all", threads[-1])):
             found = np.array(timings[number, count])
-            whole, bonds, beside = np.median(found[np.argsort(found[:, 2])[:ENOUGH]], axis=0)
-            row[f"ns_per_bond_{label}"] = 1e9 * whole / body.bonds.n_directed
-            row[f"ns_bond_pass_{label}"] = 1e9 * bonds / body.bonds.n_directed
+            evaluation, bond_pass, beside = np.median(found[np.argsort(found[:, 2])[:ENOUGH]], axis=0)
+            row[f"ns_per_bond_{label}"] = scale * evaluation
+            row[f"ns_bond_pass_{label}"] = scale * bond_pass
             row[f"disturbance_{label}"] = beside / best[count]
-            row[f"ns_per_bond_{label}_at_any_time"] = 1e9 * np.median(found[:, 0]) / body.bonds.n_directed
+            row[f"ns_per_bond_{label}_at_any_time"] = scale * np.median(found[:, 0])
         row["thread_speedup"] = row["ns_per_bond_1"] / row["ns_per_bond_all"]
         row["arithmetic_speedup"] = best[threads[0]] * row["disturbance_1"] / (best[threads[-1]] * row["disturbance_all"])
         rows.append({key: float(value) for key, value in row.items()})
