@@ -73,11 +73,11 @@ def overhead() -> str:
             free = model.bind(body, law, ForceSettings(precision=precision))
             free._guard = 0  # UNGUARDED, which no setting gives to a surrogate
             ratios = []
-            for _ in range(40):
+            for _ in range(200):
                 seconds = []
                 for force in (guarded, free, free, guarded):
                     began = time.perf_counter()
-                    for _ in range(10):
+                    for _ in range(4):
                         force(positions, out)
                     seconds.append(time.perf_counter() - began)
                 ratios.append((seconds[0] + seconds[3]) / (seconds[1] + seconds[2]))

@@ -111,11 +111,10 @@ def pair_forces(
                 bond[1, k] = r2
             call_block(bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], traction)
             if guard != UNGUARDED:
-                # Counted in the precision of the lanes, which another width would halve.
+                # Counted in the precision of the lanes, which another width would halve.  Pairs that carry no force are at rest: inside.
                 near = zero
                 for k in range(BLOCK):
-                    strange = is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], inner)
-                    near += strange if reference[2, k] > zero else zero
+                    near += is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], inner)
                 if near > zero:
                     call_block(exact_bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], exact)
                     for k in range(BLOCK):
