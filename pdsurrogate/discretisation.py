@@ -64,13 +64,16 @@ def _points_of(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     if rectangle and not scene.holes:
         return points, np.full(len(points), scene.spacing**2), lower, upper
 
+    def within(places: np.ndarray) -> np.ndarray:
+        return np.ones(len(places), dtype=bool) if rectangle else scene.body.contains(places)
+
     def material(places: np.ndarray) -> np.ndarray:
-        there = np.ones(len(places), dtype=bool) if rectangle else scene.body.contains(places)
+        there = within(places)
         for hole in scene.holes:
             there &= ~hole.contains(places)
         return there
 
-    kept = _in_material(scene, points, np.ones(len(points), dtype=bool) if rectangle else scene.body.contains(points))
+    kept = _in_material(scene, points, within(points))
     return *_material_of_cells(points, kept, scene.spacing, material), lower, upper
 
 

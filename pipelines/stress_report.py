@@ -18,6 +18,7 @@ import pdsurrogate as pd
 from pdsurrogate.forces import Domain, ForceSettings
 from pdsurrogate.kernels.compile import thread_count
 from pdsurrogate.learning import domain_of, surrogate_of
+from pdsurrogate.reports.speed import sheet
 from pdsurrogate.results.files import write_text
 from pdsurrogate.stress_test.report import count, stress_test, table
 
@@ -63,7 +64,7 @@ def fallback() -> str:
 
 def overhead() -> str:
     """Cost of the guard where no bond is outside: the whole evaluation with and without, interleaved, on one thread."""
-    body = pd.Body.rectangle(3.0, 1.0, 0.02, 0.063)
+    body = sheet()
     model, law = pd.load_surrogate("neo-hookean"), pd.NeoHookean()
     positions, out = body.points @ np.diag([1.5, 0.82]), np.empty_like(body.points)
     lines = []

@@ -6,6 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 import pdsurrogate as pd
+from pdsurrogate.cli import app
 from pdsurrogate.reports import presentation, speed
 
 LAW = pd.NeoHookean()
@@ -66,8 +67,6 @@ def test_a_busy_machine_is_told_of(disturbance, words):
 
 @pytest.mark.slow
 def test_a_comparison_is_written_for_every_reader(tmp_path):
-    from pdsurrogate.cli import app
-
     done = CliRunner().invoke(app, ["compare", "--quick", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
     models = json.loads((tmp_path / "compare.json").read_text())["models"]

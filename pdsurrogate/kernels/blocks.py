@@ -82,11 +82,9 @@ def put_column(typingctx, rows, column, values):
     """
 
     def codegen(context, builder, signature, arguments):
-        kind, _, values_type = signature.args
-        array = context.make_array(kind)(context, builder, arguments[0])
-        for q, value in enumerate(cgutils.unpack_tuple(builder, arguments[2], len(values_type))):
-            indices = [ir.Constant(context.get_value_type(types.intp), q), arguments[1]]
-            builder.store(value, cgutils.get_item_pointer(context, builder, kind, array, indices))
+        places = _column(context, builder, signature.args, arguments)
+        for value, place in zip(cgutils.unpack_tuple(builder, arguments[2]), places, strict=True):
+            builder.store(value, place)
         return context.get_dummy_value()
 
     return types.void(rows, types.intp, values), codegen
@@ -97,15 +95,17 @@ def column_like(typingctx, rows, column, values):
     """What `put_column` wrote of a tuple like `values`."""
 
     def codegen(context, builder, signature, arguments):
-        kind = signature.args[0]
-        array = context.make_array(kind)(context, builder, arguments[0])
-        found = []
-        for q in range(len(signature.return_type)):
-            indices = [ir.Constant(context.get_value_type(types.intp), q), arguments[1]]
-            found.append(builder.load(cgutils.get_item_pointer(context, builder, kind, array, indices)))
+        found = [builder.load(place) for place in _column(context, builder, signature.args, arguments)]
         return context.make_tuple(builder, signature.return_type, found)
 
     return values(rows, types.intp, values), codegen
+
+
+def _column(context, builder, kinds, arguments):
+    """Addresses of a column's values, as many as the tuple has that goes with it."""
+    array = context.make_array(kinds[0])(context, builder, arguments[0])
+    rows = [ir.Constant(context.get_value_type(types.intp), q) for q in range(len(kinds[2]))]
+    return [cgutils.get_item_pointer(context, builder, kinds[0], array, [row, arguments[1]]) for row in rows]
 
 
 @intrinsic

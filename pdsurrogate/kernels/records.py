@@ -246,7 +246,7 @@ def _sum_quads(builder, source, start, stop, places=None):
 
 
 def _accumulate_twos(builder, start, stop, add_two, add_one, count):
-    """Sum over ``start … stop``, two at a time, into `count` vectors of four doubles; the last ones alone."""
+    """Sum over ``start … stop``, two at a time, into `count` vectors of four doubles; an odd one alone."""
     quad = ir.VectorType(ir.DoubleType(), 4)
     sets = [_zeros(builder, quad, count) for _ in range(2)]
 
