@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 
 import matplotlib
 from matplotlib.figure import Figure
 
 from ..results.figures import STYLE
-from .compare import RIVAL
 from .speed import UNDISTURBED
 
 NOTHING = "-"
@@ -72,26 +72,18 @@ def as_csv(report: dict) -> str:
 def pareto_figure(report: dict) -> Figure:
     """Force error against cost; models without a bond force of their own are lines of cost."""
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 4.0), layout="constrained")
+        figure = Figure(figsize=(8.6, 4.4), layout="constrained")
         axis = figure.subplots()
-        rows = [row for row in report["models"] if "rms_off_surface" in row]
         floor = 1e-9
-        for row in rows:
-            error = max(row["rms_off_surface"], floor)
-            exact = row["force"].startswith("analytic")
-            marker = "s" if exact else "o" if row["precision"] == "float32" else "^"
-            drawn = axis.plot(row["ns_per_bond_1"], error, marker, ms=6)[0]
-            label = f"{row['force']}{'' if row['precision'] == 'float32' or exact else ', double'}"
-            axis.annotate(
-                label, (row["ns_per_bond_1"], error), xytext=(5, 4), textcoords="offset points", fontsize=7, color=drawn.get_color()
-            )
-        for row in report["models"]:
-            if "rms_off_surface" not in row:
-                axis.axvline(row["ns_per_bond_1"], color="0.6", lw=0.8, ls="--")
-                side = "right" if row["force"] == RIVAL else "left"
-                axis.text(
-                    row["ns_per_bond_1"], 0.6, f" {row['force']} ", transform=axis.get_xaxis_transform(), fontsize=7, rotation=90, ha=side
-                )
+        colours = matplotlib.colormaps["tab20"].colors
+        for row, colour in zip(report["models"], itertools.cycle(colours)):
+            label = f"{row['force']}, {row['precision']}"
+            if "rms_off_surface" in row:
+                marker = "s" if row["force"].startswith("analytic") else "o" if row["precision"] == "float32" else "^"
+                axis.plot(row["ns_per_bond_1"], max(row["rms_off_surface"], floor), marker, ms=6, color=colour, label=label)
+            else:
+                axis.axvline(row["ns_per_bond_1"], color=colour, lw=1.2, ls="--", label=label)
+        figure.legend(loc="outside right upper", fontsize=7, frameon=False)
         axis.set(
             xscale="log",
             yscale="log",
