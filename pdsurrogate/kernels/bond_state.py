@@ -21,7 +21,7 @@ def lateral_stretch(a, b, J):
     return (J + b * b) * inverse * (like(a, 2.0) - a * inverse)
 
 
-lateral_stretch = inlined(lateral_stretch)[0]
+lateral_stretch = inlined(lateral_stretch)
 
 
 @inline

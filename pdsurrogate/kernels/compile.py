@@ -7,28 +7,28 @@ Three kinds of compiled code exist:
   kernels by their address. A kernel that takes one is compiled once, whatever material law or network stands behind
   the address.
 
-All are cached on disk.  numba keys its cache by the file a function stands in and does not see changes in the functions it calls, so the
-key used here also carries a digest of all sources of this package.
+All are cached on disk, in files named by a digest of everything that their code depends on (`pdsurrogate.kernels.keys`): a change in what a
+function calls or in a constant that it takes compiles it anew, and nothing else does.
 """
 
 from __future__ import annotations
 
-import hashlib
-import inspect
+import sys
 import time
+import types as python_types
 from collections.abc import Callable
 from contextlib import contextmanager, suppress
-from functools import lru_cache
-from pathlib import Path
 
 import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import event
-from numba.core.caching import FunctionCache
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic, is_jitted, register_jitable
+
+from .keys import NotKeyable, code_digest
 
 # `nnan` and `ninf` are left out on purpose: they delete the tests by which the solver finds a diverging run.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
@@ -40,27 +40,47 @@ OPTIONS = {"error_model": "numpy", "fastmath": FASTMATH}
 INLINE_OPTIONS = {**OPTIONS, "forceinline": True}
 
 
-@lru_cache(maxsize=1)
-def source_digest() -> str:
-    """Digest of all sources of `pdsurrogate.kernels`, part of every cache key."""
-    folder = Path(__file__).parent
-    digest = hashlib.sha256()
-    for path in sorted(folder.glob("*.py")):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()
+class DigestCache(FunctionCache):
+    """numba's disk cache, in files named by the digest of what a function's code depends on.
+
+    Parameters
+    ----------
+    function : callable
+    digest : str, optional
+        By default it is formed when something is first looked up, when everything that the function calls has been defined.
+    """
+
+    def __init__(self, function: Callable, digest: str | None = None) -> None:
+        super().__init__(function)
+        self._digest = digest
+        self._cache_file = None
+
+    def _open(self) -> None:
+        """Find the cache's file; there is none for a function whose dependences cannot be told."""
+        if self._cache_file is not None or not self._enabled:
+            return
+        try:
+            digest = self._digest or code_digest(self._py_func, OPTIONS, INLINE_OPTIONS)
+        except NotKeyable:
+            self.disable()
+            return
+        name = self._py_func.__qualname__.replace("<", "").replace(">", "")
+        python = f"py{sys.version_info[0]}{sys.version_info[1]}"
+        self._cache_file = IndexDataCacheFile(self._cache_path, f"{name}-{digest[:20]}.{python}", digest)
+
+    def load_overload(self, sig, target_context):
+        self._open()
+        return super().load_overload(sig, target_context)
+
+    def save_overload(self, sig, data):
+        self._open()
+        super().save_overload(sig, data)
 
 
-class SourceKeyedCache(FunctionCache):
-    """numba's disk cache with the package's source digest in the key."""
-
-    def _index_key(self, sig, codegen):
-        return (*super()._index_key(sig, codegen), source_digest())
-
-
-def _enable_cache(compiled, function: Callable) -> None:
+def _enable_cache(compiled, function: Callable, digest: str | None = None) -> None:
     # Without a source file (an interactive session) or a writable folder there is no cache, and each process compiles anew.
     with suppress(RuntimeError):
-        compiled._cache = SourceKeyedCache(function)
+        compiled._cache = DigestCache(function, digest)
 
 
 def kernel(function: Callable) -> Callable:
@@ -142,33 +162,70 @@ def widest_vectors(typingctx):
     return types.void(), codegen
 
 
-def compile_block_function(function: Callable, signature) -> CFunc:
-    """Compile a block function for one signature, cached on disk; its ``address`` is what kernels take."""
+_BLOCK_FUNCTIONS: dict[tuple, CFunc] = {}
+"""Those compiled or loaded in this process, by digest and signature."""
+
+_NOT_KEYABLE: list[CFunc] = []
+"""The others: their addresses are handed around, so they live as long as the process."""
+
+
+def compile_block_function(function: Callable, signature, digest: str | None = None) -> CFunc:
+    """Compile a block function for one signature, cached on disk; its ``address`` is what kernels take.
+
+    Parameters
+    ----------
+    function : callable
+    signature : numba signature
+    digest : str, optional
+        Of all that it depends on; by default that of the function.
+    """
     compiled = CFunc(function, numba.core.sigutils.normalize_signature(signature), locals={}, options=dict(OPTIONS))
-    _enable_cache(compiled, function)
+    _enable_cache(compiled, function, digest)
     compiled.compile()
     return compiled
 
 
-def inlined(function: Callable) -> tuple[Callable, str]:
-    """Prepare a plain elementwise function for use inside a block function written around it.
+def block_function_of(build: Callable, signature, *parts) -> CFunc:
+    """The block function that a builder writes around elementwise functions, compiled anew when anything that they depend on has changed.
 
-    Returns
-    -------
-    function : callable
-        The function itself, now callable from compiled code (and still from Python, on arrays).
-    fingerprint : str
-        Digest of the function and of the file it stands in.  A block function that closes over both is cached on disk under a key that
-        changes when the function does.
+    Parameters
+    ----------
+    build : callable
+        ``build(*parts)`` returns the block function.  It is given the functions among the parts ready to be called from compiled code.
+    signature : numba signature
+    *parts
+        Elementwise functions, and plain values.
     """
-    if is_jitted(function):
-        function = function.py_func
-    code = function.__code__
-    digest = hashlib.sha256(code.co_code + repr((code.co_consts, code.co_names)).encode())
-    # A function defined in an interactive session has no file: its own code is all there is.
-    with suppress(OSError, TypeError):
-        digest.update(Path(inspect.getfile(function)).read_bytes())
-    return register_jitable(**INLINE_OPTIONS)(function), digest.hexdigest()
+    try:
+        digest = code_digest(build, *parts, OPTIONS, INLINE_OPTIONS)
+    except NotKeyable:
+        # Nobody can tell whether what was compiled before still holds.
+        _NOT_KEYABLE.append(compile_block_function(build(*_ready(parts)), signature))
+        return _NOT_KEYABLE[-1]
+    key = digest, str(signature)
+    if key not in _BLOCK_FUNCTIONS:
+        _BLOCK_FUNCTIONS[key] = compile_block_function(build(*_ready(parts)), signature, digest)
+    return _BLOCK_FUNCTIONS[key]
+
+
+def _ready(parts: tuple) -> list:
+    # Copies: numba keeps what it compiled of a function, with the constants that it found then.
+    return [inlined(_copy(part)) if callable(part) else part for part in parts]
+
+
+def _copy(function: Callable) -> Callable:
+    function = function.py_func if is_jitted(function) else function
+    copy = python_types.FunctionType(
+        function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__
+    )
+    copy.__kwdefaults__, copy.__qualname__ = function.__kwdefaults__, function.__qualname__
+    return copy
+
+
+def inlined(function: Callable) -> Callable:
+    """Make a plain elementwise function callable from compiled code, as part of the code that calls it; Python calls it as before."""
+    function = function.py_func if is_jitted(function) else function
+    return register_jitable(**INLINE_OPTIONS)(function)
 
 
 class CompilationClock(event.Listener):

@@ -11,7 +11,7 @@ import numpy as np
 from numba import carray
 
 from .blocks import BLOCK, SCRATCH_ROWS, block_rows
-from .compile import bond_force_signature, call_block, compile_block_function, inlined, source_digest, widest_vectors
+from .compile import bond_force_signature, call_block, compile_block_function, inlined, widest_vectors
 from .elementary import logarithm
 from .node_state import solve_volume_ratios
 from .smooth_activations import SMOOTH_ACTIVATIONS
@@ -29,10 +29,8 @@ energy_density_signature = bond_force_signature
 @cache
 def exact_energy_density(dtype):
     """Block function of the exact energy of any law; NaN where det F <= 0 or the law has no plane-stress state."""
-    digest = source_digest()
 
     def energy_density(states, sizes, weights, response, parameters, work, scratch, result):
-        digest  # noqa: B018  (part of the cache key)
         widest_vectors()
         states = carray(states, (INVARIANT_ROWS, BLOCK))
         result = carray(result, (ENERGY_ROWS, BLOCK))
@@ -110,11 +108,9 @@ def network_energy_density(activation, dtype):
         One of `pdsurrogate.kernels.smooth_activations.SMOOTH_ACTIVATIONS`.
     dtype : float32 or float64
     """
-    activate = inlined(SMOOTH_ACTIVATIONS[activation])[0]
-    digest = source_digest()
+    activate = inlined(SMOOTH_ACTIVATIONS[activation])
 
     def energy_density(states, sizes, weights, response, parameters, work, scratch, result):
-        digest  # noqa: B018  (part of the cache key)
         widest_vectors()
         states = carray(states, (INVARIANT_ROWS, BLOCK))
         result = carray(result, (ENERGY_ROWS, BLOCK))

@@ -6,16 +6,14 @@ import numpy as np
 from numba import carray
 
 from .blocks import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
-from .compile import bond_force_signature, call_block, compile_block_function, source_digest, widest_vectors
+from .compile import bond_force_signature, call_block, compile_block_function, widest_vectors
 
 
 @cache
 def exact_bond_force(dtype):
     """Block function of the exact bond force for any law; states and traction in `dtype`, the law itself in double precision."""
-    digest = source_digest()
 
     def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
-        digest  # noqa: B018  (part of the cache key)
         widest_vectors()
         states = carray(states, (STATE_ROWS, BLOCK))
         traction = carray(traction, (TRACTION_ROWS, BLOCK))

@@ -12,7 +12,7 @@ from numba import carray
 
 from .activations import ACTIVATIONS
 from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
-from .compile import bond_force_signature, compile_block_function, inlined, kernel, source_digest, widest_vectors
+from .compile import bond_force_signature, compile_block_function, inlined, kernel, widest_vectors
 from .feature_sets import FEATURE_SETS
 
 GROUP = 4
@@ -130,14 +130,12 @@ def network_block(features, activation, dtype):
         One of `pdsurrogate.kernels.activations.ACTIVATIONS`.
     dtype : float32 or float64
     """
-    shared_of = inlined(FEATURE_SETS[features].shared)[0]
-    inputs = inlined(FEATURE_SETS[features].inputs)[0]
-    traction_of = inlined(FEATURE_SETS[features].traction)[0]
-    activate = inlined(ACTIVATIONS[activation])[0]
-    digest = source_digest()
+    shared_of = inlined(FEATURE_SETS[features].shared)
+    inputs = inlined(FEATURE_SETS[features].inputs)
+    traction_of = inlined(FEATURE_SETS[features].traction)
+    activate = inlined(ACTIVATIONS[activation])
 
     def network(states, sizes, weights, response, parameters, work, scratch, traction):
-        digest  # noqa: B018  (part of the cache key)
         widest_vectors()
         states = carray(states, (STATE_ROWS, BLOCK))
         traction = carray(traction, (TRACTION_ROWS, BLOCK))

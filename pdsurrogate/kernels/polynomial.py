@@ -13,7 +13,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS
-from .compile import bond_force_signature, compile_block_function, inlined, source_digest, widest_vectors
+from .compile import bond_force_signature, compile_block_function, inlined, widest_vectors
 from .feature_sets import FEATURE_SETS
 
 N_OUTPUTS = 2
@@ -126,16 +126,14 @@ def polynomial_block(features, counts, dtype):
         As from `pack`, whose other result is the block function's ``weights``; it takes no sizes.
     dtype : float32 or float64
     """
-    shared_of = inlined(FEATURE_SETS[features].shared)[0]
-    inputs = inlined(FEATURE_SETS[features].inputs)[0]
-    traction_of = inlined(FEATURE_SETS[features].traction)[0]
+    shared_of = inlined(FEATURE_SETS[features].shared)
+    inputs = inlined(FEATURE_SETS[features].inputs)
+    traction_of = inlined(FEATURE_SETS[features].traction)
     terms = ",".join(str(count) for count in counts)
     rest = SCALING + N_OUTPUTS * sum(counts)
     size = rest + N_OUTPUTS
-    digest = source_digest()
 
     def polynomial(states, sizes, weights, response, parameters, work, scratch, traction):
-        digest  # noqa: B018  (part of the cache key)
         widest_vectors()
         states = carray(states, (STATE_ROWS, BLOCK))
         traction = carray(traction, (TRACTION_ROWS, BLOCK))

@@ -16,14 +16,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from functools import cache
 from typing import ClassVar
 
 import numpy as np
 from numba import carray
 
 from ..kernels.blocks import BLOCK, block_rows, stack_rows
-from ..kernels.compile import STRESS_RESPONSE, compile_block_function, inlined, widest_vectors
+from ..kernels.compile import STRESS_RESPONSE, block_function_of, inlined, widest_vectors
 from ..kernels.elementary import exponential, inverse_cube_root, logarithm, select
 
 TRACE, AREA_RATIO, VOLUME_RATIO = 0, 1, 2
@@ -105,24 +104,9 @@ class Law(ABC):
         """The same compiled as a block function (`pdsurrogate.kernels.compile.STRESS_RESPONSE`)."""
 
     @classmethod
-    @cache
     def volumetric_block(cls):
         """Block function of J3 U' and its derivative alone, in the rows that the whole response has for the residual and its slope."""
-        volumetric, prints = inlined(cls.volumetric)
-
-        def response(states, parameters, result):
-            prints  # noqa: B018  (part of the cache key)
-            widest_vectors()
-            states = carray(states, (3, BLOCK))
-            result = carray(result, (RESPONSE_ROWS, BLOCK))
-            parameters = carray(parameters, (MOST_PARAMETERS,))
-            for k in range(BLOCK):
-                J3 = states[2, k]
-                _, dU, ddU = volumetric(J3, parameters)
-                result[2, k] = J3 * dU
-                result[3, k] = dU + J3 * ddU
-
-        return compile_block_function(response, STRESS_RESPONSE)
+        return block_function_of(_volumetric_response, STRESS_RESPONSE, cls.volumetric)
 
     @property
     def shape(self) -> dict[str, float]:
@@ -155,34 +139,8 @@ class InvariantLaw(Law):
         return invariant_response(trace, area_ratio, volume_ratio, *self.isochoric(I1, I2, p), *self.volumetric(volume_ratio, p))
 
     @classmethod
-    @cache
     def response_block(cls):
-        isochoric, isochoric_print = inlined(cls.isochoric)
-        volumetric, volumetric_print = inlined(cls.volumetric)
-        prints = isochoric_print + volumetric_print
-        n_parameters = cls.n_parameters
-
-        def response(states, parameters, result):
-            prints  # noqa: B018  (part of the cache key)
-            widest_vectors()
-            states = carray(states, (3, BLOCK))
-            result = carray(result, (RESPONSE_ROWS, BLOCK))
-            parameters = carray(parameters, (n_parameters,))
-            for k in range(BLOCK):
-                trace = states[0, k]
-                J = states[1, k]
-                J3 = states[2, k]
-                I1, I2 = isochoric_invariants(trace, J, J3)
-                W, W1, W2, W11, W12, W22 = isochoric(I1, I2, parameters)
-                U, dU, ddU = volumetric(J3, parameters)
-                p, q, residual, slope, energy = invariant_response(trace, J, J3, W, W1, W2, W11, W12, W22, U, dU, ddU)
-                result[0, k] = p
-                result[1, k] = q
-                result[2, k] = residual
-                result[3, k] = slope
-                result[4, k] = energy
-
-        return compile_block_function(response, STRESS_RESPONSE)
+        return block_function_of(_invariant_block, STRESS_RESPONSE, cls.isochoric, cls.volumetric, cls.n_parameters)
 
 
 def isochoric_invariants(trace, J, J3):
@@ -254,68 +212,8 @@ class PrincipalStretchLaw(Law):
         return principal_response(trace, J, J3, state[3], state[4], *totals, *self.volumetric(J3, parameters))
 
     @classmethod
-    @cache
     def response_block(cls):
-        coefficients, coefficients_print = inlined(cls.coefficients)
-        term, term_print = inlined(cls.term)
-        volumetric, volumetric_print = inlined(cls.volumetric)
-        prints = coefficients_print + term_print + volumetric_print
-
-        def response(states, parameters, result):
-            prints  # noqa: B018  (part of the cache key)
-            widest_vectors()
-            states = carray(states, (3, BLOCK))
-            result = carray(result, (RESPONSE_ROWS, BLOCK))
-            n_terms = np.int64(carray(parameters, (2,))[1])
-            # How long they are is for the law to know; it reads no further than its last term.
-            parameters = carray(parameters, (MOST_PARAMETERS,))
-            rows = block_rows(stack_rows(6))
-            for k in range(BLOCK):
-                x1, x2, x3, s1, s2, s3 = principal_state(states[0, k], states[1, k], states[2, k])
-                rows[0, k] = x1
-                rows[1, k] = x2
-                rows[2, k] = x3
-                rows[3, k] = s1
-                rows[4, k] = s2
-                rows[5, k] = s3
-            # On its own: a loop within the one above would split rounds off it.
-            for row in range(RESPONSE_ROWS):
-                for k in range(BLOCK):
-                    result[row, k] = 0.0
-            for number in range(n_terms):
-                constants = coefficients(parameters, number)
-                for k in range(BLOCK):
-                    W, g1, g2, g3, h = term(rows[0, k], rows[1, k], rows[2, k], rows[3, k], rows[4, k], rows[5, k], constants)
-                    result[0, k] += W
-                    result[1, k] += g1
-                    result[2, k] += g2
-                    result[3, k] += g3
-                    result[4, k] += h
-            for k in range(BLOCK):
-                J3 = states[2, k]
-                U, dU, ddU = volumetric(J3, parameters)
-                p, q, residual, slope, energy = principal_response(
-                    states[0, k],
-                    states[1, k],
-                    J3,
-                    rows[3, k],
-                    rows[4, k],
-                    result[0, k],
-                    result[1, k],
-                    result[2, k],
-                    result[3, k],
-                    result[4, k],
-                    U,
-                    dU,
-                    ddU,
-                )
-                result[0, k] = p
-                result[1, k] = q
-                result[2, k] = residual
-                result[3, k] = slope
-                result[4, k] = energy
-
-        return compile_block_function(response, STRESS_RESPONSE)
+        return block_function_of(_principal_block, STRESS_RESPONSE, cls.coefficients, cls.term, cls.volumetric)
 
 
 LEAST_SEPARATION = 3e-6
@@ -353,7 +251,108 @@ def principal_response(trace, J, J3, s1, s2, W, g1, g2, g3, h, U, dU, ddU):
     return p, q, residual, slope, W + U
 
 
-isochoric_invariants = inlined(isochoric_invariants)[0]
-invariant_response = inlined(invariant_response)[0]
-principal_state = inlined(principal_state)[0]
-principal_response = inlined(principal_response)[0]
+isochoric_invariants = inlined(isochoric_invariants)
+invariant_response = inlined(invariant_response)
+principal_state = inlined(principal_state)
+principal_response = inlined(principal_response)
+
+
+def _volumetric_response(volumetric):
+    """Builder of `Law.volumetric_block`."""
+
+    def response(states, parameters, result):
+        widest_vectors()
+        states = carray(states, (3, BLOCK))
+        result = carray(result, (RESPONSE_ROWS, BLOCK))
+        parameters = carray(parameters, (MOST_PARAMETERS,))
+        for k in range(BLOCK):
+            J3 = states[2, k]
+            _, dU, ddU = volumetric(J3, parameters)
+            result[2, k] = J3 * dU
+            result[3, k] = dU + J3 * ddU
+
+    return response
+
+
+def _invariant_block(isochoric, volumetric, n_parameters):
+    """Builder of `InvariantLaw.response_block`."""
+
+    def response(states, parameters, result):
+        widest_vectors()
+        states = carray(states, (3, BLOCK))
+        result = carray(result, (RESPONSE_ROWS, BLOCK))
+        parameters = carray(parameters, (n_parameters,))
+        for k in range(BLOCK):
+            trace = states[0, k]
+            J = states[1, k]
+            J3 = states[2, k]
+            I1, I2 = isochoric_invariants(trace, J, J3)
+            W, W1, W2, W11, W12, W22 = isochoric(I1, I2, parameters)
+            U, dU, ddU = volumetric(J3, parameters)
+            p, q, residual, slope, energy = invariant_response(trace, J, J3, W, W1, W2, W11, W12, W22, U, dU, ddU)
+            result[0, k] = p
+            result[1, k] = q
+            result[2, k] = residual
+            result[3, k] = slope
+            result[4, k] = energy
+
+    return response
+
+
+def _principal_block(coefficients, term, volumetric):
+    """Builder of `PrincipalStretchLaw.response_block`."""
+
+    def response(states, parameters, result):
+        widest_vectors()
+        states = carray(states, (3, BLOCK))
+        result = carray(result, (RESPONSE_ROWS, BLOCK))
+        n_terms = np.int64(carray(parameters, (2,))[1])
+        # How long they are is for the law to know; it reads no further than its last term.
+        parameters = carray(parameters, (MOST_PARAMETERS,))
+        rows = block_rows(stack_rows(6))
+        for k in range(BLOCK):
+            x1, x2, x3, s1, s2, s3 = principal_state(states[0, k], states[1, k], states[2, k])
+            rows[0, k] = x1
+            rows[1, k] = x2
+            rows[2, k] = x3
+            rows[3, k] = s1
+            rows[4, k] = s2
+            rows[5, k] = s3
+        # On its own: a loop within the one above would split rounds off it.
+        for row in range(RESPONSE_ROWS):
+            for k in range(BLOCK):
+                result[row, k] = 0.0
+        for number in range(n_terms):
+            constants = coefficients(parameters, number)
+            for k in range(BLOCK):
+                W, g1, g2, g3, h = term(rows[0, k], rows[1, k], rows[2, k], rows[3, k], rows[4, k], rows[5, k], constants)
+                result[0, k] += W
+                result[1, k] += g1
+                result[2, k] += g2
+                result[3, k] += g3
+                result[4, k] += h
+        for k in range(BLOCK):
+            J3 = states[2, k]
+            U, dU, ddU = volumetric(J3, parameters)
+            p, q, residual, slope, energy = principal_response(
+                states[0, k],
+                states[1, k],
+                J3,
+                rows[3, k],
+                rows[4, k],
+                result[0, k],
+                result[1, k],
+                result[2, k],
+                result[3, k],
+                result[4, k],
+                U,
+                dU,
+                ddU,
+            )
+            result[0, k] = p
+            result[1, k] = q
+            result[2, k] = residual
+            result[3, k] = slope
+            result[4, k] = energy
+
+    return response

@@ -1,0 +1,207 @@
+"""Keys of compiled code: digests of everything that a function's code depends on.
+
+numba keys its disk cache by the file a function stands in and does not see changes in what the function calls or in constants that it
+takes from elsewhere, which it freezes.  The digest made here covers the function's code, the values of its globals, closures and
+defaults, and, recursively, the code of every function that it calls, in whatever file; comments and docstrings are not part of it.
+Functions of installed libraries count by name and version.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import os
+import sys
+import types as python_types
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
+from functools import cache
+
+import llvmlite
+import numba
+import numpy as np
+import scipy
+from numba.core.dispatcher import Dispatcher
+from numba.core.typing.templates import builtin_registry
+from numba.extending import _Intrinsic
+
+LIBRARIES = frozenset({"numba", "numpy", "llvmlite", "scipy"})
+"""Their code counts by name and by the versions of the three that make or hold compiled code."""
+
+
+_FOLDERS = ("<frozen", *(os.path.dirname(module.__file__) + os.sep for module in (numba, np, llvmlite, scipy, os)))
+
+
+class NotKeyable(TypeError):
+    """A value whose influence on compiled code cannot be told from the value."""
+
+
+def code_digest(*values) -> str:
+    """Digest of functions with all that their code depends on, and of plain values.
+
+    Parameters
+    ----------
+    *values
+        Functions (plain, compiled by numba or intrinsic), numbers, texts, arrays, dtypes, and tuples, lists, sets and dicts of these.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    NotKeyable
+        If a function uses a value of any other kind; it is named.
+    """
+    walk = _Walk()
+    versions = (numba.__version__, np.__version__, llvmlite.__version__, tuple(sys.version_info[:2]))
+    for value in (versions, *values):
+        walk.add(value)
+    return walk.digest.hexdigest()
+
+
+class _Walk:
+    """One walk over a function and what it depends on; every function is entered once."""
+
+    def __init__(self) -> None:
+        self.digest = hashlib.sha256()
+        self._numbers: dict[int, int] = {}
+        self._kept: list = []
+        self._overloads = _overloads()
+
+    def add(self, value) -> None:
+        if isinstance(value, np.ndarray):
+            if value.dtype.hasobject:
+                raise NotKeyable("an array of objects")
+            self._write("array", value.dtype.str, value.shape, np.ascontiguousarray(value).tobytes())
+        elif value is None or value is Ellipsis or isinstance(value, bool | int | float | complex | str | bytes | np.generic | np.dtype):
+            self._write(type(value).__name__, value.tobytes() if isinstance(value, np.generic) else repr(value))
+        elif isinstance(value, tuple | list):
+            self._write(type(value).__name__, len(value))
+            for item in value:
+                self.add(item)
+        elif isinstance(value, set | frozenset):
+            self._write("set", len(value))
+            for item in sorted(value, key=repr):
+                self.add(item)
+        elif isinstance(value, dict):
+            self._write("dict", len(value))
+            for item in value.items():
+                self.add(item)
+        elif isinstance(value, Dispatcher):
+            self._write("compiled")
+            self.add(value.targetoptions)
+            self.add(value.py_func)
+        elif isinstance(value, _Intrinsic):
+            self._write("intrinsic")
+            self.add(value._defn)
+        elif inspect.ismodule(value) and _is_of_library(value):
+            self._write("library", value.__name__)
+        elif _is_of_library(value):
+            self._write("library", value.__module__ or "", getattr(value, "__qualname__", value.__name__))
+        elif isinstance(value, python_types.CodeType):
+            self._code(value)
+        elif isinstance(value, python_types.FunctionType):
+            self._function(value)
+        elif isinstance(value, numba.types.Type | numba.core.typing.templates.Signature) or _root(type(value).__module__) in LIBRARIES:
+            shown = repr(value)
+            if " at 0x" in shown:
+                raise NotKeyable(f"an object of type {type(value).__name__}")
+            self._write("described", type(value).__qualname__, shown)
+        elif is_dataclass(value) and not isinstance(value, type):
+            self._write("record", type(value).__qualname__)
+            for field in fields(value):
+                self.add(getattr(value, field.name))
+        else:
+            raise NotKeyable(f"an object of type {type(value).__name__}")
+
+    def _write(self, *parts) -> None:
+        for part in parts:
+            data = part if isinstance(part, bytes) else str(part).encode()
+            self.digest.update(len(data).to_bytes(8, "little") + data)
+
+    def _function(self, function: Callable) -> None:
+        if id(function) in self._numbers:
+            self._write("function again", self._numbers[id(function)])
+            return
+        self._numbers[id(function)] = len(self._numbers)
+        self._kept.append(function)  # an id is unique only while its object lives
+        self._write("function")
+        code = function.__code__
+        self._code(code, function.__doc__ is not None and code.co_consts[:1] == (function.__doc__,))
+        self.add(function.__defaults__)
+        self.add(function.__kwdefaults__)
+        closed = zip(code.co_freevars, (cell.cell_contents for cell in function.__closure__ or ()), strict=True)
+        for name, value in [*closed, *_values_behind(_names(code), function.__globals__)]:
+            self._write(name)
+            self._named(name, function, value)
+        for implementation in self._overloads.get(id(function), ()):
+            self.add(implementation)
+
+    def _named(self, name: str, function: Callable, value) -> None:
+        try:
+            self.add(value)
+        except NotKeyable as error:
+            raise NotKeyable(f"{function.__qualname__} uses {name}: {error}" if "uses" not in str(error) else str(error)) from None
+
+    def _code(self, code: python_types.CodeType, documented: bool = False) -> None:
+        self._write(
+            "code", code.co_code, code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars, code.co_argcount, code.co_flags
+        )
+        # A docstring takes the first place of the constants, where a function without one has None.
+        for constant in (None, *code.co_consts[1:]) if documented else code.co_consts:
+            self.add(constant)
+
+
+@cache
+def _names(code: python_types.CodeType) -> frozenset[str]:
+    """All names of globals and attributes that a code object and those nested in it read."""
+    names = set(code.co_names)
+    for constant in code.co_consts:
+        if isinstance(constant, python_types.CodeType):
+            names |= _names(constant)
+    return frozenset(names)
+
+
+def _values_behind(names: frozenset[str], space: dict) -> Iterator[tuple[str, object]]:
+    """Values that names have in a module, and in those of its modules that are no library's.
+
+    Which names are attributes of which module is not looked into: taking every one that a module has takes too many at most.
+    """
+    for name in sorted(names & space.keys()):
+        value = space[name]
+        if inspect.ismodule(value) and not _is_of_library(value):
+            yield from _values_behind(names - {name}, vars(value))
+        else:
+            yield name, value
+
+
+def _root(module: str | None) -> str:
+    return (module or "").partition(".")[0]
+
+
+def _is_of_library(value) -> bool:
+    """Whether a module, class or function belongs to Python or to a library whose version says what it does."""
+    if inspect.ismodule(value):
+        name, file = value.__name__, getattr(value, "__file__", None)
+    elif isinstance(value, python_types.FunctionType):
+        name, file = value.__module__, value.__code__.co_filename
+    elif isinstance(value, type | python_types.BuiltinFunctionType | np.ufunc):
+        name, file = getattr(value, "__module__", None) or type(value).__module__, None
+    else:
+        return False
+    root = _root(name)
+    # A user's file may have the name of a module of Python's; what has no file is built in.
+    return (root in LIBRARIES or root in sys.stdlib_module_names) and (file is None or file.startswith(_FOLDERS))
+
+
+def _overloads() -> dict[int, list[Callable]]:
+    """What numba compiles in the place of a function, by the function's id: implementations registered with `numba.extending.overload`."""
+    found: dict[int, list[Callable]] = {}
+    for function, kind in builtin_registry.globals:
+        if isinstance(function, python_types.FunctionType) and not _is_of_library(function):
+            for template in getattr(kind, "templates", ()):
+                implementation = getattr(template, "_overload_func", None)
+                if implementation is not None and not _is_of_library(implementation):
+                    found.setdefault(id(function), []).append(implementation)
+    return found

@@ -1,0 +1,161 @@
+"""Keys of compiled code: what changes them, and what does not."""
+
+import importlib
+import os
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+from numba.extending import overload
+
+from pdsurrogate.kernels import bond_pass
+from pdsurrogate.kernels.keys import NotKeyable, code_digest
+
+LAW = """
+    from dataclasses import dataclass
+    from typing import ClassVar
+
+    import numpy as np
+    from numba.extending import register_jitable
+    import my_constants
+    from my_constants import STIFFENING, doubled
+    from pdsurrogate.materials import InvariantLaw
+
+
+    @dataclass(frozen=True)
+    class Mine(InvariantLaw):
+        name: ClassVar[str] = "mine"
+        reference: ClassVar[str] = "none"
+
+        @property
+        def parameters(self):
+            return np.array([self.bulk_modulus / self.shear_modulus])
+
+        @staticmethod
+        def isochoric(I1, I2, parameters):
+            b = my_constants.EXTRA + STIFFENING + doubled(0.0 * I1)
+            zero = 0 * I1
+            return b * (I1 - 3) * (I1 - 3) / 2 + (I1 - 3) / 2, b * (I1 - 3) + 0.5, zero, b + zero, zero, zero
+"""
+CONSTANTS = """
+    from numba.extending import register_jitable
+
+    STIFFENING = {stiffening}
+    EXTRA = {extra}
+
+    @register_jitable
+    def doubled(x):
+        return x + {added}
+"""
+COMPARE = """
+    import numpy as np
+    from my_law import Mine
+    from pdsurrogate.forces import AnalyticBondForce
+    from pdsurrogate.forces.kernel_face import kernel_bond_force
+
+    law, state = Mine(), ([1.7, 0.8], [0.2, -0.1], [0.5, 0.5], [0.6, 1.1], [1.3, 0.9])
+    model = AnalyticBondForce(law)
+    print(repr(float(model.bond_force(*state)[0, 0])), repr(float(kernel_bond_force(model, law, np.float64)(*state)[0, 0])))
+"""
+
+
+def _write(folder, name, text):
+    (folder / name).write_text(textwrap.dedent(text))
+
+
+@pytest.mark.parametrize("changed", ["stiffening", "extra", "added"])
+def test_a_constant_or_function_of_another_module_reaches_the_cached_kernel(tmp_path, changed):
+    """A law that takes a constant from another module: after the constant changes, NumPy follows, and so must the cached kernel."""
+    values = {"stiffening": 0.1, "extra": 0.0, "added": 0.0}
+    _write(tmp_path, "my_law.py", LAW)
+    _write(tmp_path, "compare.py", COMPARE)
+    found = []
+    for value in (values[changed], 0.3):
+        _write(tmp_path, "my_constants.py", CONSTANTS.format(**{**values, changed: value}))
+        environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+        done = subprocess.run([sys.executable, "compare.py"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+        plain, compiled = map(float, done.stdout.split())
+        # The kernel's own roots and powers are exact to a few units in the last place.
+        assert compiled == pytest.approx(plain, rel=1e-13)
+        found.append(compiled)
+    assert abs(found[1] / found[0] - 1) > 0.01
+
+
+def test_a_constant_changed_while_python_runs_reaches_the_kernel(tmp_path, monkeypatch):
+    _write(tmp_path, "my_law.py", LAW)
+    _write(tmp_path, "my_constants.py", CONSTANTS.format(stiffening=0.1, extra=0.0, added=0.0))
+    monkeypatch.syspath_prepend(tmp_path)
+    try:
+        constants, law = importlib.import_module("my_constants"), importlib.import_module("my_law").Mine()
+        before = law.response_block()
+        assert law.response_block() is before
+        monkeypatch.setattr(constants, "EXTRA", 0.4)
+        assert law.response_block().address != before.address
+    finally:
+        for name in ("my_law", "my_constants"):
+            sys.modules.pop(name, None)
+
+
+def _made(source, **space):
+    exec(textwrap.dedent(source), {"__name__": "a_users_module", **space}, space)
+    function = space["f"]
+    function.__globals__.update(space)
+    return function
+
+
+def test_comments_and_docstrings_do_not_count_and_code_does():
+    plain = _made("def f(x):\n    return x + 1")
+    explained = _made('# Why.\ndef f(x):\n    """What."""\n\n    # How.\n    return x + 1')
+    assert code_digest(plain) == code_digest(explained)
+    assert code_digest(plain) != code_digest(_made("def f(x):\n    return x + 2"))
+    assert code_digest(plain) != code_digest(_made("def f(x, y=1):\n    return x + 1"))
+
+
+@pytest.mark.parametrize(
+    "values", [(1, 2), (1, 1.0), ("a", "b"), ((1, 2), (2, 1)), (np.zeros(2), np.zeros(3)), (np.float32(1), np.float64(1))]
+)
+def test_globals_and_closures_count_by_value(values):
+    def closing(value):
+        return lambda: value
+
+    for make in (lambda value: _made("def f():\n    return c", c=value), closing):
+        one, other = (make(value) for value in values)
+        assert code_digest(one) != code_digest(other)
+        assert code_digest(one) == code_digest(make(values[0]))
+
+
+def test_called_functions_count_by_their_code_however_deep():
+    def chain(number):
+        inner = _made(f"def f(x):\n    return x + {number}")
+        return _made("def f(x):\n    return inner(x)", inner=_made("def f(x):\n    return deeper(x)", deeper=inner))
+
+    assert code_digest(chain(1)) == code_digest(chain(1)) != code_digest(chain(2))
+
+
+def test_functions_may_call_themselves():
+    assert code_digest(_made("def f(x):\n    return f(x - 1) if x else 0")) == code_digest(
+        _made("def f(x):\n    return f(x - 1) if x else 0")
+    )
+
+
+def test_what_numba_compiles_in_the_place_of_a_function_counts():
+    def with_implementation(number):
+        inner = _made("def f(x):\n    return x")
+        overload(inner)(_made(f"def f(x):\n    return lambda x: x + {number}"))
+        return _made("def f(x):\n    return inner(x)", inner=inner)
+
+    assert code_digest(with_implementation(1)) == code_digest(with_implementation(1)) != code_digest(with_implementation(2))
+
+
+def test_what_cannot_be_keyed_is_named():
+    with pytest.raises(NotKeyable, match="f uses thing: an object of type object"):
+        code_digest(_made("def f():\n    return thing", thing=object()))
+
+
+def test_digests_are_the_same_in_every_process():
+    """Orders of sets and addresses of objects differ between processes."""
+    source = "from pdsurrogate.kernels import bond_pass, keys; print(keys.code_digest(bond_pass.pair_forces))"
+    other = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=True).stdout.strip()
+    assert other == code_digest(bond_pass.pair_forces)
