@@ -10,7 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from . import artifacts
 from .forces import ForceModel, InvalidState, OutsideDomain
-from .kernels.compile import compilation_clock, thread_count
+from .kernels.compile import compilation_clock
+from .kernels.threads import thread_count
 from .programmes.interruption import Interrupted
 from .programmes.quasistatic import go_through_levels, solver_of
 from .programmes.run import Progress, Run, Silent
@@ -63,7 +64,8 @@ def simulate(
         A force model, the name of one ("analytic", "nosb"), or an artefact: NAME, NAME@VERSION or a path.  By default the surrogate of
         the scene's law, see `pdsurrogate.artifacts.surrogate_for`.
     threads : int, optional
-        Threads of the kernels, by default all that numba was started with.  The result does not depend on it.
+        Threads of the kernels, by default as many as pay for the body, at most all that numba was started with.  The result does not
+        depend on it.
     progress : Progress, optional
         Where to report progress.
     folder : str or path, optional
@@ -95,20 +97,20 @@ def simulate(
     if resume and folder is None:
         raise ValueError("a run is resumed from the folder of its results: give it")
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
-    with thread_count(threads) as count, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
-        run = Run(scene, model, progress, None if folder is None else Path(folder))
+    with thread_count(threads), threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
+        run = Run(scene, model, progress, None if folder is None else Path(folder), threads)
         run.warm_up()
         try:
             with run.interruption:
                 _go(run, resume)
         except Interrupted as error:
             message = f"stretch {run.stretch:g}: {error}"
-            raise SimulationInterrupted(message, _result(run, count, clock.seconds, began, message)) from None
+            raise SimulationInterrupted(message, _result(run, clock.seconds, began, message)) from None
         except (NotConverged, Diverging, InvalidState, OutsideDomain) as error:
             advice = DYNAMICS_ADVICE if run.steps else ADVICE.get(type(error))
             message = f"stretch {run.target:g}: {error}" + (f"; {advice}" if advice else "")
-            raise SimulationFailed(message, _result(run, count, clock.seconds, began, message)) from error
-        return _result(run, count, clock.seconds, began, None)
+            raise SimulationFailed(message, _result(run, clock.seconds, began, message)) from error
+        return _result(run, clock.seconds, began, None)
 
 
 def _go(run: Run, resume: bool) -> None:
@@ -159,7 +161,7 @@ def _take_up(run: Run, solver, damage):
         raise CheckpointError(f"the checkpoint in {run.folder} is damaged ({error}); run without resume") from None
 
 
-def _result(run: Run, threads: int, seconds_compile: float, began: float, failure: str | None) -> Result:
+def _result(run: Run, seconds_compile: float, began: float, failure: str | None) -> Result:
     """Everything reached so far."""
     force, bonds, scene = run.force, run.body.bonds, run.scene
     residuals = [level["residual"] for level in run.levels]
@@ -178,7 +180,7 @@ def _result(run: Run, threads: int, seconds_compile: float, began: float, failur
         "precision": force.precision,
         "correction": force.correction,
         "support": scene.support,
-        "threads": threads,
+        "threads": run.threads,
         "converged": failure is None,
         "failure": failure,
         "residual": max(residuals, default=None),

@@ -16,7 +16,7 @@ from rich.console import Console
 
 import pdsurrogate as pd
 from pdsurrogate.forces import Domain, ForceSettings
-from pdsurrogate.kernels.compile import thread_count
+from pdsurrogate.kernels.threads import thread_count
 from pdsurrogate.learning import domain_of, surrogate_of
 from pdsurrogate.reports.speed import sheet
 from pdsurrogate.results.files import write_text

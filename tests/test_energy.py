@@ -401,7 +401,7 @@ def test_payloads_are_checked():
 def test_thread_count_changes_no_bit():
     import numba
 
-    from pdsurrogate.kernels.compile import thread_count
+    from pdsurrogate.kernels.threads import thread_count
 
     if numba.config.NUMBA_NUM_THREADS < 2:
         pytest.skip("needs two threads")

@@ -9,7 +9,7 @@ from conftest import SHIPPED
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import WEIGHT_FUNCTIONS
 from pdsurrogate.forces import FORCES, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning
-from pdsurrogate.kernels.compile import thread_count
+from pdsurrogate.kernels.threads import thread_count
 from pdsurrogate.materials import NeoHookean, homogeneous, plane_stress
 from pdsurrogate.results import measures
 

@@ -41,7 +41,9 @@ def run(
     folder: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Write summary, history, VTU/PVD files and a figure here.")
     ] = None,
-    threads: Annotated[int | None, typer.Option(help="Threads of the kernels (all by default); the result does not depend on it.")] = None,
+    threads: Annotated[
+        int | None, typer.Option(help="Threads of the kernels (by default as many as pay); the result does not depend on it.")
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in DIR, to the same result.")] = False,
 ) -> None:
     """Run a scene and compare it with its reference."""

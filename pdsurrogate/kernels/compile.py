@@ -29,6 +29,7 @@ from numba.core.ccallback import CFunc
 from numba.extending import intrinsic, is_jitted, register_jitable
 
 from .keys import NotKeyable, code_digest
+from .threads import start_threads
 
 # `nnan` and `ninf` are left out on purpose: they delete the tests by which the solver finds a diverging run.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
@@ -48,15 +49,19 @@ class DigestCache(FunctionCache):
     function : callable
     digest : str, optional
         By default it is formed when something is first looked up, when everything that the function calls has been defined.
+    parallel : bool
+        Whether it runs on numba's threads, which then have to be started before it is compiled or loaded.
     """
 
-    def __init__(self, function: Callable, digest: str | None = None) -> None:
+    def __init__(self, function: Callable, digest: str | None = None, parallel: bool = False) -> None:
         super().__init__(function)
-        self._digest = digest
+        self._digest, self._parallel = digest, parallel
         self._cache_file = None
 
     def _open(self) -> None:
         """Find the cache's file; there is none for a function whose dependences cannot be told."""
+        if self._parallel:
+            start_threads()
         if self._cache_file is not None or not self._enabled:
             return
         try:
@@ -77,10 +82,10 @@ class DigestCache(FunctionCache):
         super().save_overload(sig, data)
 
 
-def _enable_cache(compiled, function: Callable, digest: str | None = None) -> None:
+def _enable_cache(compiled, function: Callable, digest: str | None = None, parallel: bool = False) -> None:
     # Without a source file (an interactive session) or a writable folder there is no cache, and each process compiles anew.
     with suppress(RuntimeError):
-        compiled._cache = DigestCache(function, digest)
+        compiled._cache = DigestCache(function, digest, parallel)
 
 
 def kernel(function: Callable) -> Callable:
@@ -100,7 +105,7 @@ def inline(function: Callable) -> Callable:
 def parallel_kernel(function: Callable) -> Callable:
     """As `kernel`, with ``prange`` loops spread over numba's threads."""
     dispatcher = numba.njit(parallel=True, **OPTIONS)(function)
-    _enable_cache(dispatcher, function)
+    _enable_cache(dispatcher, function, parallel=True)
     return dispatcher
 
 
@@ -263,23 +268,3 @@ def compilation_clock(announce: Callable[[], None] | None = None):
         yield clock
     finally:
         event.unregister("numba:run_pass", clock)
-
-
-@contextmanager
-def thread_count(threads: int | None):
-    """Context in which the kernels use `threads` threads (all that numba was started with if None); yields their number.
-
-    Raises
-    ------
-    ValueError
-        If there are not so many.
-    """
-    most = numba.config.NUMBA_NUM_THREADS
-    if threads is not None and not 1 <= threads <= most:
-        raise ValueError(f"threads must be between 1 and {most} on this machine, not {threads}")
-    before = numba.get_num_threads()
-    numba.set_num_threads(threads or most)
-    try:
-        yield threads or most
-    finally:
-        numba.set_num_threads(before)

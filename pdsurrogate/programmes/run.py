@@ -9,11 +9,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
+import numba
 import numpy as np
 
 from ..body import Body
 from ..discretisation import discretise
 from ..forces import ForceModel, ForceSettings
+from ..kernels.threads import threads_for
 from ..materials import Law
 from ..results.checkpoint import Checkpoint
 from ..results.states import States, StatesInFiles, StatesInMemory
@@ -86,6 +88,8 @@ class Run:
         What was asked for.
     folder : Path or None
         Where states and checkpoints are written as they are reached.
+    threads : int or None
+        Of the kernels; None for as many as pay for the body.
     law, body, loading, force
         What was built for it.
     positions : ndarray, shape (n, 2)
@@ -110,6 +114,7 @@ class Run:
     model: ForceModel
     progress: Progress
     folder: Path | None = None
+    threads: int | None = None
     stretch: float = 1.0
     target: float = 1.0
     critical_stretch: float | None = None
@@ -125,9 +130,11 @@ class Run:
         self.law: Law = scene.material.build()
         self.body: Body
         self.body, lower, upper = discretise(scene)
+        self.threads = self.threads or threads_for(len(self.body.bonds.first))
         settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None)
         try:
             self.loading = Loading(scene, self.body, lower, upper)
+            numba.set_num_threads(self.threads)
             self.force = Stopwatch(self.model.bind(self.body, self.law, settings))
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None

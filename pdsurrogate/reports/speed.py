@@ -15,7 +15,7 @@ from ..body import Body
 from ..forces import ForceModel, ForceSettings
 from ..kernels.blocks import BLOCK, aligned_rows
 from ..kernels.calibration import ROWS, arithmetic
-from ..kernels.compile import thread_count
+from ..kernels.threads import thread_count
 from ..materials import Law, homogeneous
 
 ENOUGH = 12

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from ..kernels.compile import thread_count
+from ..kernels.threads import thread_count
 from .case import INAPPLICABLE, PASS, SPACING, WEAK, Body, Case, Outcome, Subject
 from .deformations import force_densities, wavy
 

@@ -1,0 +1,97 @@
+"""Threads of the kernels: how many, and how they wait for each other."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numba
+from numba.np.ufunc import parallel
+
+SPIN_COUNT = 1000
+"""Turns that a thread of GNU OpenMP takes in a waiting loop before it sleeps.
+
+Its own default, 300,000, lasts some milliseconds, in which a thread that waits keeps the core from the one it waits for wherever there are
+fewer free cores than threads. `python pipelines/threads.py` measures this choice against others, on free and on busy cores.
+"""
+
+PAIRS_PER_THREAD = 5_000
+"""Pairs of points below which a further thread costs more in waiting than it takes over (`python pipelines/threads.py`)."""
+
+_WAITING = ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")
+"""Variables by which a user says how threads wait."""
+
+
+class ThreadsSpinWarning(RuntimeWarning):
+    """The kernels' threads wait for each other in loops, because they ran before that could be set."""
+
+
+_started = False
+
+
+def start_threads() -> None:
+    """Start numba's threading layer with threads that soon sleep when they wait, unless the user has set how they wait.
+
+    GNU OpenMP reads that from the environment once, when it is loaded; the environment is left as it was. Says so once where it comes too
+    late.
+    """
+    global _started
+    if _started:
+        return
+    _started = True
+    if any(variable in os.environ for variable in _WAITING):
+        return
+    if _runs_already():
+        warnings.warn(
+            "numba's threads ran before pdsurrogate could set how they wait: beside other work, two threads may be far slower than one; "
+            f"set GOMP_SPINCOUNT={SPIN_COUNT} in the environment, or import and use pdsurrogate first",
+            ThreadsSpinWarning,
+            stacklevel=2,
+        )
+        return
+    os.environ["GOMP_SPINCOUNT"] = str(SPIN_COUNT)
+    try:
+        parallel._launch_threads()
+    finally:
+        del os.environ["GOMP_SPINCOUNT"]
+
+
+def _runs_already() -> bool:
+    """Whether numba's threads run on GNU OpenMP, or another library has loaded the same one."""
+    if parallel._is_initialized:
+        return numba.threading_layer() == "omp"
+    if sys.platform != "linux":
+        return False
+    # Wheels bring copies of their own, which are not the one that numba takes.
+    mapped = {line.split()[-1] for line in Path("/proc/self/maps").read_text().splitlines() if "/libgomp" in line}
+    return any("site-packages" not in file for file in mapped)
+
+
+def threads_for(pairs: int) -> int:
+    """How many threads pay for a body of so many pairs of points: at most all that numba was started with."""
+    return max(1, min(numba.config.NUMBA_NUM_THREADS, pairs // PAIRS_PER_THREAD))
+
+
+@contextmanager
+def thread_count(threads: int | None) -> Iterator[int]:
+    """Context in which the kernels use `threads` threads (all that numba was started with if None); yields their number.
+
+    Raises
+    ------
+    ValueError
+        If there are not so many.
+    """
+    most = numba.config.NUMBA_NUM_THREADS
+    if threads is not None and not 1 <= threads <= most:
+        raise ValueError(f"threads must be between 1 and {most} on this machine, not {threads}")
+    start_threads()
+    before = numba.get_num_threads()
+    numba.set_num_threads(threads or most)
+    try:
+        yield threads or most
+    finally:
+        numba.set_num_threads(before)

@@ -1,0 +1,71 @@
+"""How the kernels' threads wait, and how many there are."""
+
+import os
+import subprocess
+import sys
+
+import numba
+import pytest
+
+import pdsurrogate as pd
+from pdsurrogate.kernels import threads
+from pdsurrogate.kernels.threads import SPIN_COUNT, thread_count, threads_for
+
+USE = """
+import os, sys
+import pdsurrogate as pd
+from pdsurrogate.kernels.calibration import arithmetic
+from pdsurrogate.kernels.blocks import aligned_rows
+{first}
+before = dict(os.environ)
+for _ in range(2):
+    arithmetic(1, aligned_rows((2, 8, 256), "float32", 0.5))
+    with pd.kernels.threads.thread_count(2):
+        pass
+print(before == dict(os.environ), numba.threading_layer() if "numba" in globals() else "")
+"""
+
+
+def _used(first="", **variables):
+    """Standard error of a process that uses a parallel kernel, with what GNU OpenMP says of its settings when it is loaded."""
+    inherited = {key: value for key, value in os.environ.items() if key not in ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")}
+    environment = {**inherited, "NUMBA_NUM_THREADS": "2", "OMP_DISPLAY_ENV": "verbose", **variables}
+    done = subprocess.run([sys.executable, "-c", USE.format(first=first)], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split()[0] == "True", "the environment was changed"
+    if "GOMP_SPINCOUNT" not in done.stderr:
+        pytest.skip("numba does not run on GNU OpenMP here")
+    return done.stderr
+
+
+def test_threads_sleep_soon_when_they_wait():
+    assert f"GOMP_SPINCOUNT = '{SPIN_COUNT}'" in _used()
+
+
+@pytest.mark.parametrize(("variables", "expected"), [({"GOMP_SPINCOUNT": "77"}, "77"), ({"OMP_WAIT_POLICY": "passive"}, "0")])
+def test_what_the_user_has_set_stands(variables, expected):
+    said = _used(**variables)
+    assert f"GOMP_SPINCOUNT = '{expected}'" in said
+    assert "ThreadsSpinWarning" not in said
+
+
+def test_a_setting_that_comes_too_late_is_said_once():
+    """Numba's threads were started before pdsurrogate's kernels."""
+    assert _used("import numba; numba.set_num_threads(1)").count("ThreadsSpinWarning") == 1
+
+
+def test_small_bodies_take_one_thread():
+    most = numba.config.NUMBA_NUM_THREADS
+    assert threads_for(0) == threads_for(threads.PAIRS_PER_THREAD) == 1
+    assert threads_for(10**9) == most
+    small = pd.load_scene("uniaxial", spacing=0.1, stretches=1.5)
+    threads.start_threads()
+    before = numba.get_num_threads()
+    assert pd.simulate(small, "analytic").summary["threads"] == 1
+    assert numba.get_num_threads() == before
+    if most > 1:
+        assert pd.simulate(small, "analytic", threads=2).summary["threads"] == 2
+
+
+def test_a_number_of_threads_that_there_is_not():
+    with pytest.raises(ValueError, match="threads must be between 1 and"), thread_count(10**6):
+        pass
