@@ -1,6 +1,7 @@
 """Arrays of rows whose length the compiler knows."""
 
 import math
+from functools import cache
 
 import numpy as np
 from llvmlite import ir
@@ -37,7 +38,14 @@ def aligned_rows(shape, dtype=np.float64, value=0):
     return array
 
 
-def _with_row_length(length):
+@cache
+def rows_of(length):
+    """An intrinsic that gives the same two-dimensional array, stated to have rows of exactly `length` values.
+
+    With the row length a constant, LLVM sees that the rows of one array do not overlap; otherwise every pair of rows that a loop touches
+    costs a test at run time, and past eight of them it gives up vectorising the loop.
+    """
+
     @intrinsic
     def stated(typingctx, array):
         result_type = types.Array(array.dtype, 2, "C")
@@ -64,14 +72,9 @@ def _with_row_length(length):
     return stated
 
 
-# With the row length a constant, LLVM sees that the rows of one array do not overlap; otherwise every pair of rows
-# that a loop touches costs a test at run time, and past eight of them it gives up vectorising the loop.
+block_rows = rows_of(BLOCK)
 
-block_rows = _with_row_length(BLOCK)
-"""The same two-dimensional array, stated to have rows of exactly `BLOCK` values."""
-
-pair_records, triple_records, quad_records = (_with_row_length(length) for length in (2, 3, 4))
-"""The same two-dimensional array, stated to have records of exactly two, three or four values."""
+pair_records, triple_records, quad_records = rows_of(2), rows_of(3), rows_of(4)
 
 
 @intrinsic

@@ -6,13 +6,12 @@ into a table of the point's own that stays in the first-level cache, and each bo
 """
 
 import numpy as np
-from numba import prange
 
 from .blocks import BLOCK, block_rows, pair_records, quad_records, triple_records
-from .compile import kernel, parallel_kernel, widest_vectors
-from .elementary import not_finite, sum_in_order
+from .compile import kernel, widest_vectors
 from .node_state import solve_volume_ratios
-from .records import outer_products, sum_listed_records, sum_signed_records
+from .passes import ByDimension, Pass, share_of
+from .records import outer_products, sum_listed_records
 
 TILE = 64
 """Points per tile.  Tiles do not depend on the number of threads, so neither does the grouping of bonds into blocks."""
@@ -101,8 +100,10 @@ def bond_references(
         vectors[b, 1] = factor * (inverse_shapes[b, 1] * v1 + inverse_shapes[b, 2] * v2)
 
 
-@parallel_kernel
+@Pass
 def bond_associated_forces(
+    chunk,
+    chunks,
     positions,
     table_pointers,
     table,
@@ -118,7 +119,6 @@ def bond_associated_forces(
     tables,
     sums,
     scratch,
-    unsolved,
     forces,
 ):
     """Dimensionless force t V_i V_j of every directed bond.
@@ -129,7 +129,6 @@ def bond_associated_forces(
     tables : (n_chunks, longest table, 4) working memory.
     sums : (n_chunks, BLOCK, 4) working memory.
     scratch : (n_chunks, SCRATCH_ROWS + 4, BLOCK) doubles.
-    unsolved : (n_chunks,) working memory.
     forces : (n_bonds, 2) out.
 
     Returns
@@ -138,31 +137,28 @@ def bond_associated_forces(
         Number of bonds with det F <= 0, non-finite F or no plane-stress state.
     """
     n = table_pointers.shape[0] - 1
-    n_tiles = (n + TILE - 1) // TILE
-    chunks = scratch.shape[0]
-    for chunk in prange(chunks):
-        widest_vectors()
-        table_here = tables[chunk]
-        block = sums[chunk]
-        rows = block_rows(scratch[chunk])
-        count = 0
-        for tile in range(chunk * n_tiles // chunks, (chunk + 1) * n_tiles // chunks):
-            held = 0
-            at = bond_pointers[tile * TILE]
-            for i in range(tile * TILE, min(n, (tile + 1) * TILE)):
-                if bond_pointers[i + 1] > bond_pointers[i]:
-                    outer_products(positions, table, table_weights, table_pointers[i], table_pointers[i + 1], np.uint64(i), table_here)
-                for b in range(bond_pointers[i], bond_pointers[i + 1]):
-                    sum_listed_records(table_here, common, common_pointers[b], common_pointers[b + np.uint64(1)], block, np.uint64(held))
-                    held += 1
-                    if held == BLOCK:
-                        count += _block_forces(at, held, block, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces)
-                        at += np.uint64(BLOCK)
-                        held = 0
-            if held > 0:
-                count += _block_forces(at, held, block, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces)
-        unsolved[chunk] = count
-    return sum_in_order(unsolved)
+    widest_vectors()
+    first_tile, last_tile = share_of((n + TILE - 1) // TILE, chunk, chunks)
+    table_here = tables[chunk]
+    block = sums[chunk]
+    rows = block_rows(scratch[chunk])
+    count = 0
+    for tile in range(first_tile, last_tile):
+        held = 0
+        at = bond_pointers[tile * TILE]
+        for i in range(tile * TILE, min(n, (tile + 1) * TILE)):
+            if bond_pointers[i + 1] > bond_pointers[i]:
+                outer_products(positions, table, table_weights, table_pointers[i], table_pointers[i + 1], np.uint64(i), table_here)
+            for b in range(bond_pointers[i], bond_pointers[i + 1]):
+                sum_listed_records(table_here, common, common_pointers[b], common_pointers[b + np.uint64(1)], block, np.uint64(held))
+                held += 1
+                if held == BLOCK:
+                    count += _block_forces(at, held, block, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces)
+                    at += np.uint64(BLOCK)
+                    held = 0
+        if held > 0:
+            count += _block_forces(at, held, block, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces)
+    return count
 
 
 @kernel
@@ -207,16 +203,23 @@ def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, respon
     return unsolved
 
 
-@parallel_kernel
-def sum_bond_forces(forces, bond_pointers, reverse, unit, out):
-    """Force on every point: its own bonds' forces less those of the same bonds seen from their other ends.
+@ByDimension
+def sum_bond_forces(algebra):
+    """Force on every point from the directed bonds' own forces."""
 
-    Returns the number of points where it is not finite.
-    """
-    strange = 0
-    for i in prange(out.shape[0]):
-        start = bond_pointers[i]
-        stop = bond_pointers[i + 1]
-        sum_signed_records(forces, start, stop, reverse, start, stop, unit, np.uint64(i), out)
-        strange += not_finite(out[i, 0], out[i, 1])
-    return strange
+    @Pass
+    def sum_bond_forces(chunk, chunks, forces, bond_pointers, reverse, unit, out):
+        """Force on every point: its own bonds' forces less those of the same bonds seen from their other ends.
+
+        Returns the number of points where it is not finite.
+        """
+        strange = 0
+        begin, end = share_of(out.shape[0], chunk, chunks)
+        for i in range(begin, end):
+            start = bond_pointers[i]
+            stop = bond_pointers[i + 1]
+            algebra.sum_signed_records(forces, start, stop, reverse, start, stop, unit, np.uint64(i), out)
+            strange += algebra.not_finite(algebra.vector_at(out, i))
+        return strange
+
+    return sum_bond_forces

@@ -13,13 +13,12 @@ rest, so that it can be neither invalid nor outside a domain.
 """
 
 import numpy as np
-from numba import prange
 
 from .blocks import BLOCK, block_rows, pair_records, quad_records
 from .bond_pass import FALL_BACK, UNGUARDED
-from .compile import call_block, inline, kernel, parallel_kernel, widest_vectors
-from .elementary import not_finite, sum_in_order
-from .records import gather_pairs, sum_matrix_products, sum_quad_records, sum_signed_records
+from .compile import call_block, inline, widest_vectors
+from .passes import Pass, share_of
+from .records import gather_pairs
 
 COUNTED = 1
 """Bonds outside the domain are counted and otherwise left to the surrogate; `FALL_BACK` and `UNGUARDED` are those of the bond pass."""
@@ -83,8 +82,10 @@ def exact_share(trace, J, domain):
     return 1.0 - r1 * r2 * r3 * r4, by_trace, by_J
 
 
-@parallel_kernel
+@Pass
 def pair_energies(
+    chunk,
+    chunks,
     positions,
     gradients,
     first,
@@ -102,9 +103,7 @@ def pair_energies(
     sums,
     work,
     scratch,
-    outside,
-    collapsed,
-    invalid,
+    counts,
     energies,
     forces,
     moments,
@@ -123,125 +122,117 @@ def pair_energies(
     domain : (DOMAIN_SIZE,) see `edge_distances`.
     buffers, work : (n_chunks, rows, BLOCK) in the precision of the pass.
     sums, scratch : (n_chunks, rows, BLOCK) doubles.
-    outside, collapsed, invalid : (n_chunks,) working memory.
+    counts : (n_chunks, 3) out: pairs outside the domain; those with det F_ij <= COLLAPSED; and of them those with det F_ij <= 0 or none.
     energies : (n_blocks,) out: sum of beta psi over each block, in double.
     forces : (n_blocks * BLOCK, 2) out: beta P n/l, what the bond part exerts on the first point.
     moments : (n_blocks * BLOCK, 4) out: S of the pair as (11, 21, 12, 22).
-
-    Returns
-    -------
-    energy : float
-    outside, collapsed, invalid : int
-        Number of pairs outside the domain; of those with det F_ij <= COLLAPSED, and of them those with det F_ij <= 0 or none.
     """
-    n_blocks = geometry.shape[0]
-    chunks = buffers.shape[0]
-    for chunk in prange(chunks):
-        widest_vectors()
-        buffer = buffers[chunk]
-        states = block_rows(buffer[0:2])
-        result = block_rows(buffer[2:5])
-        exact_result = block_rows(buffer[5:8])
-        bond = block_rows(buffer[8:10])
-        columns = block_rows(buffer[10:14])
-        means = block_rows(sums[chunk])
-        real = buffer.dtype.type
-        half = real(0.5)
-        zero = real(0.0)
-        one = real(1.0)
-        least = real(COLLAPSED)
-        limits = (domain[0], domain[1], domain[2], domain[3], domain[4], domain[5], domain[6])
-        edge = -limits[6] if guard == FALL_BACK else zero
-        count = 0
-        small = 0
-        bad = 0
-        for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
-            at = block * BLOCK
-            reference = block_rows(geometry[block])
-            for k in range(0, BLOCK, 4):
-                gather_pairs(gradients, positions, first, second, at + k, means, bond, k)
-            few = zero
+    widest_vectors()
+    first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
+    buffer = buffers[chunk]
+    states = block_rows(buffer[0:2])
+    result = block_rows(buffer[2:5])
+    exact_result = block_rows(buffer[5:8])
+    bond = block_rows(buffer[8:10])
+    columns = block_rows(buffer[10:14])
+    means = block_rows(sums[chunk])
+    real = buffer.dtype.type
+    half = real(0.5)
+    zero = real(0.0)
+    one = real(1.0)
+    least = real(COLLAPSED)
+    limits = (domain[0], domain[1], domain[2], domain[3], domain[4], domain[5], domain[6])
+    edge = -limits[6] if guard == FALL_BACK else zero
+    count = 0
+    small = 0
+    bad = 0
+    for block in range(first_block, last_block):
+        at = block * BLOCK
+        reference = block_rows(geometry[block])
+        for k in range(0, BLOCK, 4):
+            gather_pairs(gradients, positions, first, second, at + k, means, bond, k)
+        few = zero
+        for k in range(BLOCK):
+            n1 = reference[0, k]
+            n2 = reference[1, k]
+            inverse_length = reference[2, k]
+            c1 = bond[0, k] * inverse_length
+            c2 = bond[1, k] * inverse_length
+            e1 = half * (n1 * real(means[2, k]) - n2 * real(means[0, k]))
+            e2 = half * (n1 * real(means[3, k]) - n2 * real(means[1, k]))
+            columns[0, k] = c1
+            columns[1, k] = c2
+            columns[2, k] = e1
+            columns[3, k] = e2
+            alive = reference[3, k] > zero
+            J = c1 * e2 - c2 * e1
+            trace = c1 * c1 + c2 * c2 + e1 * e1 + e2 * e2
+            J = J if alive else one
+            states[0, k] = trace if alive else one + one
+            states[1, k] = J
+            # NaN counts too.
+            few += zero if least < J else one
+        if few > zero:
+            small += int(few)
             for k in range(BLOCK):
-                n1 = reference[0, k]
-                n2 = reference[1, k]
-                inverse_length = reference[2, k]
-                c1 = bond[0, k] * inverse_length
-                c2 = bond[1, k] * inverse_length
-                e1 = half * (n1 * real(means[2, k]) - n2 * real(means[0, k]))
-                e2 = half * (n1 * real(means[3, k]) - n2 * real(means[1, k]))
-                columns[0, k] = c1
-                columns[1, k] = c2
-                columns[2, k] = e1
-                columns[3, k] = e2
-                alive = reference[3, k] > zero
-                J = c1 * e2 - c2 * e1
-                trace = c1 * c1 + c2 * c2 + e1 * e1 + e2 * e2
-                J = J if alive else one
-                states[0, k] = trace if alive else one + one
-                states[1, k] = J
-                # NaN counts too.
-                few += zero if least < J else one
-            if few > zero:
-                small += int(few)
-                for k in range(BLOCK):
-                    bad += 0 if states[1, k] > zero else 1
-            call_block(energy_density, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], result)
-            if guard != UNGUARDED:
-                found = zero
-                near = zero
-                for k in range(BLOCK):
-                    x1, x2, x3, x4 = edge_distances(states[0, k], states[1, k], limits)
-                    inside = (x1 <= zero) & (x2 <= zero) & (x3 <= zero) & (x4 <= zero)
-                    deep = (x1 <= edge) & (x2 <= edge) & (x3 <= edge) & (x4 <= edge)
-                    found += zero if inside else one
-                    near += zero if deep else one
-                if found > zero:
-                    count += int(found)
-                if guard == FALL_BACK and near > zero:
-                    call_block(exact, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], exact_result)
-                    for k in range(BLOCK):
-                        share, by_trace, by_J = exact_share(np.float64(states[0, k]), np.float64(states[1, k]), domain)
-                        if share >= 1.0:
-                            result[0, k] = exact_result[0, k]
-                            result[1, k] = exact_result[1, k]
-                            result[2, k] = exact_result[2, k]
-                        elif share > 0.0:
-                            excess = exact_result[0, k] - result[0, k]
-                            result[0, k] += real(share) * excess
-                            result[1, k] += real(share) * (exact_result[1, k] - result[1, k]) + real(by_trace) * excess
-                            result[2, k] += real(share) * (exact_result[2, k] - result[2, k]) + real(by_J) * excess
-            pair = pair_records(forces[at : at + BLOCK])
-            moment = quad_records(moments[at : at + BLOCK])
-            total = 0.0
+                bad += 0 if states[1, k] > zero else 1
+        call_block(energy_density, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], result)
+        if guard != UNGUARDED:
+            found = zero
+            near = zero
             for k in range(BLOCK):
-                beta = reference[3, k]
-                n1 = reference[0, k]
-                n2 = reference[1, k]
-                c1 = columns[0, k]
-                c2 = columns[1, k]
-                e1 = columns[2, k]
-                e2 = columns[3, k]
-                p = beta * (result[1, k] + result[1, k])
-                q = beta * result[2, k]
-                inverse_length = reference[2, k]
-                pair[k, 0] = inverse_length * (p * c1 + q * e2)
-                pair[k, 1] = inverse_length * (p * c2 - q * e1)
-                h1 = half * (p * e1 - q * c2)
-                h2 = half * (p * e2 + q * c1)
-                moment[k, 0] = -n2 * h1
-                moment[k, 1] = -n2 * h2
-                moment[k, 2] = n1 * h1
-                moment[k, 3] = n1 * h2
-                total += np.float64(beta * result[0, k])
-            energies[block] = total
-        outside[chunk] = count
-        collapsed[chunk] = small
-        invalid[chunk] = bad
-    return sum_in_order(energies), sum_in_order(outside), sum_in_order(collapsed), sum_in_order(invalid)
+                x1, x2, x3, x4 = edge_distances(states[0, k], states[1, k], limits)
+                inside = (x1 <= zero) & (x2 <= zero) & (x3 <= zero) & (x4 <= zero)
+                deep = (x1 <= edge) & (x2 <= edge) & (x3 <= edge) & (x4 <= edge)
+                found += zero if inside else one
+                near += zero if deep else one
+            if found > zero:
+                count += int(found)
+            if guard == FALL_BACK and near > zero:
+                call_block(exact, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], exact_result)
+                for k in range(BLOCK):
+                    share, by_trace, by_J = exact_share(np.float64(states[0, k]), np.float64(states[1, k]), domain)
+                    if share >= 1.0:
+                        result[0, k] = exact_result[0, k]
+                        result[1, k] = exact_result[1, k]
+                        result[2, k] = exact_result[2, k]
+                    elif share > 0.0:
+                        excess = exact_result[0, k] - result[0, k]
+                        result[0, k] += real(share) * excess
+                        result[1, k] += real(share) * (exact_result[1, k] - result[1, k]) + real(by_trace) * excess
+                        result[2, k] += real(share) * (exact_result[2, k] - result[2, k]) + real(by_J) * excess
+        pair = pair_records(forces[at : at + BLOCK])
+        moment = quad_records(moments[at : at + BLOCK])
+        total = 0.0
+        for k in range(BLOCK):
+            beta = reference[3, k]
+            n1 = reference[0, k]
+            n2 = reference[1, k]
+            c1 = columns[0, k]
+            c2 = columns[1, k]
+            e1 = columns[2, k]
+            e2 = columns[3, k]
+            p = beta * (result[1, k] + result[1, k])
+            q = beta * result[2, k]
+            inverse_length = reference[2, k]
+            pair[k, 0] = inverse_length * (p * c1 + q * e2)
+            pair[k, 1] = inverse_length * (p * c2 - q * e1)
+            h1 = half * (p * e1 - q * c2)
+            h2 = half * (p * e2 + q * c1)
+            moment[k, 0] = -n2 * h1
+            moment[k, 1] = -n2 * h2
+            moment[k, 2] = n1 * h1
+            moment[k, 3] = n1 * h2
+            total += np.float64(beta * result[0, k])
+        energies[block] = total
+    counts[chunk, 0] = count
+    counts[chunk, 1] = small
+    counts[chunk, 2] = bad
+    return 0
 
 
-@parallel_kernel
-def pair_tangents(positions, gradients, first, second, geometry, linearised, buffers, sums, forces, moments):
+@Pass
+def pair_tangents(chunk, chunks, positions, gradients, first, second, geometry, linearised, buffers, sums, forces, moments):
     """The change of `forces` and `moments` of `pair_energies` under a displacement, to first order.
 
     Parameters
@@ -252,158 +243,41 @@ def pair_tangents(positions, gradients, first, second, geometry, linearised, buf
     buffers, sums : as for `pair_energies`.
     forces, moments : out.
     """
-    n_blocks = geometry.shape[0]
-    chunks = buffers.shape[0]
-    for chunk in prange(chunks):
-        widest_vectors()
-        bond = block_rows(buffers[chunk, 8:10])
-        means = block_rows(sums[chunk])
-        for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
-            at = block * BLOCK
-            reference = block_rows(geometry[block])
-            state = block_rows(linearised[block])
-            for k in range(0, BLOCK, 4):
-                gather_pairs(gradients, positions, first, second, at + k, means, bond, k)
-            pair = pair_records(forces[at : at + BLOCK])
-            moment = quad_records(moments[at : at + BLOCK])
-            for k in range(BLOCK):
-                n1 = reference[0, k]
-                n2 = reference[1, k]
-                inverse_length = reference[2, k]
-                dc1 = bond[0, k] * inverse_length
-                dc2 = bond[1, k] * inverse_length
-                de1 = 0.5 * (n1 * means[2, k] - n2 * means[0, k])
-                de2 = 0.5 * (n1 * means[3, k] - n2 * means[1, k])
-                c1 = state[0, k]
-                c2 = state[1, k]
-                e1 = state[2, k]
-                e2 = state[3, k]
-                d_trace = 2.0 * (c1 * dc1 + c2 * dc2 + e1 * de1 + e2 * de2)
-                d_J = dc1 * e2 + c1 * de2 - dc2 * e1 - c2 * de1
-                p = 2.0 * state[4, k]
-                q = state[5, k]
-                dp = 2.0 * (state[6, k] * d_trace + state[7, k] * d_J)
-                dq = state[7, k] * d_trace + state[8, k] * d_J
-                pair[k, 0] = inverse_length * (p * dc1 + q * de2 + dp * c1 + dq * e2)
-                pair[k, 1] = inverse_length * (p * dc2 - q * de1 + dp * c2 - dq * e1)
-                h1 = 0.5 * (p * de1 - q * dc2 + dp * e1 - dq * c2)
-                h2 = 0.5 * (p * de2 + q * dc1 + dp * e2 + dq * c1)
-                moment[k, 0] = -n2 * h1
-                moment[k, 1] = -n2 * h2
-                moment[k, 2] = n1 * h1
-                moment[k, 3] = n1 * h2
-
-
-@parallel_kernel
-def sum_moments(moments, own_pointers, incidence_pointers, incidence, out):
-    """S of every point and image: the sum over the pairs it belongs to."""
-    for i in prange(out.shape[0]):
-        sum_quad_records(moments, own_pointers[i], own_pointers[i + 1], incidence, incidence_pointers[i], incidence_pointers[i + 1], i, out)
-
-
-@kernel
-def return_moments(moments, n_points, mirror, parity, axis):
-    """Hand S of the images to the points they mirror, by the transpose of `gradient.reflect_gradients`, and clear them."""
-    for m in range(mirror.shape[0]):
-        s1 = -1.0 if axis[m] == 0 else 1.0
-        s2 = -s1
-        source = mirror[m]
-        moments[source, 0] += parity[m, 0] * s1 * moments[n_points + m, 0]
-        moments[source, 1] += parity[m, 1] * s1 * moments[n_points + m, 1]
-        moments[source, 2] += parity[m, 0] * s2 * moments[n_points + m, 2]
-        moments[source, 3] += parity[m, 1] * s2 * moments[n_points + m, 3]
-        moments[n_points + m, :] = 0.0
-
-
-@parallel_kernel
-def weigh_moments(moments, inverse_shape, volumes):
-    """S K^-1/V of every point, in place."""
-    for i in prange(volumes.shape[0]):
-        unit = 1.0 / volumes[i]
-        z11 = inverse_shape[i, 0] * unit
-        z12 = inverse_shape[i, 1] * unit
-        z22 = inverse_shape[i, 2] * unit
-        s1 = moments[i, 0]
-        s2 = moments[i, 1]
-        s3 = moments[i, 2]
-        s4 = moments[i, 3]
-        moments[i, 0] = s1 * z11 + s3 * z12
-        moments[i, 1] = s2 * z11 + s4 * z12
-        moments[i, 2] = s1 * z12 + s3 * z22
-        moments[i, 3] = s2 * z12 + s4 * z22
-
-
-@parallel_kernel
-def point_forces(
-    forces,
-    stresses,
-    pair_pointers,
-    incidence_pointers,
-    incidence,
-    pointers,
-    neighbours,
-    weighted_bonds,
-    volumes,
-    unit,
-    start,
-    node_parts,
-    out,
-):
-    """Force on the points from `start` on: the pairs' own parts, and the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j.
-
-    Parameters
-    ----------
-    forces : (n_pairs, 2) from `pair_energies`.
-    stresses : (n, 4) from `weigh_moments`.
-    pointers, neighbours, weighted_bonds : directed bonds of these points, w x V_j.
-    pair_pointers, incidence_pointers, incidence : pairs of all points.
-    unit : the shear modulus.
-    node_parts : (n, 2) working memory.
-    out : (n, 2) written from `start` on.
-
-    Returns
-    -------
-    int
-        Number of points whose force is not finite.
-    """
-    strange = 0
-    for r in prange(pointers.shape[0] - 1):
-        i = start + r
-        sum_signed_records(
-            forces,
-            pair_pointers[i],
-            pair_pointers[i + 1],
-            incidence,
-            incidence_pointers[i],
-            incidence_pointers[i + 1],
-            unit,
-            np.uint64(i),
-            out,
-        )
-        sum_matrix_products(stresses, neighbours, weighted_bonds, pointers[r], pointers[r + 1], np.uint64(i), node_parts)
-        factor = unit * volumes[i]
-        out[i, 0] += factor * node_parts[i, 0]
-        out[i, 1] += factor * node_parts[i, 1]
-        strange += not_finite(out[i, 0], out[i, 1])
-    return strange
-
-
-@kernel
-def return_forces(forces, n_points, mirror, parity):
-    """Hand the forces on images to the points they mirror: an image is a function of that point, y = shift + parity * y_mirror."""
-    for m in range(mirror.shape[0]):
-        forces[mirror[m], 0] += parity[m, 0] * forces[n_points + m, 0]
-        forces[mirror[m], 1] += parity[m, 1] * forces[n_points + m, 1]
-
-
-@kernel
-def reflect_changes(changes, n_points, mirror, parity, axis):
-    """The change of F of every image from that of the point it mirrors, the linear part of `gradient.reflect_gradients`."""
-    for m in range(mirror.shape[0]):
-        s1 = -1.0 if axis[m] == 0 else 1.0
-        s2 = -s1
-        source = mirror[m]
-        changes[n_points + m, 0] = parity[m, 0] * s1 * changes[source, 0]
-        changes[n_points + m, 1] = parity[m, 1] * s1 * changes[source, 1]
-        changes[n_points + m, 2] = parity[m, 0] * s2 * changes[source, 2]
-        changes[n_points + m, 3] = parity[m, 1] * s2 * changes[source, 3]
+    widest_vectors()
+    first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
+    bond = block_rows(buffers[chunk, 8:10])
+    means = block_rows(sums[chunk])
+    for block in range(first_block, last_block):
+        at = block * BLOCK
+        reference = block_rows(geometry[block])
+        state = block_rows(linearised[block])
+        for k in range(0, BLOCK, 4):
+            gather_pairs(gradients, positions, first, second, at + k, means, bond, k)
+        pair = pair_records(forces[at : at + BLOCK])
+        moment = quad_records(moments[at : at + BLOCK])
+        for k in range(BLOCK):
+            n1 = reference[0, k]
+            n2 = reference[1, k]
+            inverse_length = reference[2, k]
+            dc1 = bond[0, k] * inverse_length
+            dc2 = bond[1, k] * inverse_length
+            de1 = 0.5 * (n1 * means[2, k] - n2 * means[0, k])
+            de2 = 0.5 * (n1 * means[3, k] - n2 * means[1, k])
+            c1 = state[0, k]
+            c2 = state[1, k]
+            e1 = state[2, k]
+            e2 = state[3, k]
+            d_trace = 2.0 * (c1 * dc1 + c2 * dc2 + e1 * de1 + e2 * de2)
+            d_J = dc1 * e2 + c1 * de2 - dc2 * e1 - c2 * de1
+            p = 2.0 * state[4, k]
+            q = state[5, k]
+            dp = 2.0 * (state[6, k] * d_trace + state[7, k] * d_J)
+            dq = state[7, k] * d_trace + state[8, k] * d_J
+            pair[k, 0] = inverse_length * (p * dc1 + q * de2 + dp * c1 + dq * e2)
+            pair[k, 1] = inverse_length * (p * dc2 - q * de1 + dp * c2 - dq * e1)
+            h1 = 0.5 * (p * de1 - q * dc2 + dp * e1 - dq * c2)
+            h2 = 0.5 * (p * de2 + q * dc1 + dp * e2 + dq * c1)
+            moment[k, 0] = -n2 * h1
+            moment[k, 1] = -n2 * h2
+            moment[k, 2] = n1 * h1
+            moment[k, 3] = n1 * h2

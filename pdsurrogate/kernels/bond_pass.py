@@ -1,13 +1,11 @@
 """The bond pass of every force model that maps bond quantities to a bond force, and the sum of its pair forces."""
 
-import numpy as np
-from numba import prange
-
 from .blocks import BLOCK, block_rows, pair_records
 from .bond_state import LEAST_NORMAL_STRETCH, is_outside, lateral_stretch, share_inside
-from .compile import call_block, parallel_kernel, widest_vectors
-from .elementary import inverse_square_root, not_finite, sum_in_order
-from .records import gather_pairs, sum_signed_records
+from .compile import call_block, widest_vectors
+from .elementary import inverse_square_root
+from .passes import Pass, share_of
+from .records import gather_pairs
 
 UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
 """What is done about bonds outside the domain of a force model: it has no bounds; they are counted, and those turned so far that they have
@@ -18,8 +16,10 @@ BUFFER_ROWS = 18
 the exact traction, and the sums of the node records."""
 
 
-@parallel_kernel
+@Pass
 def pair_forces(
+    chunk,
+    chunks,
     positions,
     records,
     first,
@@ -36,7 +36,6 @@ def pair_forces(
     buffers,
     work,
     scratch,
-    outside,
     forces,
 ):
     """Dimensionless force on the first point of every pair.
@@ -56,7 +55,6 @@ def pair_forces(
     guard : UNGUARDED, TURNED or FALL_BACK.
     domain : (2, 7) limits of the domain and of the part of it where nothing but the model counts, see `bond_state.is_outside`.
     buffers, work, scratch : (n_chunks, rows, BLOCK), the first two in the model's precision, the last doubles.
-    outside : (n_chunks,) working memory.
     forces : (n_blocks * BLOCK, 2) out.
 
     Returns
@@ -64,104 +62,78 @@ def pair_forces(
     int
         Number of pairs outside the domain.
     """
-    n_blocks = geometry.shape[0]
-    chunks = buffers.shape[0]
-    for chunk in prange(chunks):
-        widest_vectors()
-        buffer = buffers[chunk]
-        states = block_rows(buffer[0:6])
-        means = block_rows(buffer[14:18])
-        bond = block_rows(buffer[6:8])
-        traction = block_rows(buffer[8:11])
-        exact = block_rows(buffer[11:14])
-        real = buffer.dtype.type
-        zero, half, one, tiny = real(0.0), real(0.5), real(1.0), real(1e-30)
-        # Scalars, not arrays: loads from one would stand in the way of the vectoriser.
-        outer = (domain[0, 0], domain[0, 1], domain[0, 2], domain[0, 3], domain[0, 4], domain[0, 5], domain[0, 6])
-        inner = (domain[1, 0], domain[1, 1], domain[1, 2], domain[1, 3], domain[1, 4], domain[1, 5], domain[1, 6])
-        count = 0
-        for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
-            at = block * BLOCK
-            reference = block_rows(geometry[block])
-            for k in range(0, BLOCK, 4):
-                gather_pairs(records, positions, first, second, at + k, means, bond, k)
+    widest_vectors()
+    first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
+    buffer = buffers[chunk]
+    states = block_rows(buffer[0:6])
+    means = block_rows(buffer[14:18])
+    bond = block_rows(buffer[6:8])
+    traction = block_rows(buffer[8:11])
+    exact = block_rows(buffer[11:14])
+    real = buffer.dtype.type
+    zero, half, one, tiny = real(0.0), real(0.5), real(1.0), real(1e-30)
+    # Scalars, not arrays: loads from one would stand in the way of the vectoriser.
+    outer = (domain[0, 0], domain[0, 1], domain[0, 2], domain[0, 3], domain[0, 4], domain[0, 5], domain[0, 6])
+    inner = (domain[1, 0], domain[1, 1], domain[1, 2], domain[1, 3], domain[1, 4], domain[1, 5], domain[1, 6])
+    count = 0
+    for block in range(first_block, last_block):
+        at = block * BLOCK
+        reference = block_rows(geometry[block])
+        for k in range(0, BLOCK, 4):
+            gather_pairs(records, positions, first, second, at + k, means, bond, k)
+        for k in range(BLOCK):
+            # The mean of two rotations is the direction of the sum of their (cos, sin); two opposite ones have none.
+            c = means[0, k]
+            s = means[1, k]
+            norm = inverse_square_root(c * c + s * s + tiny)
+            c = c * norm
+            s = s * norm
+            r1 = c * reference[0, k] - s * reference[1, k]
+            r2 = s * reference[0, k] + c * reference[1, k]
+            d1 = bond[0, k]
+            d2 = bond[1, k]
+            live = reference[2, k] > zero
+            a = r1 * d1 + r2 * d2 if live else one
+            b = r1 * d2 - r2 * d1 if live else zero
+            J = half * means[2, k] if live else one
+            C33 = half * means[3, k] if live else one
+            states[0, k] = a
+            states[1, k] = b
+            states[2, k] = lateral_stretch(a, b, J)
+            states[3, k] = J
+            states[4, k] = C33
+            states[5, k] = reference[4, k]
+            bond[0, k] = r1
+            bond[1, k] = r2
+        call_block(bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], traction)
+        if guard != UNGUARDED:
+            # Counted in the precision of the lanes, which another width would halve.  Pairs that carry no force are at rest: inside.
+            near = zero
             for k in range(BLOCK):
-                # The mean of two rotations is the direction of the sum of their (cos, sin); two opposite ones have none.
-                c = means[0, k]
-                s = means[1, k]
-                norm = inverse_square_root(c * c + s * s + tiny)
-                c = c * norm
-                s = s * norm
-                r1 = c * reference[0, k] - s * reference[1, k]
-                r2 = s * reference[0, k] + c * reference[1, k]
-                d1 = bond[0, k]
-                d2 = bond[1, k]
-                live = reference[2, k] > zero
-                a = r1 * d1 + r2 * d2 if live else one
-                b = r1 * d2 - r2 * d1 if live else zero
-                J = half * means[2, k] if live else one
-                C33 = half * means[3, k] if live else one
-                states[0, k] = a
-                states[1, k] = b
-                states[2, k] = lateral_stretch(a, b, J)
-                states[3, k] = J
-                states[4, k] = C33
-                states[5, k] = reference[4, k]
-                bond[0, k] = r1
-                bond[1, k] = r2
-            call_block(bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], traction)
-            if guard != UNGUARDED:
-                # Counted in the precision of the lanes, which another width would halve.  Pairs that carry no force are at rest: inside.
-                near = zero
+                near += is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], inner)
+            if near > zero:
+                call_block(exact_bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], exact)
                 for k in range(BLOCK):
-                    near += is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], inner)
-                if near > zero:
-                    call_block(exact_bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], exact)
-                    for k in range(BLOCK):
-                        a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
-                        if reference[2, k] > zero and is_outside(a, b, U_mm, J, C33, outer) > zero:
-                            count += 1
-                        if guard == FALL_BACK:
-                            share = real(share_inside(a, b, U_mm, J, C33, outer, inner))
-                        else:
-                            share = one if a > real(LEAST_NORMAL_STRETCH) else zero
-                        if share < one:
-                            # Not a sum with a factor 0: outside its domain a model may give NaN.
-                            for row in range(3):
-                                learnt = share * traction[row, k] if share > zero else zero
-                                traction[row, k] = learnt + (one - share) * exact[row, k]
-            pair = pair_records(forces[at : at + BLOCK])
-            for k in range(BLOCK):
-                r1 = bond[0, k]
-                r2 = bond[1, k]
-                alpha = reference[2, k]
-                beta = reference[3, k]
-                along = alpha * traction[0, k] + beta * traction[1, k]
-                across = alpha * traction[1, k] + beta * traction[2, k]
-                pair[k, 0] = r1 * along - r2 * across
-                pair[k, 1] = r2 * along + r1 * across
-        outside[chunk] = count
-    return sum_in_order(outside)
-
-
-@parallel_kernel
-def sum_pair_forces(forces, pair_pointers, incidence_pointers, incidence, unit, out):
-    """Force on every point, times `unit` (the shear modulus), summed in double precision in an order that no thread count changes.
-
-    Returns the number of points whose force is not finite.
-    """
-    strange = 0
-    for i in prange(out.shape[0]):
-        sum_signed_records(
-            forces,
-            pair_pointers[i],
-            pair_pointers[i + 1],
-            incidence,
-            incidence_pointers[i],
-            incidence_pointers[i + 1],
-            unit,
-            np.uint64(i),
-            out,
-        )
-        strange += not_finite(out[i, 0], out[i, 1])
-    return strange
+                    a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
+                    if reference[2, k] > zero and is_outside(a, b, U_mm, J, C33, outer) > zero:
+                        count += 1
+                    if guard == FALL_BACK:
+                        share = real(share_inside(a, b, U_mm, J, C33, outer, inner))
+                    else:
+                        share = one if a > real(LEAST_NORMAL_STRETCH) else zero
+                    if share < one:
+                        # Not a sum with a factor 0: outside its domain a model may give NaN.
+                        for row in range(3):
+                            learnt = share * traction[row, k] if share > zero else zero
+                            traction[row, k] = learnt + (one - share) * exact[row, k]
+        pair = pair_records(forces[at : at + BLOCK])
+        for k in range(BLOCK):
+            r1 = bond[0, k]
+            r2 = bond[1, k]
+            alpha = reference[2, k]
+            beta = reference[3, k]
+            along = alpha * traction[0, k] + beta * traction[1, k]
+            across = alpha * traction[1, k] + beta * traction[2, k]
+            pair[k, 0] = r1 * along - r2 * across
+            pair[k, 1] = r2 * along + r1 * across
+    return count

@@ -1,29 +1,27 @@
 """Vector arithmetic within the first-level cache: what threads gain where nothing but the processor limits them."""
 
 import numpy as np
-from numba import prange
 
 from .blocks import block_rows
-from .compile import parallel_kernel, widest_vectors
+from .compile import widest_vectors
+from .passes import Pass
 
 ROWS = 2
 """Rows of the buffer: arguments and values."""
 
 
-@parallel_kernel
-def arithmetic(rounds, buffers):
+@Pass
+def arithmetic(chunk, chunks, rounds, buffers):
     """Evaluate a polynomial on a block of single-precision numbers, `rounds` times over, shared among the chunks of `buffers`."""
-    chunks = buffers.shape[0]
-    for chunk in prange(chunks):
-        widest_vectors()
-        rows = block_rows(buffers[chunk])
-        for _ in range(chunk * rounds // chunks, (chunk + 1) * rounds // chunks):
-            for k in range(rows.shape[1]):
-                x = rows[0, k]
-                # Two chains that need each other, so that no part of them can be left out.
-                even = x * x
-                odd = even * x
-                for _ in range(8):
-                    even = odd * x + even
-                    odd = even * x - odd
-                rows[1, k] = np.float32(0.5) * (even + odd)
+    widest_vectors()
+    rows = block_rows(buffers[chunk])
+    for _ in range(chunk * rounds // chunks, (chunk + 1) * rounds // chunks):
+        for k in range(rows.shape[1]):
+            x = rows[0, k]
+            # Two chains that need each other, so that no part of them can be left out.
+            even = x * x
+            odd = even * x
+            for _ in range(8):
+                even = odd * x + even
+                odd = even * x - odd
+            rows[1, k] = np.float32(0.5) * (even + odd)

@@ -95,6 +95,11 @@ def kernel(function: Callable) -> Callable:
     return dispatcher
 
 
+def plain_function(function: Callable) -> Callable:
+    """Compile a function without a cache of its own: its code is kept as part of what it is called from."""
+    return numba.njit(**OPTIONS)(function)
+
+
 def inline(function: Callable) -> Callable:
     """Compile an elementwise function into the code of every kernel that calls it."""
     dispatcher = numba.njit(**INLINE_OPTIONS)(function)

@@ -267,12 +267,6 @@ def _arctangent(y, x):
 
 
 @inline
-def not_finite(first, second):
-    """1 if either number is infinite or NaN, else 0; for finite ones their sum must not overflow."""
-    return 0 if abs(first) + abs(second) < np.inf else 1
-
-
-@inline
 def sum_in_order(values):
     """Sum of an array: numba would spread the ``values.sum()`` of a parallel kernel over its threads, whose number would show in it."""
     found = values[0]

@@ -131,8 +131,9 @@ class _Walk:
         self._code(code, function.__doc__ is not None and code.co_consts[:1] == (function.__doc__,))
         self.add(function.__defaults__)
         self.add(function.__kwdefaults__)
-        closed = zip(code.co_freevars, (cell.cell_contents for cell in function.__closure__ or ()), strict=True)
-        for name, value in [*closed, *_values_behind(_names(code), function.__globals__)]:
+        closed = dict(zip(code.co_freevars, (cell.cell_contents for cell in function.__closure__ or ()), strict=True))
+        names = _names(code)
+        for name, value in [*_values_behind(names | closed.keys(), closed), *_values_behind(names, function.__globals__)]:
             self._write(name)
             self._named(name, function, value)
         for implementation in self._overloads.get(id(function), ()):

@@ -9,13 +9,12 @@ and the map that gives the force of a bond gives the pressure in a point as well
 """
 
 import numpy as np
-from numba import prange
 
 from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
 from .bond_state import is_outside, share_inside
-from .compile import call_block, parallel_kernel, widest_vectors
-from .elementary import sum_in_order
+from .compile import call_block, widest_vectors
 from .node_state import POLAR, convected_rotation, solve_volume_ratios
+from .passes import Pass, share_of
 
 MOST_ITERATIONS = 20
 
@@ -26,8 +25,10 @@ SCRATCH_ROWS = 14
 """Rows of doubles: states and result of a response, the frame's components of U, and the last step and its residual."""
 
 
-@parallel_kernel
+@Pass
 def learnt_node_states(
+    chunk,
+    chunks,
     gradients,
     volume_ratios,
     rotation,
@@ -43,7 +44,6 @@ def learnt_node_states(
     work,
     scratch,
     records,
-    unsolved,
 ):
     """Node records (cos, sin, J, C33) from the deformation gradients; see `pdsurrogate.kernels.node_state.node_states`.
 
@@ -64,107 +64,104 @@ def learnt_node_states(
         Number of points without a state.
     """
     n = gradients.shape[0]
-    n_blocks = (n + BLOCK - 1) // BLOCK
-    chunks = scratch.shape[0]
-    for chunk in prange(chunks):
-        widest_vectors()
-        states = block_rows(scratch[chunk, 0:3])
-        result = block_rows(scratch[chunk, 3:8])
-        frame = block_rows(scratch[chunk, 8:11])
-        last = block_rows(scratch[chunk, 11:14])
-        bond = block_rows(buffers[chunk, 0:6])
-        traction = block_rows(buffers[chunk, 6:9])
-        outer = (domain[0, 0], domain[0, 1], domain[0, 2], domain[0, 3], domain[0, 4], domain[0, 5], domain[0, 6])
-        inner = (domain[1, 0], domain[1, 1], domain[1, 2], domain[1, 3], domain[1, 4], domain[1, 5], domain[1, 6])
-        real = buffers.dtype.type
-        count = 0
-        for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
-            at = block * BLOCK
-            size = min(BLOCK, n - at)
-            F = quad_records(gradients[at : at + size])
-            J3 = volume_ratios[at : at + size]
-            record = quad_records(records[at : at + size])
-            for k in range(size):
-                c = F[k, 0] + F[k, 3]
-                s = F[k, 1] - F[k, 2]
-                norm = 1.0 / np.sqrt(c * c + s * s)
-                c = c * norm
-                s = s * norm
-                record[k, 0] = c
-                record[k, 1] = s
-                frame[0, k] = c * F[k, 0] + s * F[k, 1]
-                frame[1, k] = c * F[k, 2] + s * F[k, 3]
-                frame[2, k] = c * F[k, 3] - s * F[k, 2]
-                states[0, k] = F[k, 0] * F[k, 0] + F[k, 1] * F[k, 1] + F[k, 2] * F[k, 2] + F[k, 3] * F[k, 3]
-                states[1, k] = F[k, 0] * F[k, 3] - F[k, 1] * F[k, 2]
-                states[2, k] = J3[k]
-                last[0, k] = 0.0
-            # The rest of the last block is undeformed.
-            for k in range(size, BLOCK):
-                frame[0, k] = 1.0
-                frame[1, k] = 0.0
-                frame[2, k] = 1.0
-                states[0, k] = 2.0
-                states[1, k] = 1.0
-                states[2, k] = 1.0
-                last[0, k] = 0.0
+    widest_vectors()
+    first_block, last_block = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
+    states = block_rows(scratch[chunk, 0:3])
+    result = block_rows(scratch[chunk, 3:8])
+    frame = block_rows(scratch[chunk, 8:11])
+    last = block_rows(scratch[chunk, 11:14])
+    bond = block_rows(buffers[chunk, 0:6])
+    traction = block_rows(buffers[chunk, 6:9])
+    outer = (domain[0, 0], domain[0, 1], domain[0, 2], domain[0, 3], domain[0, 4], domain[0, 5], domain[0, 6])
+    inner = (domain[1, 0], domain[1, 1], domain[1, 2], domain[1, 3], domain[1, 4], domain[1, 5], domain[1, 6])
+    real = buffers.dtype.type
+    count = 0
+    for block in range(first_block, last_block):
+        at = block * BLOCK
+        size = min(BLOCK, n - at)
+        F = quad_records(gradients[at : at + size])
+        J3 = volume_ratios[at : at + size]
+        record = quad_records(records[at : at + size])
+        for k in range(size):
+            c = F[k, 0] + F[k, 3]
+            s = F[k, 1] - F[k, 2]
+            norm = 1.0 / np.sqrt(c * c + s * s)
+            c = c * norm
+            s = s * norm
+            record[k, 0] = c
+            record[k, 1] = s
+            frame[0, k] = c * F[k, 0] + s * F[k, 1]
+            frame[1, k] = c * F[k, 2] + s * F[k, 3]
+            frame[2, k] = c * F[k, 3] - s * F[k, 2]
+            states[0, k] = F[k, 0] * F[k, 0] + F[k, 1] * F[k, 1] + F[k, 2] * F[k, 2] + F[k, 3] * F[k, 3]
+            states[1, k] = F[k, 0] * F[k, 3] - F[k, 1] * F[k, 2]
+            states[2, k] = J3[k]
+            last[0, k] = 0.0
+        # The rest of the last block is undeformed.
+        for k in range(size, BLOCK):
+            frame[0, k] = 1.0
+            frame[1, k] = 0.0
+            frame[2, k] = 1.0
+            states[0, k] = 2.0
+            states[1, k] = 1.0
+            states[2, k] = 1.0
+            last[0, k] = 0.0
+        for k in range(BLOCK):
+            bond[0, k] = frame[0, k]
+            bond[1, k] = frame[1, k]
+            bond[2, k] = frame[2, k]
+            bond[3, k] = states[1, k]
+            bond[5, k] = real(1.0)
+        largest = 1.0
+        for _ in range(MOST_ITERATIONS):
+            if largest < tolerance:
+                break
             for k in range(BLOCK):
-                bond[0, k] = frame[0, k]
-                bond[1, k] = frame[1, k]
-                bond[2, k] = frame[2, k]
-                bond[3, k] = states[1, k]
-                bond[5, k] = real(1.0)
-            largest = 1.0
-            for _ in range(MOST_ITERATIONS):
-                if largest < tolerance:
-                    break
-                for k in range(BLOCK):
-                    thickness = states[2, k] / states[1, k]
-                    bond[4, k] = thickness * thickness
-                call_block(bond_force, bond, sizes, weights, response, parameters, work[chunk], scratch[chunk], traction)
-                call_block(volumetric, states, parameters, result)
-                largest = 0.0
-                for k in range(BLOCK):
-                    power = traction[0, k] * frame[0, k] + 2.0 * traction[1, k] * frame[1, k] + traction[2, k] * frame[2, k]
-                    residual = result[2, k] - power / 3.0
-                    # Chord from the last step where that was long enough to tell, else the slope of the volumetric part, and its multiple.
-                    plain = result[3, k]
-                    chord = (residual - last[1, k]) / last[0, k]
-                    slope = min(max(chord, 0.3 * plain), 3.0 * plain) if abs(last[0, k]) > 1e-5 else last[2, k] * plain
-                    slope = slope if last[0, k] != 0.0 else plain
-                    step = min(max(-residual / slope, -0.5 * states[2, k]), states[2, k])
-                    last[0, k] = step
-                    last[1, k] = residual
-                    last[2, k] = slope / plain
-                    states[2, k] += step
-                    largest = max(largest, abs(step) / states[2, k])
-            # First whether any state is near the edge at all, which vectorises; `last` is of no further use.
-            near = 0.0 if largest < 100.0 * tolerance else 1.0
+                thickness = states[2, k] / states[1, k]
+                bond[4, k] = thickness * thickness
+            call_block(bond_force, bond, sizes, weights, response, parameters, work[chunk], scratch[chunk], traction)
+            call_block(volumetric, states, parameters, result)
+            largest = 0.0
+            for k in range(BLOCK):
+                power = traction[0, k] * frame[0, k] + 2.0 * traction[1, k] * frame[1, k] + traction[2, k] * frame[2, k]
+                residual = result[2, k] - power / 3.0
+                # Chord from the last step where that was long enough to tell, else the slope of the volumetric part, and its multiple.
+                plain = result[3, k]
+                chord = (residual - last[1, k]) / last[0, k]
+                slope = min(max(chord, 0.3 * plain), 3.0 * plain) if abs(last[0, k]) > 1e-5 else last[2, k] * plain
+                slope = slope if last[0, k] != 0.0 else plain
+                step = min(max(-residual / slope, -0.5 * states[2, k]), states[2, k])
+                last[0, k] = step
+                last[1, k] = residual
+                last[2, k] = slope / plain
+                states[2, k] += step
+                largest = max(largest, abs(step) / states[2, k])
+        # First whether any state is near the edge at all, which vectorises; `last` is of no further use.
+        near = 0.0 if largest < 100.0 * tolerance else 1.0
+        for k in range(size):
+            thickness = states[2, k] / states[1, k]
+            # NaN is outside.
+            near += is_outside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness * thickness, inner)
+        if near > 0.0:
             for k in range(size):
                 thickness = states[2, k] / states[1, k]
-                # NaN is outside.
-                near += is_outside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness * thickness, inner)
-            if near > 0.0:
-                for k in range(size):
-                    thickness = states[2, k] / states[1, k]
-                    share = share_inside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness * thickness, outer, inner)
-                    last[0, k] = share if largest < 100.0 * tolerance else 0.0
-                    last[1, k] = states[2, k]
-                for k in range(size):
-                    states[2, k] = J3[k]
-                count += solve_volume_ratios(size, states, result, response, parameters)
-                for k in range(size):
-                    if last[0, k] > 0.0:
-                        states[2, k] += last[0, k] * (last[1, k] - states[2, k])
+                share = share_inside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness * thickness, outer, inner)
+                last[0, k] = share if largest < 100.0 * tolerance else 0.0
+                last[1, k] = states[2, k]
             for k in range(size):
-                thickness = states[2, k] / states[1, k]
-                J3[k] = states[2, k]
-                record[k, 2] = states[1, k]
-                record[k, 3] = thickness * thickness
-            if rotation != POLAR:
-                for k in range(size):
-                    angle = convected_rotation(F[k, 0], F[k, 1], F[k, 2], F[k, 3])
-                    record[k, 0] = np.cos(angle)
-                    record[k, 1] = np.sin(angle)
-        unsolved[chunk] = count
-    return sum_in_order(unsolved)
+                states[2, k] = J3[k]
+            count += solve_volume_ratios(size, states, result, response, parameters)
+            for k in range(size):
+                if last[0, k] > 0.0:
+                    states[2, k] += last[0, k] * (last[1, k] - states[2, k])
+        for k in range(size):
+            thickness = states[2, k] / states[1, k]
+            J3[k] = states[2, k]
+            record[k, 2] = states[1, k]
+            record[k, 3] = thickness * thickness
+        if rotation != POLAR:
+            for k in range(size):
+                angle = convected_rotation(F[k, 0], F[k, 1], F[k, 2], F[k, 3])
+                record[k, 0] = np.cos(angle)
+                record[k, 1] = np.sin(angle)
+    return count

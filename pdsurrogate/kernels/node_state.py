@@ -1,11 +1,11 @@
 """The state of every point from its deformation gradient: rotation, J, and C33 by the plane-stress condition."""
 
 import numpy as np
-from numba import prange
 
 from .blocks import BLOCK, block_rows, quad_records
-from .compile import call_block, kernel, parallel_kernel, widest_vectors
-from .elementary import inverse_square_root, sum_in_order
+from .compile import call_block, kernel, widest_vectors
+from .elementary import inverse_square_root
+from .passes import Pass, share_of
 
 MOST_ITERATIONS = 40
 
@@ -51,8 +51,8 @@ def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8)
     return unsolved
 
 
-@parallel_kernel
-def node_states(gradients, volume_ratios, rotation, response, parameters, scratch, records, unsolved):
+@Pass
+def node_states(chunk, chunks, gradients, volume_ratios, rotation, response, parameters, scratch, records):
     """Node records (cos, sin, J, C33) from the deformation gradients.
 
     Parameters
@@ -61,7 +61,6 @@ def node_states(gradients, volume_ratios, rotation, response, parameters, scratc
     volume_ratios : (n,) J3, the last values in and the new ones out.
     scratch : (n_chunks, SCRATCH_ROWS, BLOCK) doubles.
     records : (n, 4) out, in the precision of the bond pass.
-    unsolved : (n_chunks,) working memory.
 
     Returns
     -------
@@ -69,44 +68,41 @@ def node_states(gradients, volume_ratios, rotation, response, parameters, scratc
         Number of points with det F <= 0, non-finite F, or no plane-stress state.
     """
     n = gradients.shape[0]
-    n_blocks = (n + BLOCK - 1) // BLOCK
-    chunks = scratch.shape[0]
-    for chunk in prange(chunks):
-        widest_vectors()
-        states = block_rows(scratch[chunk, 0:3])
-        result = block_rows(scratch[chunk, 3:8])
-        count = 0
-        for block in range(chunk * n_blocks // chunks, (chunk + 1) * n_blocks // chunks):
-            at = block * BLOCK
-            size = min(BLOCK, n - at)
-            # Slices, since an index at + k might be negative for all the compiler knows, and that test would keep the loops scalar.
-            F = quad_records(gradients[at : at + size])
-            J3 = volume_ratios[at : at + size]
-            record = quad_records(records[at : at + size])
+    widest_vectors()
+    first_block, last_block = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
+    states = block_rows(scratch[chunk, 0:3])
+    result = block_rows(scratch[chunk, 3:8])
+    count = 0
+    for block in range(first_block, last_block):
+        at = block * BLOCK
+        size = min(BLOCK, n - at)
+        # Slices, since an index at + k might be negative for all the compiler knows, and that test would keep the loops scalar.
+        F = quad_records(gradients[at : at + size])
+        J3 = volume_ratios[at : at + size]
+        record = quad_records(records[at : at + size])
+        for k in range(size):
+            states[0, k] = F[k, 0] * F[k, 0] + F[k, 1] * F[k, 1] + F[k, 2] * F[k, 2] + F[k, 3] * F[k, 3]
+            states[1, k] = F[k, 0] * F[k, 3] - F[k, 1] * F[k, 2]
+            states[2, k] = J3[k]
+        count += solve_volume_ratios(size, states, result, response, parameters)
+        for k in range(size):
+            J3[k] = states[2, k]
+        # All four at once: records that are written a part at a time are scattered.
+        for k in range(size):
+            thickness = states[2, k] / states[1, k]
+            c = F[k, 0] + F[k, 3]
+            s = F[k, 1] - F[k, 2]
+            norm = inverse_square_root(c * c + s * s)
+            record[k, 0] = c * norm
+            record[k, 1] = s * norm
+            record[k, 2] = states[1, k]
+            record[k, 3] = thickness * thickness
+        if rotation != POLAR:
             for k in range(size):
-                states[0, k] = F[k, 0] * F[k, 0] + F[k, 1] * F[k, 1] + F[k, 2] * F[k, 2] + F[k, 3] * F[k, 3]
-                states[1, k] = F[k, 0] * F[k, 3] - F[k, 1] * F[k, 2]
-                states[2, k] = J3[k]
-            count += solve_volume_ratios(size, states, result, response, parameters)
-            for k in range(size):
-                J3[k] = states[2, k]
-            # All four at once: records that are written a part at a time are scattered.
-            for k in range(size):
-                thickness = states[2, k] / states[1, k]
-                c = F[k, 0] + F[k, 3]
-                s = F[k, 1] - F[k, 2]
-                norm = inverse_square_root(c * c + s * s)
-                record[k, 0] = c * norm
-                record[k, 1] = s * norm
-                record[k, 2] = states[1, k]
-                record[k, 3] = thickness * thickness
-            if rotation != POLAR:
-                for k in range(size):
-                    angle = convected_rotation(F[k, 0], F[k, 1], F[k, 2], F[k, 3])
-                    record[k, 0] = np.cos(angle)
-                    record[k, 1] = np.sin(angle)
-        unsolved[chunk] = count
-    return sum_in_order(unsolved)
+                angle = convected_rotation(F[k, 0], F[k, 1], F[k, 2], F[k, 3])
+                record[k, 0] = np.cos(angle)
+                record[k, 1] = np.sin(angle)
+    return count
 
 
 @kernel

@@ -3,86 +3,117 @@
 import numpy as np
 
 from .compile import kernel
+from .passes import ByDimension
 
 
-@kernel
-def relaxation_step(positions, velocities, forces, last_forces, free, mass, damping_floor):
-    """One step of adaptive dynamic relaxation with unit time step.
+@ByDimension
+def relaxation_step(algebra):
+    """One step of adaptive dynamic relaxation with unit time step."""
+    dimension = algebra.DIMENSION
 
-    The damping is critical for the mode that moves: its frequency is the Rayleigh quotient of the velocity, with K v
-    taken from the change of the force over the last step (Underwood 1983).
+    @kernel
+    def relaxation_step(positions, velocities, forces, last_forces, free, mass, damping_floor):
+        """One step of adaptive dynamic relaxation with unit time step.
 
-    Parameters
-    ----------
-    positions, velocities : (n, 2) in and out.
-    forces, last_forces : (n, 2) now, and one step ago; the latter is overwritten with the former.
-    free : (n, 2) 1 where a component may move.
-    mass : (n,) fictitious mass.
-    damping_floor : least damping.
-    """
-    stiffness = 0.0
-    inertia = 0.0
-    for i in range(positions.shape[0]):
-        for c in range(2):
-            v = velocities[i, c]
-            stiffness -= v * (forces[i, c] - last_forces[i, c])
-            inertia += mass[i] * v * v
-    damping = damping_floor
-    if stiffness > 0.0 and inertia > 0.0:
-        # 1.9: beyond 2 the step would be unstable for the fastest mode.
-        damping = min(max(2.0 * np.sqrt(stiffness / inertia), damping_floor), 1.9)
-    for i in range(positions.shape[0]):
-        for c in range(2):
-            v = ((2.0 - damping) * velocities[i, c] + 2.0 * forces[i, c] / mass[i]) / (2.0 + damping) * free[i, c]
-            velocities[i, c] = v
-            positions[i, c] += v
-            last_forces[i, c] = forces[i, c]
-    return damping
+        The damping is critical for the mode that moves: its frequency is the Rayleigh quotient of the velocity, with K v
+        taken from the change of the force over the last step (Underwood 1983).
+
+        Parameters
+        ----------
+        positions, velocities : (n, d) in and out.
+        forces, last_forces : (n, d) now, and one step ago; the latter is overwritten with the former.
+        free : (n, d) 1 where a component may move.
+        mass : (n,) fictitious mass.
+        damping_floor : least damping.
+        """
+        stiffness = 0.0
+        inertia = 0.0
+        for i in range(positions.shape[0]):
+            for c in range(dimension):
+                v = velocities[i, c]
+                stiffness -= v * (forces[i, c] - last_forces[i, c])
+                inertia += mass[i] * v * v
+        damping = damping_floor
+        if stiffness > 0.0 and inertia > 0.0:
+            # 1.9: beyond 2 the step would be unstable for the fastest mode.
+            damping = min(max(2.0 * np.sqrt(stiffness / inertia), damping_floor), 1.9)
+        for i in range(positions.shape[0]):
+            for c in range(dimension):
+                v = ((2.0 - damping) * velocities[i, c] + 2.0 * forces[i, c] / mass[i]) / (2.0 + damping) * free[i, c]
+                velocities[i, c] = v
+                positions[i, c] += v
+                last_forces[i, c] = forces[i, c]
+        return damping
+
+    return relaxation_step
 
 
-@kernel
-def greatest_force_density(forces, free, volumes):
+@ByDimension
+def greatest_force_density(algebra):
     """Largest force per volume over the free components; NaN if any is not finite."""
-    largest = 0.0
-    total = 0.0
-    for i in range(forces.shape[0]):
-        for c in range(2):
-            value = abs(forces[i, c]) * free[i, c] / volumes[i]
-            largest = max(largest, value)
-            total += value
-    return largest if total < np.inf else np.nan
+    dimension = algebra.DIMENSION
+
+    @kernel
+    def greatest_force_density(forces, free, volumes):
+        """Largest force per volume over the free components; NaN if any is not finite."""
+        largest = 0.0
+        total = 0.0
+        for i in range(forces.shape[0]):
+            for c in range(dimension):
+                value = abs(forces[i, c]) * free[i, c] / volumes[i]
+                largest = max(largest, value)
+                total += value
+        return largest if total < np.inf else np.nan
+
+    return greatest_force_density
 
 
-@kernel
-def greatest_strain(displacements, points, first, second):
-    """Largest relative displacement, in either component, of two bonded points over their distance; pairs with images are left out."""
-    largest = 0.0
-    for b in range(first.shape[0]):
-        i = first[b]
-        j = second[b]
-        if j < points.shape[0]:
-            x1 = points[j, 0] - points[i, 0]
-            x2 = points[j, 1] - points[i, 1]
-            u1 = abs(displacements[j, 0] - displacements[i, 0])
-            u2 = abs(displacements[j, 1] - displacements[i, 1])
-            largest = max(largest, max(u1, u2) / np.sqrt(x1 * x1 + x2 * x2))
-    return largest
+@ByDimension
+def greatest_strain(algebra):
+    """Largest relative displacement, in any component, of two bonded points over their distance; pairs with ghosts are left out."""
+    dimension = algebra.DIMENSION
+
+    @kernel
+    def greatest_strain(displacements, points, first, second):
+        """Largest relative displacement, in any component, of two bonded points over their distance; pairs with ghosts are left out."""
+        largest = 0.0
+        for b in range(first.shape[0]):
+            i = first[b]
+            j = second[b]
+            if j < points.shape[0]:
+                square = 0.0
+                change = 0.0
+                for c in range(dimension):
+                    x = points[j, c] - points[i, c]
+                    square += x * x
+                    change = max(change, abs(displacements[j, c] - displacements[i, c]))
+                largest = max(largest, change / np.sqrt(square))
+        return largest
+
+    return greatest_strain
 
 
-@kernel
-def central_difference_step(positions, velocities, forces, free, mass, damping, step, last_step):
-    """One explicit step with velocities at half steps and damping proportional to mass.
+@ByDimension
+def central_difference_step(algebra):
+    """One explicit step with velocities at half steps and damping proportional to mass."""
+    dimension = algebra.DIMENSION
 
-    Parameters
-    ----------
-    damping : rate c in M (a + c v) = f.
-    step, last_step : time step, and the one before; the velocities span half of each.
-    """
-    span = 0.5 * (step + last_step)
-    decay = 1.0 - 0.5 * damping * span
-    growth = 1.0 / (1.0 + 0.5 * damping * span)
-    for i in range(positions.shape[0]):
-        for k in range(2):
-            v = (decay * velocities[i, k] + span * forces[i, k] / mass[i]) * growth * free[i, k]
-            velocities[i, k] = v
-            positions[i, k] += step * v
+    @kernel
+    def central_difference_step(positions, velocities, forces, free, mass, damping, step, last_step):
+        """One explicit step with velocities at half steps and damping proportional to mass.
+
+        Parameters
+        ----------
+        damping : rate c in M (a + c v) = f.
+        step, last_step : time step, and the one before; the velocities span half of each.
+        """
+        span = 0.5 * (step + last_step)
+        decay = 1.0 - 0.5 * damping * span
+        growth = 1.0 / (1.0 + 0.5 * damping * span)
+        for i in range(positions.shape[0]):
+            for k in range(dimension):
+                v = (decay * velocities[i, k] + span * forces[i, k] / mass[i]) * growth * free[i, k]
+                velocities[i, k] = v
+                positions[i, k] += step * v
+
+    return central_difference_step

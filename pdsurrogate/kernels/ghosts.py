@@ -1,0 +1,71 @@
+"""Values on ghosts from those on their sources, and back: a linear map and its transpose.
+
+A ghost's displacement is that of its source, each component times a parity, plus a shift; its own surroundings are its source's, each
+direction times a reflection.  So with P = diag(parity) and S = diag(reflection)
+
+    y = shift + P y_source,    F = I + P (F_source - I) S,    K = S K_source S,
+
+in every dimension, whatever a ghost is the image of: the parities and reflections of an image of an image are products.
+Ghosts stand behind the points, in arrays of n + m rows; matrices go by columns.
+"""
+
+from .compile import kernel
+
+
+@kernel
+def fill_vectors(values, source, parity, shift):
+    """Vectors on ghosts: shift + P v."""
+    m, dimension = parity.shape
+    n = values.shape[0] - m
+    for g in range(m):
+        for r in range(dimension):
+            values[n + g, r] = shift[g, r] + parity[g, r] * values[source[g], r]
+
+
+@kernel
+def fold_vectors(values, source, parity):
+    """Add what the vectors on ghosts say of their sources, P v, to those; the transpose of `fill_vectors`."""
+    m, dimension = parity.shape
+    n = values.shape[0] - m
+    for g in range(m):
+        for r in range(dimension):
+            values[source[g], r] += parity[g, r] * values[n + g, r]
+
+
+@kernel
+def fill_matrices(values, source, parity, reflection, rest):
+    """Matrices on ghosts: rest I + P (F - rest I) S; a deformation gradient has rest 1, a change of one 0."""
+    m, dimension = parity.shape
+    n = values.shape[0] - m
+    for g in range(m):
+        for c in range(dimension):
+            for r in range(dimension):
+                at = c * dimension + r
+                identity = rest if r == c else 0.0
+                values[n + g, at] = identity + parity[g, r] * (values[source[g], at] - identity) * reflection[g, c]
+
+
+@kernel
+def fold_matrices(values, source, parity, reflection):
+    """Add P M S of the matrices on ghosts to their sources' and clear them; the transpose of `fill_matrices`."""
+    m, dimension = parity.shape
+    n = values.shape[0] - m
+    for g in range(m):
+        for c in range(dimension):
+            for r in range(dimension):
+                at = c * dimension + r
+                values[source[g], at] += parity[g, r] * reflection[g, c] * values[n + g, at]
+                values[n + g, at] = 0.0
+
+
+@kernel
+def fill_symmetric(values, source, reflection):
+    """Symmetric matrices on ghosts, S K S, stored as their upper triangles row by row."""
+    m, dimension = reflection.shape
+    n = values.shape[0] - m
+    for g in range(m):
+        at = 0
+        for r in range(dimension):
+            for c in range(r, dimension):
+                values[n + g, at] = reflection[g, r] * reflection[g, c] * values[source[g], at]
+                at += 1

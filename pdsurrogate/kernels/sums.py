@@ -1,0 +1,112 @@
+"""Sums to points of what the pairs and the points' own stresses exert, in an order that no number of threads changes."""
+
+import numpy as np
+
+from .passes import ByDimension, Pass, share_of
+
+
+@ByDimension
+def sum_pair_forces(algebra):
+    """Force on every point from the pairs that it belongs to."""
+
+    @Pass
+    def sum_pair_forces(chunk, chunks, forces, pair_pointers, incidence_pointers, incidence, unit, out):
+        """Force on every point, times `unit` (the shear modulus), summed in double precision; returns for how many it is not finite.
+
+        A pair's force acts on its first point; on its second, the opposite.
+        """
+        strange = 0
+        start, stop = share_of(out.shape[0], chunk, chunks)
+        for i in range(start, stop):
+            own = pair_pointers[i], pair_pointers[i + 1]
+            others = incidence_pointers[i], incidence_pointers[i + 1]
+            algebra.sum_signed_records(forces, own[0], own[1], incidence, others[0], others[1], unit, np.uint64(i), out)
+            strange += algebra.not_finite(algebra.vector_at(out, i))
+        return strange
+
+    return sum_pair_forces
+
+
+@ByDimension
+def sum_moments(algebra):
+    """S of every point and ghost: the sum over the pairs it belongs to."""
+
+    @Pass
+    def sum_moments(chunk, chunks, moments, own_pointers, incidence_pointers, incidence, out):
+        start, stop = share_of(out.shape[0], chunk, chunks)
+        for i in range(start, stop):
+            own = own_pointers[i], own_pointers[i + 1]
+            others = incidence_pointers[i], incidence_pointers[i + 1]
+            algebra.sum_matrices(moments, own[0], own[1], incidence, others[0], others[1], np.uint64(i), out)
+
+    return sum_moments
+
+
+@ByDimension
+def weigh_moments(algebra):
+    """S K^-1/V of every point, in place."""
+
+    @Pass
+    def weigh_moments(chunk, chunks, moments, inverse_shape, volumes):
+        start, stop = share_of(volumes.shape[0], chunk, chunks)
+        for i in range(start, stop):
+            Z = algebra.times_factor(1.0 / volumes[i], algebra.symmetric_at(inverse_shape, i))
+            algebra.put_matrix(moments, i, algebra.times_symmetric(algebra.matrix_at(moments, i), Z))
+
+    return weigh_moments
+
+
+@ByDimension
+def point_forces(algebra):
+    """Force on points from the pairs' own parts and from the points' weighted moments."""
+
+    @Pass
+    def point_forces(
+        chunk,
+        chunks,
+        forces,
+        stresses,
+        pair_pointers,
+        incidence_pointers,
+        incidence,
+        pointers,
+        neighbours,
+        weighted_bonds,
+        volumes,
+        unit,
+        first_point,
+        node_parts,
+        out,
+    ):
+        """The pairs' own parts, and the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j.
+
+        Parameters
+        ----------
+        forces : pairs' parts, see `bond_energy.pair_energies`.
+        stresses : from `weigh_moments`.
+        pair_pointers, incidence_pointers, incidence : pairs of all points.
+        pointers, neighbours, weighted_bonds : directed bonds of the points from `first_point` on, w x V_j.
+        unit : the shear modulus.
+        node_parts : working memory, like `out`.
+        out : written from `first_point` on.
+
+        Returns
+        -------
+        int
+            Number of points whose force is not finite.
+        """
+        strange = 0
+        start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
+        for r in range(start, stop):
+            i = first_point + r
+            own = pair_pointers[i], pair_pointers[i + 1]
+            others = incidence_pointers[i], incidence_pointers[i + 1]
+            algebra.sum_signed_records(forces, own[0], own[1], incidence, others[0], others[1], unit, np.uint64(i), out)
+            algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, pointers[r], pointers[r + 1], np.uint64(i), node_parts)
+            node_part = algebra.times(unit * volumes[i], algebra.vector_at(node_parts, i))
+            force = algebra.plus(algebra.vector_at(out, i), node_part)
+            algebra.put_vector(out, i, force)
+            strange += algebra.not_finite(force)
+        return strange
+
+    return point_forces
