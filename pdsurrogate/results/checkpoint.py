@@ -12,7 +12,7 @@ import numpy as np
 
 from .files import write_with
 
-FORMAT = 2
+FORMAT = 3
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
 
