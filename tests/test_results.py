@@ -108,7 +108,7 @@ def test_results_of_another_scene_are_not_replaced_unasked(saved, tmp_path):
     result.save(tmp_path)
     before = names_in(tmp_path)
     other = uniaxial(1.1, name="mine")
-    with pytest.raises(FolderTaken, match=r"holds the results of another scene \(uniaxial\); give another folder, or --overwrite"):
+    with pytest.raises(FolderTaken, match=r"holds the results of another scene \(uniaxial\); give another folder, or --overwrite "):
         simulate(other, "analytic", folder=tmp_path)
     found = simulate(other, "analytic")
     # The index alone, of a run that was killed, tells the scene as well.

@@ -42,7 +42,8 @@ def check_room(folder: Path, name: str, overwrite: bool = False) -> None:
             raise FolderTaken(f"{folder / kind} was not written by a run and would be replaced; give another folder")
     others = sorted(_scenes_in(folder) - {name})
     if others and not overwrite:
-        raise FolderTaken(f"{folder} holds the results of another scene ({', '.join(others)}); give another folder, or --overwrite")
+        found = f"{folder} holds the results of another scene ({', '.join(others)})"
+        raise FolderTaken(f"{found}; give another folder, or --overwrite (overwrite=True in Python)")
 
 
 def make_room(folder: Path, name: str, overwrite: bool = False) -> None:
@@ -91,7 +92,7 @@ def _summary(path: Path) -> dict | None:
     if not (isinstance(read, dict) and isinstance(read.get("levels"), list)):
         return None
     scene = read.get("scene")
-    return read if isinstance(scene, str) and scene == Path(scene).name else None
+    return read if isinstance(scene, str) and scene and scene == Path(scene).name else None  # no path: files are named after it
 
 
 def _head(path: Path) -> bytes:
