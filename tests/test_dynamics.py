@@ -14,7 +14,7 @@ from pdsurrogate.cli import app
 from pdsurrogate.damage import Damage
 from pdsurrogate.forces import AnalyticBondForce, ForceSettings, InvalidState
 from pdsurrogate.programmes import transient
-from pdsurrogate.programmes.run import Silent
+from pdsurrogate.programmes.run import Run, Silent
 from pdsurrogate.results.checkpoint import NAME, CheckpointError
 from pdsurrogate.simulation import simulate
 from pdsurrogate.solvers import ExplicitDynamics
@@ -350,6 +350,29 @@ def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, mon
     assert len(states) == 2 if check == "inversion" else len(states) >= 1
     for _, fields in states:
         assert all(np.isfinite(values).all() for values in fields.values())
+
+
+def test_the_last_good_state_is_recorded_once(monkeypatch):
+    """Where the step after an output fails, the state before it has been recorded: it came twice, at one time."""
+    run = Run(pd.load_scene("tear", UNDAMPED), pd.load_surrogate("analytic"), Silent())
+    motion = transient.Transient(run, None)
+    motion.begin()
+
+    def fail():
+        raise InvalidState
+
+    for since_output in (0, 1):
+        motion._step()
+        if since_output == 0:
+            motion._output()
+        reached = motion.account.time
+        monkeypatch.setattr(motion.integrator, "evaluate", fail)
+        with pytest.raises(InvalidState):
+            motion._step()
+        motion._save_last_state()
+        monkeypatch.undo()
+        assert len(run.states) == 1 + since_output
+        assert run.states.moments[-1].time == pytest.approx(reached, rel=1e-12)
 
 
 def test_a_step_beyond_the_critical_one_is_refused():

@@ -194,7 +194,7 @@ def test_summary_has_what_is_promised():
     assert summary["material"] == {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
     assert summary["n_points"] == 60 * 20
     assert summary["fallback_fraction"] == 0.0
-    # 24 neighbours within 3.15 spacings on either side of a bond; those across the grips count as well.
+    # Undirected bonds, those across the grips as well; directed ones within the body alone.
     bonds = build_body(pd.load_scene("uniaxial", ["spacing=0.05"])).bonds
     assert summary["n_bonds"] == len(bonds.first) > summary["n_directed_bonds"] / 2 == (bonds.second < summary["n_points"]).sum()
     for key in ("threads", "n_force_evaluations", "seconds_total", "ns_per_directed_bond"):
