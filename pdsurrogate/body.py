@@ -154,6 +154,7 @@ class Body:
         object.__setattr__(self, "volumes", volumes)
         if not self.spacing:
             object.__setattr__(self, "spacing", float(np.sqrt(volumes.mean())))
+        _check_distance_of_planes(self)
         object.__setattr__(self, "images", _reflect(points, self.planes, self.horizon))
 
     def __len__(self) -> int:
@@ -318,6 +319,21 @@ def _pointers(owners: np.ndarray, n: int) -> np.ndarray:
     pointers = np.zeros(n + 1, dtype=np.uint64)
     pointers[1:] = np.cumsum(np.bincount(owners, minlength=n))
     return pointers
+
+
+def _check_distance_of_planes(body: Body) -> None:
+    """Refuse parallel planes so near to each other that a horizon reaches images of images: there are none."""
+    for number, plane in enumerate(body.planes):
+        for other in body.planes[:number]:
+            distance = abs(plane.position - other.position)
+            # Reflected in one plane and then in the other, a point has moved by twice their distance.
+            nearest = 2 * distance - np.ptp(body.points[:, plane.axis])
+            if plane.axis == other.axis and nearest <= body.horizon * (1 + 1e-9):
+                enough = distance * body.spacing / body.horizon
+                raise ValueError(
+                    f"the body is {distance:g} long between its reflected grips, too short for a horizon of {body.horizon:g}, "
+                    f"which reaches images of images; take a spacing of {enough:.3g} or less, or hold points (support=points)"
+                )
 
 
 def _reflect(points: np.ndarray, planes: tuple[ReflectionPlane, ...], horizon: float) -> Images:

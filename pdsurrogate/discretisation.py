@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from .body import Body, grid
 from .scenes import Mesh, Rectangle, Scene, SceneError
+from .scenes.model import EDGES
 from .solvers.conditions import reflection_planes
 
 RASTER = 16
@@ -44,6 +46,69 @@ def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
         raise SceneError(f"scene {scene.name}: {error}") from None
 
 
+def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, float]:
+    """Cross-section of the body at every grip, by edge: area of its cut half a spacing inside the grip's plane, at unit thickness.
+
+    That is the middle of the layer of cells that the grip holds; on a straight edge, the edge itself.
+
+    Parameters
+    ----------
+    scene : Scene
+    lower, upper : ndarray, shape (2,)
+        Corners of the bounding box of the body.
+
+    Raises
+    ------
+    SceneError
+        If a grip holds no material.
+    """
+    areas, cells = {}, None
+    if isinstance(scene.body, Mesh):
+        cells = [block[_outside_holes(scene, _centroids(block)[0])] for block in _mesh_cells(scene.body)]
+    for grip in scene.grips:
+        axis, side = EDGES[grip.edge]
+        position = (lower, upper)[side > 0][axis] - side * scene.spacing / 2
+        if cells is not None:
+            areas[grip.edge] = sum(float(_chords(block, axis, position).sum()) for block in cells)
+        else:
+            areas[grip.edge] = _length_inside(scene, axis, position, lower[1 - axis], upper[1 - axis])
+        if not areas[grip.edge] > 0:
+            raise SceneError(f"scene {scene.name}: grips: there is no material at the {grip.edge} edge of the body")
+    return areas
+
+
+def _length_inside(scene: Scene, axis: int, position: float, low: float, high: float) -> float:
+    """Length of the line on which a coordinate has the given value, between two values of the other, that lies in material."""
+
+    def inside(along: np.ndarray) -> np.ndarray:
+        places = np.empty((len(along), 2))
+        places[:, axis], places[:, 1 - axis] = position, along
+        return _material(scene, places)
+
+    count = int(np.ceil(RASTER * (high - low) / scene.spacing))
+    middles = low + (high - low) * (np.arange(count) + 0.5) / count
+    there = inside(middles)
+    ends = np.flatnonzero(there[1:] != there[:-1])
+    starts, stops, before = middles[ends], middles[ends + 1], there[ends]
+    for _ in range(50):  # bisection, to rounding
+        halves = (starts + stops) / 2
+        same = inside(halves) == before
+        starts, stops = np.where(same, halves, starts), np.where(same, stops, halves)
+    bounds = np.concatenate([[low], (starts + stops) / 2, [high]])
+    return float(np.diff(bounds)[np.concatenate([[there[0]], ~before])].sum())
+
+
+def _chords(cells: np.ndarray, axis: int, position: float) -> np.ndarray:
+    """Length that each of some convex polygons cuts off a line on which a coordinate has the given value."""
+    following = np.roll(cells, -1, axis=1)
+    spans = (cells[..., axis] > position) != (following[..., axis] > position)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (position - cells[..., axis]) / (following[..., axis] - cells[..., axis])
+        crossing = cells[..., 1 - axis] + share * (following[..., 1 - axis] - cells[..., 1 - axis])
+    chords = np.where(spans, crossing, -np.inf).max(axis=1) - np.where(spans, crossing, np.inf).min(axis=1)
+    return chords[spans.any(axis=1)]
+
+
 def _points_of(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Points and volumes, holes left out, and the corners of the bounding box of the body."""
     if isinstance(scene.body, Mesh):
@@ -63,18 +128,25 @@ def _points_of(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     points = grid(low, high, scene.spacing)
     if rectangle and not scene.holes:
         return points, np.full(len(points), scene.spacing**2), lower, upper
+    kept = _in_material(scene, points, _within_outline(scene, points))
+    return *_material_of_cells(points, kept, scene.spacing, partial(_material, scene)), lower, upper
 
-    def within(places: np.ndarray) -> np.ndarray:
-        return np.ones(len(places), dtype=bool) if rectangle else scene.body.contains(places)
 
-    def material(places: np.ndarray) -> np.ndarray:
-        there = within(places)
-        for hole in scene.holes:
-            there &= ~hole.contains(places)
-        return there
+def _within_outline(scene: Scene, places: np.ndarray) -> np.ndarray:
+    """Which places lie within the outline of a body that is no mesh; of a rectangle, whose grid fills it, all that are asked for."""
+    return np.ones(len(places), dtype=bool) if isinstance(scene.body, Rectangle) else scene.body.contains(places)
 
-    kept = _in_material(scene, points, within(points))
-    return *_material_of_cells(points, kept, scene.spacing, material), lower, upper
+
+def _outside_holes(scene: Scene, places: np.ndarray) -> np.ndarray:
+    outside = np.ones(len(places), dtype=bool)
+    for hole in scene.holes:
+        outside &= ~hole.contains(places)
+    return outside
+
+
+def _material(scene: Scene, places: np.ndarray) -> np.ndarray:
+    """Which places there is material at."""
+    return _within_outline(scene, places) & _outside_holes(scene, places)
 
 
 def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.ndarray:

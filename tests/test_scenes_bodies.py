@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 import pdsurrogate as pd
-from pdsurrogate.discretisation import build_body
+from pdsurrogate.discretisation import build_body, discretise, grip_areas
 from pdsurrogate.scenes import Circle, Ellipse, Polygon, Precut, Rectangle, SceneError, load_scene
 from pdsurrogate.scenes.references import finite_element_level
 
@@ -156,6 +156,38 @@ def test_mesh_bodies(tmp_path):
     level = pd.simulate(scene, "analytic").levels[0]
     assert level["nominal_stress_work_conjugate"] == pytest.approx(level["nominal_stress_reference"], rel=5e-3)
     assert "lateral_displacement" not in level
+
+
+def test_cross_sections_at_grips(tmp_path):
+    """The straight edge of a rectangle, less a hole; half a spacing inside a round one; of a mesh, from its cells."""
+    write_mesh(tmp_path / "square.vtu")
+    half_chord = np.sqrt(1 - 0.95**2)
+    for body, holes, expected in (
+        ({"shape": "rectangle", "size": [3.0, 1.1]}, [], 1.1),
+        (
+            {"shape": "rectangle", "size": [3.0, 1.0]},
+            [{"shape": "circle", "radius": 0.25, "centre": [0.05, 0.5]}],
+            {"left": 0.5, "right": 1.0},
+        ),
+        ({"shape": "circle", "radius": 1.0}, [], 2 * half_chord),
+        ({"shape": "polygon", "vertices": [[0, 0], [2, 0], [2, 1], [0, 0.4]]}, [], {"left": 0.4 + 0.05 * 0.3, "right": 1 - 0.05 * 0.3}),
+        ({"shape": "mesh", "file": str(tmp_path / "square.vtu")}, [], 1.0),
+        (
+            {"shape": "mesh", "file": str(tmp_path / "square.vtu")},
+            [{"shape": "rectangle", "size": [0.3, 0.4], "lower": [0.0, 0.0]}],
+            {"left": 0.6, "right": 1.0},
+        ),
+    ):
+        scene = load_scene("uniaxial", {"spacing": 0.1, "body": body, "holes": holes})
+        _, lower, upper = discretise(scene)
+        expected = expected if isinstance(expected, dict) else {"left": expected, "right": expected}
+        assert grip_areas(scene, lower, upper) == pytest.approx(expected, rel=1e-9)
+
+
+def test_grips_that_hold_nothing_are_refused():
+    scene = load_scene("uniaxial", {"spacing": 0.1, "holes": [{"shape": "rectangle", "size": [0.2, 2.0], "lower": [2.8, -0.5]}]})
+    with pytest.raises(SceneError, match="grips: there is no material at the right edge"):
+        pd.simulate(scene, "analytic")
 
 
 @pytest.mark.parametrize("content", ["", "not a mesh"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -13,13 +13,14 @@ import numba
 import numpy as np
 
 from ..body import Body
-from ..discretisation import discretise
+from ..discretisation import discretise, grip_areas
 from ..forces import ForceModel, ForceSettings
 from ..kernels.threads import threads_for
 from ..materials import Law
 from ..results.checkpoint import Checkpoint
-from ..results.states import States, StatesInFiles, StatesInMemory
+from ..results.states import Moment, States, StatesInFiles, StatesInMemory
 from ..scenes import Scene, SceneError
+from ..scenes.model import EDGES
 from ..solvers.conditions import Loading
 from .interruption import Interruption
 
@@ -92,6 +93,12 @@ class Run:
         Of the kernels; None for as many as pay for the body.
     law, body, loading, force
         What was built for it.
+    width : float
+        Of the body's bounding box across the loaded direction.
+    grip_areas : dict of float
+        Cross-section of the body at every grip, by edge.
+    stress_grip : Grip
+        The one whose force gives the nominal stress: that which travels further, of two that travel alike the right or top one.
     positions : ndarray, shape (n, 2)
     stretch, target : float
         At the positions; and of the level that is under way.
@@ -139,7 +146,8 @@ class Run:
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
         self.width = (upper - lower)[1 - self.loading.axis]
-        self.middle = (lower + upper)[self.loading.axis] / 2
+        self.grip_areas = grip_areas(scene, lower, upper)
+        self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
         self.positions = self.body.points.copy()
         self.states: States = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.body.points, scene.name)
 
@@ -147,6 +155,16 @@ class Run:
         """Compile everything before the clock of the evaluations starts."""
         self.force(self.positions, np.empty_like(self.positions))
         self.force.seconds, self.force.timed = 0.0, 0
+
+    def nominal_stress(self, reactions: np.ndarray) -> float:
+        """Pull of one grip outwards along the loaded axis, over its own cross-section; see `Loading.reactions`."""
+        grip = self.stress_grip
+        axis, side = EDGES[grip.edge]
+        return float(side * reactions[self.scene.grips.index(grip), axis] / self.grip_areas[grip.edge])
+
+    def record(self, fields: dict[str, np.ndarray], time: float = 0.0) -> None:
+        """Record the present state: of the last level, or so long after it."""
+        self.states.append(Moment(len(self.levels) + time, self.stretch, time), fields)
 
     @property
     def identity(self) -> dict:
@@ -168,7 +186,7 @@ class Run:
             "stretch": self.stretch,
             "levels": self.levels,
             "history": self.history,
-            "times": self.states.times,
+            "moments": [astuple(moment) for moment in self.states.moments],
             "evaluations": self.force.evaluations,
             "outside": int(getattr(self.force, "pairs_outside", 0)),
         }
@@ -187,7 +205,7 @@ class Run:
         self.positions[:] = found.arrays["positions"]
         kinematics.volume_ratios[:] = found.arrays["volume_ratios"]
         self.stretch, self.levels, self.history = progress["stretch"], progress["levels"], progress["history"]
-        self.states = StatesInFiles(self.folder, self.body.points, self.scene.name, progress["times"])
+        self.states = StatesInFiles(self.folder, self.body.points, self.scene.name, [Moment(*moment) for moment in progress["moments"]])
         self.force.resume(progress["evaluations"], progress["outside"])
         return found
 

@@ -8,20 +8,6 @@ from ..body import Body
 from ..forces import InternalForce
 
 
-def section_force(force: InternalForce, axis: int, position: float) -> np.ndarray:
-    """Force per unit thickness through the section where a coordinate has the given reference value, shape (2,).
-
-    It is what all points on the far side exert on those on the near side, over the bonds that cross; bonds with images do not count.
-    """
-    bonds, points = force.body.bonds, force.body.points
-    within = bonds.second < len(points)
-    first, second = bonds.first[within], bonds.second[within]
-    near, far = points[first, axis] < position, points[second, axis] < position
-    crossing = near != far
-    sign = np.where(near[crossing], 1.0, -1.0)
-    return (sign[:, None] * force.pair_forces()[within][crossing]).sum(axis=0)
-
-
 def mean_stress(force: InternalForce) -> np.ndarray:
     """Volume mean of the first Piola-Kirchhoff stress, work-conjugate to the mean deformation gradient, shape (2, 2).
 

@@ -175,6 +175,11 @@ class Units(Part):
     stress: UnitName = "kPa"
     time: UnitName = "s"
 
+    @property
+    def force(self) -> str:
+        """Unit of forces: bodies are one unit of length thick."""
+        return f"{self.stress} {self.length}^2"
+
 
 class Scene(Part):
     """A simulation, fully described.

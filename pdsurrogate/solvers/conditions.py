@@ -107,27 +107,32 @@ class Loading:
             for number, grip in enumerate(self.scene.grips):
                 force.move_plane(number, self._travel(grip) * elongation)
 
-    def reactions(self, force: InternalForce, forces: np.ndarray) -> np.ndarray:
-        """Pull of every grip on the body along the loaded axis, outwards, per unit thickness, shape (2,).
-
-        Parameters
-        ----------
-        force : InternalForce
-            In the state last evaluated.
-        forces : ndarray, shape (n, 2)
-            Internal forces there.
-        """
-        sides = np.array([EDGES[grip.edge][1] for grip in self.scene.grips])
-        if self.scene.support == "points":
-            # Points held by a grip take from it what the bonds pull them inwards with.
-            held = self._held[len(self.scene.holds) :]
-            return sides * np.array([-forces[grip.points, self.axis].sum() for grip in held])
-        pair_forces = force.pair_forces()[self._outer_pairs, self.axis]
-        return sides * np.bincount(self._outer_planes, pair_forces, len(sides))
+    def reactions(self, force: InternalForce) -> np.ndarray:
+        """Force of every grip on the body in the state last evaluated, per unit thickness, shape (2, 2): grips, components."""
+        pair_forces, bonds, grips = force.pair_forces(), self.body.bonds, range(len(self.scene.grips))
+        if self.scene.support == "reflected":
+            # What the far side of the plane exerts: all bonds that cross it.
+            crossing, planes = pair_forces[self._outer_pairs], self._outer_planes
+            return np.stack([np.bincount(planes, crossing[:, component], len(grips)) for component in (0, 1)], axis=1)
+        # Points held by a grip take from it what their bonds pull with, in the components that it holds.
+        n, within = len(self.body), bonds.second < len(self.body)
+        internal = np.stack(
+            [
+                np.bincount(bonds.first, pair_forces[:, component], n)
+                - np.bincount(bonds.second[within], pair_forces[within, component], n)
+                for component in (0, 1)
+            ],
+            axis=1,
+        )
+        reactions = np.zeros((len(grips), 2))
+        for grip, held in zip(grips, self._held[len(self.scene.holds) :], strict=True):
+            for component in held.components:
+                reactions[grip, component] = -internal[held.points, component].sum()
+        return reactions
 
     def travels(self) -> np.ndarray:
-        """Share of the elongation that each grip takes, shape (2,)."""
-        return np.array([grip.travel for grip in self.scene.grips])
+        """Displacement of every grip for a unit of elongation, shape (2, 2): grips, components."""
+        return np.array([self._travel(grip) for grip in self.scene.grips])
 
     def ends(self) -> tuple[np.ndarray, np.ndarray]:
         """Points that each grip holds directly."""
