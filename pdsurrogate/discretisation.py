@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .body import Body, grid
+from .body import Body, Cells
 from .scenes import Mesh, Rectangle, Scene, SceneError
 from .solvers.conditions import reflection_planes
 
@@ -35,34 +35,34 @@ def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
         If the spacing does not fit the body, the holes leave nothing of it, or a hole or precut misses it.
     """
     try:
-        points, volumes, lower, upper = _points_of(scene)
+        points, volumes, spacing, cell, lower, upper = _points_of(scene)
         planes = reflection_planes(scene, lower, upper)
-        body = Body(points, volumes, scene.horizon, scene.spacing, scene.weight, planes, _cuts(scene))
+        # Measured by the smaller side, a horizon takes in the same neighbours as with squares where the sides differ by little: by the
+        # mean or the larger one some at a distance of (3, 1) cells come in along one direction alone, and errors in pure shear are half as
+        # large again.
+        horizon = scene.horizon_ratio * min(cell)
+        body = Body(points, volumes, horizon, spacing, scene.weight, planes, _cuts(scene), cell)
         _check_precuts(scene, body)
         return body, lower, upper
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
 
 
-def _points_of(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Points and volumes, holes left out, and the corners of the bounding box of the body."""
+def _points_of(scene: Scene):
+    """Points and volumes, holes left out, their spacing and cell, and the corners of the bounding box of the body."""
     if isinstance(scene.body, Mesh):
         cells = _mesh_cells(scene.body)
         corners = np.concatenate([block.reshape(-1, 2) for block in cells])
         points, volumes = (np.concatenate(parts) for parts in zip(*map(_centroids, cells), strict=True))
         # Its cells have any shape: those whose centroid lies in a hole are left out whole.
         kept = _in_material(scene, points, np.ones(len(points), dtype=bool))
-        return points[kept], volumes[kept], corners.min(axis=0), corners.max(axis=0)
-    lower, upper = low, high = scene.body.bounds()
+        return points[kept], volumes[kept], scene.spacing, (scene.spacing, scene.spacing), corners.min(axis=0), corners.max(axis=0)
+    lower, upper = scene.body.bounds()
+    cells = Cells.filling(lower, upper, scene.spacing)
+    points = cells.centres()
     rectangle = isinstance(scene.body, Rectangle)
-    if not rectangle:
-        # A grid of whole cells about the same centre: the outline is not made of cells anyway.
-        cells = np.ceil((upper - lower) / scene.spacing - 1e-6)
-        middle, half = (lower + upper) / 2, cells * scene.spacing / 2
-        low, high = middle - half, middle + half
-    points = grid(low, high, scene.spacing)
     if rectangle and not scene.holes:
-        return points, np.full(len(points), scene.spacing**2), lower, upper
+        return points, np.full(len(points), cells.area), cells.spacing, cells.sides, lower, upper
 
     def within(places: np.ndarray) -> np.ndarray:
         return np.ones(len(places), dtype=bool) if rectangle else scene.body.contains(places)
@@ -74,7 +74,7 @@ def _points_of(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
         return there
 
     kept = _in_material(scene, points, within(points))
-    return *_material_of_cells(points, kept, scene.spacing, material), lower, upper
+    return *_material_of_cells(points, kept, cells, material), cells.spacing, cells.sides, lower, upper
 
 
 def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.ndarray:
@@ -92,27 +92,28 @@ def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.nda
     return kept
 
 
-def _material_of_cells(centres: np.ndarray, kept: np.ndarray, spacing: float, material) -> tuple[np.ndarray, np.ndarray]:
-    """Centroids and volumes of what lies in each square cell; what fills less than half of one goes to the nearest of the others.
+def _material_of_cells(centres: np.ndarray, kept: np.ndarray, cells: Cells, material) -> tuple[np.ndarray, np.ndarray]:
+    """Centroids and volumes of what lies in each cell; what fills less than half of one goes to the nearest of the others.
 
     `material` says of places whether there is any; `kept`, the same of the cells' centres.
 
     Cells cut by an outline count with the part of them that is there, found on a raster: with whole cells a curved boundary would be a
     staircase, whose steps carry no stress, and a hole larger than it is.
     """
-    corners = spacing / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]])
+    sides = np.array(cells.sides)
+    corners = sides / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]])
     found = np.stack([kept, *(material(centres + corner) for corner in corners)])
     cut = np.flatnonzero(found.any(axis=0) & ~found.all(axis=0))
-    places = ((np.arange(RASTER) + 0.5) / RASTER - 0.5) * spacing
-    raster = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2)
-    points, volumes = centres.copy(), np.where(found.all(axis=0), spacing**2, 0.0)
+    places = (np.arange(RASTER) + 0.5) / RASTER - 0.5
+    raster = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2) * sides
+    points, volumes = centres.copy(), np.where(found.all(axis=0), cells.area, 0.0)
     for cell in cut:
         sample = centres[cell] + raster
         sample = sample[material(sample)]
         if len(sample):
-            points[cell], volumes[cell] = sample.mean(axis=0), spacing**2 * len(sample) / len(raster)
-    whole = np.flatnonzero(volumes >= 0.5 * spacing**2)
-    slivers = np.flatnonzero((volumes > 0) & (volumes < 0.5 * spacing**2))
+            points[cell], volumes[cell] = sample.mean(axis=0), cells.area * len(sample) / len(raster)
+    whole = np.flatnonzero(volumes >= 0.5 * cells.area)
+    slivers = np.flatnonzero((volumes > 0) & (volumes < 0.5 * cells.area))
     if not len(whole):
         whole, slivers = slivers, whole
     if len(slivers):

@@ -242,8 +242,3 @@ class Scene(Part):
     def loaded_axis(self) -> int:
         """0 where the body is pulled along x1, 1 along x2."""
         return EDGES[self.grips[0].edge][0]
-
-    @property
-    def horizon(self) -> float:
-        """Radius of the horizon."""
-        return self.horizon_ratio * self.spacing

@@ -85,9 +85,9 @@ class Loading:
     def _edge(self, grip, lower, upper) -> _HeldPoints:
         axis, side = EDGES[grip.edge]
         distance = -side * (self.body.points[:, axis] - (lower, upper)[side > 0][axis])
-        points = np.flatnonzero(distance < 0.99 * self.body.spacing)
+        points = np.flatnonzero(distance < 0.99 * self.body.cell[axis])
         if len(points) == 0:
-            raise ValueError(f"grips: no point lies within one spacing of the {grip.edge} edge")
+            raise ValueError(f"grips: no point lies within one cell of the {grip.edge} edge")
         return _HeldPoints(points, (axis,) if grip.holds == "normal" else (0, 1), self._travel(grip))
 
     @staticmethod
