@@ -245,8 +245,8 @@ class Cells:
                     raise ValueError(f"spacing {spacing:g} is larger than the body, {length:g} along {axis}")
                 fewer, more = length / math.ceil(cells), length / math.floor(cells)
                 raise ValueError(
-                    f"spacing {spacing:g} does not divide the body's {length:g} along {axis}, and no cells within {MOST_MISFIT:.0%} of it do; "
-                    f"{fewer:.6g} or {more:.6g} would"
+                    f"spacing {spacing:g} does not divide the body's {length:g} along {axis}, and no cells within "
+                    f"{MOST_MISFIT:.0%} of it do; {fewer:.6g} or {more:.6g} would"
                 )
             counts.append(count)
             sides.append(spacing if abs(cells - count) <= 1e-9 * count else length / count)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import numpy as np
@@ -143,7 +145,7 @@ def _check_precuts(scene: Scene, body: Body) -> None:
     cut = body.all_points[body.bonds.cut]
     for number, precut in enumerate(scene.precuts):
         if not len(cut) or not precut.crosses(cut[:, 0], cut[:, 1]).any():
-            raise ValueError(f"precuts.{number}: it cuts no bond; it lies outside the body")
+            raise ValueError(f"precuts.{number}: it cuts no bond; it lies outside the body, in a hole, or between neighbouring points")
 
 
 def _mesh_cells(mesh: Mesh) -> list[np.ndarray]:
@@ -152,15 +154,25 @@ def _mesh_cells(mesh: Mesh) -> list[np.ndarray]:
 
     if not Path(mesh.file).is_file():
         raise ValueError(f"body.file: there is no file {mesh.file}")
+    printed = io.StringIO()
     try:
-        read = meshio.read(mesh.file)
-    except (Exception, SystemExit) as error:  # meshio's readers raise whatever they meet, and exit on unknown formats
-        raise ValueError(f"body.file: meshio cannot read {mesh.file}: {error}") from None
+        with redirect_stdout(printed), redirect_stderr(printed):
+            read = meshio.read(mesh.file)
+    except (Exception, SystemExit) as error:  # meshio's readers raise whatever they meet, and print and exit on what none of them reads
+        reason = printed.getvalue() if isinstance(error, SystemExit) else error
+        raise ValueError(f"body.file: meshio cannot read {mesh.file}: {' '.join(str(reason).split())}") from None
     points = np.asarray(read.points, dtype=float)
-    if points.shape[1] == 3 and np.ptp(points[:, 2]) > 0:
+    if not np.isfinite(points).all():
+        raise ValueError(f"body.file: node {np.argwhere(~np.isfinite(points))[0, 0]} of {mesh.file} has a position that is not finite")
+    # Of points and edges meshes have those of their boundaries; other cells would leave holes where they are left out.
+    others = {block.type for block in read.cells} - {"triangle", "quad"}
+    refused = sorted(kind for kind in others if not kind.startswith(("vertex", "line")))
+    if refused:
+        raise ValueError(f"body.file: {mesh.file} has cells of type {', '.join(refused)}; triangle and quad are taken")
+    if points.shape[1] == 3 and np.ptp(points[:, 2]) > 1e-9 * np.ptp(points[:, :2]):
         raise ValueError(f"body.file: {mesh.file} is not flat: its third coordinate varies")
-    cells = [points[block.data][:, :, :2] for block in read.cells if block.type in ("triangle", "quad")]
-    if not sum(map(len, cells)):
+    cells = [points[block.data][:, :, :2] for block in read.cells if block.type in ("triangle", "quad") and len(block.data)]
+    if not cells:
         raise ValueError(f"body.file: {mesh.file} has no triangles or quadrilaterals")
     return cells
 
@@ -172,5 +184,18 @@ def _centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     area = cross.sum(axis=1) / 2
     if (area == 0).any():
         raise ValueError("body.file: a cell has no area")
+    if cells.shape[1] == 4 and _crossed(cells).any():
+        raise ValueError("body.file: the sides of a quadrilateral cross each other; its corners must be in order around it")
     centroids = ((cells + following) * cross[..., None]).sum(axis=1) / (6 * area[:, None])
     return centroids, np.abs(area)
+
+
+def _crossed(quadrilaterals: np.ndarray) -> np.ndarray:
+    """Which quadrilaterals, shape (n, 4, 2), have sides that cross: either diagonal then cuts them into triangles of opposite senses."""
+    a, b, c, d = quadrilaterals.transpose(1, 0, 2)
+
+    def sense(start, middle, end):
+        one, two = middle - start, end - start
+        return one[:, 0] * two[:, 1] - two[:, 0] * one[:, 1]
+
+    return (sense(a, b, c) * sense(a, c, d) < 0) & (sense(a, b, d) * sense(b, c, d) < 0)

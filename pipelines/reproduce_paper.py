@@ -79,9 +79,7 @@ def fields_figure(panels, component: str, titles: list[str]) -> Figure:
             if isinstance(panel, dict):
                 draw_field(axis, panel, component, clim)
             else:
-                drawn = draw_cells(
-                    axis, deformed_cells(panel.body.points, panel.states[-1][1], panel.body.cell), limits[0] * 0, clim=clim
-                )
+                drawn = draw_cells(axis, deformed_cells(panel.body.points, panel.states[-1][1], panel.body.cell), limits[0] * 0, clim=clim)
                 drawn.set_array(panel.displacement()[:, index])
             axis.set_title(title)
         figure.colorbar(drawn, ax=axes, label=f"{component} (cm)", fraction=0.02)
