@@ -8,10 +8,8 @@ import pytest
 from conftest import SHIPPED
 
 import pdsurrogate as pd
-from pdsurrogate.discretisation import discretise
 from pdsurrogate.scenes import SceneError
 from pdsurrogate.simulation import SimulationFailed, simulate
-from pdsurrogate.solvers.conditions import Loading
 
 VERTICAL = [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "normal", "travel": 1.0}]
 
@@ -189,14 +187,6 @@ def test_cells_that_are_no_squares_are_exact_where_the_answer_is_homogeneous(cha
     np.testing.assert_allclose(result.summary["cell_size"], cell)
     assert result.summary["spacing"] == pytest.approx(np.sqrt(cell.prod()))
     assert result.summary["horizon"] == pytest.approx(3.15 * cell.min())
-
-
-def test_one_column_of_cells_that_are_no_squares_is_held():
-    """With ``support=points`` the grips hold the points within one cell of their edge: one column of 14."""
-    scene = pd.load_scene("uniaxial", {"spacing": 0.07, "support": "points"})
-    body, lower, upper = discretise(scene)
-    held = Loading(scene, body, lower, upper).ends()
-    assert [len(points) for points in held] == [14, 14]
 
 
 def test_pure_shear_between_spacings_that_divide():
