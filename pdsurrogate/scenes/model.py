@@ -180,7 +180,8 @@ class Scene(Part):
     """A simulation, fully described.
 
     Lengths and stresses are in the scene's own units throughout.  `stretches` are the levels of the loading
-    programme, in the order given: the distance of the two grips over its undeformed value.
+    programme, in the order given: the distance of the two grips over its undeformed value.  Of a body that `spacing` does not divide
+    the nearest cells are taken that fill it; the horizon is `horizon_ratio` times the smaller side of a cell.
     """
 
     name: SceneName

@@ -43,7 +43,7 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> str
     problems, lines = error.errors(), []
     for problem in problems:
         loc, kind, given = problem["loc"], problem["type"], problem.get("input")
-        if kind in ("too_short", "too_long") and any(len(other["loc"]) > len(loc) == _shared(other["loc"], loc) for other in problems):
+        if kind in ("too_short", "too_long") and any(other["loc"] != loc == other["loc"][: len(loc)] for other in problems):
             continue  # Pydantic counts the entries that are left when the wrong ones are taken out.
         key, keys = _place_of(model, loc)
         message = PLAIN.get(kind, problem["msg"].removeprefix("Value error, "))
@@ -61,11 +61,6 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> str
         shown = f" (given {text if len(text) <= 80 else text[:77] + '...'})" if isinstance(given, str | int | float) and not told else ""
         lines.append(f"{key}: {message}{shown}" if key else message)
     return "; ".join(lines)
-
-
-def _shared(one: tuple, other: tuple) -> int:
-    """Steps that two places have in common from the outset."""
-    return next((n for n, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), min(len(one), len(other)))
 
 
 def _place_of(model: Any, loc: tuple) -> tuple[str, list[str]]:
