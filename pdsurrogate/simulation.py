@@ -134,7 +134,7 @@ def _go(run: Run, resume: bool) -> None:
         from .damage import Damage, critical_stretch_of
 
         spec = run.scene.fracture
-        critical = spec.critical_stretch or critical_stretch_of(run.law, spec.energy, run.scene.horizon)
+        critical = spec.critical_stretch or critical_stretch_of(run.law, spec.energy, run.body.horizon)
         run.critical_stretch = critical
         damage = Damage(run.body, critical)
     solver, transient = solver_of(run), None
@@ -190,8 +190,9 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         "n_bonds": len(bonds.first),
         "n_directed_bonds": bonds.n_directed,
         "n_ghost_points": len(run.body.images),
-        "spacing": scene.spacing,
-        "horizon": scene.horizon,
+        "spacing": run.body.spacing,
+        "cell_size": run.body.cell.tolist(),
+        "horizon": run.body.horizon,
         "precision": force.precision,
         "correction": force.correction,
         "support": scene.support,

@@ -36,6 +36,13 @@ def test_forces_by_every_kind_of_reference(force):
     assert done.exit_code == 0, done.output
 
 
+def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
+    done = invoke("run", "uniaxial", "--set", "spacing=0.12", "--set", "stretches=1.2", "--force", "analytic")
+    assert done.exit_code == 0, done.output
+    assert "Cells of 0.12 x 0.125 cm fill the body, the nearest to the spacing of 0.12; the horizon is 0.378 cm" in done.stdout
+    assert "Cells of" not in invoke("run", "uniaxial", *FAST, "--force", "analytic").stdout
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

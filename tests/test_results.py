@@ -9,7 +9,7 @@ import pytest
 from bodies import sheet
 
 import pdsurrogate as pd
-from pdsurrogate.results import files, measures
+from pdsurrogate.results import figures, files, measures
 from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.simulation import simulate
 
@@ -168,6 +168,21 @@ def test_edge_displacements_are_extrapolated_to_the_edge():
     np.testing.assert_allclose(along, 0.05 + 0.1 * np.arange(12))
     np.testing.assert_allclose(low, -0.15 + 0.1 * along)
     np.testing.assert_allclose(high, 0.15 + 0.1 * along)
+
+
+def test_edges_lines_and_pictures_go_by_the_sides_of_a_cell():
+    """1.2 x 1.0 at 0.12: ten by eight cells, a bilinear field read back exactly, and pictures that cover the body."""
+    body = sheet(0.12, 1.2, 1.0)
+    np.testing.assert_allclose(body.cell, [0.12, 0.125])
+    displacements = body.points * body.points[:, ::-1]
+    for axis, reach in enumerate((1.2, 1.0)):
+        along, low, high = measures.edge_displacements(body, displacements, axis)
+        np.testing.assert_allclose(along, np.unique(body.points[:, 1 - axis]))
+        np.testing.assert_allclose(low, 0, atol=1e-12)
+        np.testing.assert_allclose(high, reach * along)
+    rest = {"deformation_gradient": np.tile(np.eye(3).ravel(), (len(body), 1)), "displacement": np.zeros((len(body), 3))}
+    cells = figures.deformed_cells(body.points, rest, body.cell)
+    np.testing.assert_allclose(np.ptp(cells, axis=1), np.tile(1.04 * body.cell, (len(body), 1)))
 
 
 def test_roughness_tells_a_checkerboard_from_a_wave():

@@ -13,6 +13,8 @@ from pdsurrogate.programmes.run import Run, Silent
 from pdsurrogate.scenes import SceneError
 from pdsurrogate.simulation import SimulationFailed, simulate
 
+VERTICAL = [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "normal", "travel": 1.0}]
+
 
 def run(force, *changes, **options):
     return simulate(pd.load_scene("uniaxial", ["spacing=0.05", *changes]), force, **options)
@@ -248,10 +250,80 @@ def test_holds(tmp_path):
             simulate(pd.load_scene("uniaxial", {"holds": [bad], "spacing": 0.1}), "analytic")
 
 
-@pytest.mark.parametrize(("change", "message"), [("spacing=5", "larger than the body"), ("spacing=0.07", "does not divide")])
+@pytest.mark.parametrize(("change", "message"), [("spacing=5", "larger than the body"), ("spacing=0.3", "does not divide")])
 def test_bodies_that_cannot_be_built(change, message):
     with pytest.raises(SceneError, match=message):
         run("analytic", change)
+
+
+@pytest.mark.parametrize("changes", [{}, {"body.size": [1.0, 3.0], "grips": VERTICAL}])
+def test_cells_that_are_no_squares_are_exact_where_the_answer_is_homogeneous(changes):
+    """3 x 1 cm at 0.07: 43 x 14 cells.  To 5e-5, the residual's tolerance of 1e-6 in units of shear modulus/spacing over ten points."""
+    result = simulate(pd.load_scene("uniaxial", {"spacing": 0.07, "stretches": [1.5], **changes}), "analytic")
+    level, cell = result.levels[0], np.array([3 / 43, 1 / 14])
+    cell = cell[::-1] if changes else cell
+    assert level["nominal_stress_error"] == pytest.approx(0, abs=5e-5)
+    assert level["lateral_displacement_error"] == pytest.approx(0, abs=5e-5)
+    assert level["roughness"] < 1e-6
+    np.testing.assert_allclose(result.summary["cell_size"], cell)
+    assert result.summary["spacing"] == pytest.approx(np.sqrt(cell.prod()))
+    assert result.summary["horizon"] == pytest.approx(3.15 * cell.min())
+
+
+def test_pure_shear_between_spacings_that_divide():
+    """Its errors fall with the spacing: 5 x 1 cm at 0.09 are 56 x 11 cells, with an error between those of 10 and 12 rows of squares.
+
+    With the horizon measured by the mean or the larger side its stress error is a fifth to a quarter off that line, and its displacement
+    error half as large again.
+    """
+    errors = []
+    for spacing in (0.1, 0.09, 1 / 12):
+        level = simulate(pd.load_scene("pure-shear", {"spacing": spacing, "stretches": [2.0]}), "analytic").levels[0]
+        errors.append(abs(level["nominal_stress_error"]))
+    assert errors[0] > errors[1] > errors[2]
+
+
+LOOSE = [{"start": [x1, -1.0], "end": [x1, 2.0]} for x1 in (1.0, 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        # "zero-size array to reduction operation maximum which has no identity"
+        (
+            {"body.size": [3.0, 0.1]},
+            r"the bonds of 30 of its points, the first at \(0.05, 0.05\), lie on one line; the body needs",
+        ),
+        # Converged, with a stress of zero.
+        ({"precuts": LOOSE}, r"body: it is in 3 pieces, and one of 100 points, at \(1.05, 0.05\), is held by no grip"),
+        ({"precuts": LOOSE, "support": "points"}, "body: it is in 3 pieces"),
+        (
+            {"holes": [{"shape": "rectangle", "size": [0.4, 1.0], "lower": [x1, 0.0]} for x1 in (0.5, 1.5)]},
+            "body: it is in 3 pieces, and one of 60 points",
+        ),
+        ({"holes": [{"shape": "rectangle", "size": [0.3, 1.0]}]}, "grips.0: no bond of the body crosses its left edge"),
+        # The grip won: converged, 6 % off.
+        (
+            {"support": "points", "holds": [{"box": [[0.0, 0.0], [0.1, 1.0]], "travel": [-1.0, 0.0]}]},
+            r"holds.0 and the left grip move point 0 at \(0.05, 0.05\) differently along x1",
+        ),
+        (
+            {"holds": [{"points": [3]}, {"points": [2, 3], "components": ["x2"], "travel": [0.0, 0.5]}]},
+            "holds.0 and holds.1 move point 3 .* differently along x2",
+        ),
+    ],
+)
+def test_bodies_and_conditions_without_an_answer(changes, message):
+    """What ran through, or ended in the words of NumPy."""
+    with pytest.raises(SceneError, match=message):
+        simulate(pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], **changes}), "analytic")
+
+
+def test_pieces_that_are_held_have_an_answer():
+    """A piece between two cuts that a hold of its own keeps in place, and two rows of points."""
+    for changes in ({"precuts": LOOSE, "holds": [{"box": [[1.4, 0.0], [1.6, 1.0]], "components": ["x1"]}]}, {"body.size": [3.0, 0.2]}):
+        result = simulate(pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], **changes}), "analytic")
+        assert result.summary["converged"]
 
 
 def test_material_and_surrogate_must_fit():

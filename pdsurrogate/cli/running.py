@@ -69,6 +69,7 @@ def run(
             result = simulate(described, model, threads=threads, progress=bar, folder=folder, resume=resume, overwrite=overwrite)
     except SimulationFailed as error:
         failure, result = error, error.result
+    _print_cells(result)
     _print_levels(result)
     if folder is not None:
         with writing(folder):
@@ -150,6 +151,17 @@ def _print_crack(summary) -> None:
         f"{summary['unsupported_points']} points without support",
         soft_wrap=True,
     )
+
+
+def _print_cells(result) -> None:
+    """Say which cells were taken where squares of the spacing do not fill the body."""
+    summary, asked, unit = result.summary, result.scene.spacing, result.summary["units"]["length"]
+    if summary["cell_size"] != [asked, asked]:
+        out.print(
+            f"Cells of {' x '.join(f'{side:.6g}' for side in summary['cell_size'])} {unit} fill the body, the nearest to the spacing of "
+            f"{asked:g}; the horizon is {summary['horizon']:.6g} {unit}",
+            soft_wrap=True,
+        )
 
 
 def _print_levels(result) -> None:

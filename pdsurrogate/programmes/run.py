@@ -143,13 +143,24 @@ class Run:
             self.loading = Loading(scene, self.body, lower, upper)
             numba.set_num_threads(self.threads)
             self.force = Stopwatch(self.model.bind(self.body, self.law, settings))
+            self._check_support()
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
         self.width = (upper - lower)[1 - self.loading.axis]
-        self.grip_areas = grip_areas(scene, lower, upper)
+        self.grip_areas = grip_areas(scene, self.body.cell, lower, upper)
         self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
         self.positions = self.body.points.copy()
         self.states: States = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.body.points, scene.name)
+
+    def _check_support(self) -> None:
+        """Refuse points whose bonds lie on one line: only a crack may leave points without a deformation gradient."""
+        alone = self.force.kinematics.unsupported
+        if len(alone):
+            x1, x2 = self.body.points[alone[0]]
+            raise ValueError(
+                f"body: the bonds of {len(alone)} of its points, the first at ({x1:.4g}, {x2:.4g}), lie on one line; the body needs two "
+                f"rows of points or more in either direction everywhere, {self.body.spacing:.4g} apart"
+            )
 
     def warm_up(self) -> None:
         """Compile everything before the clock of the evaluations starts."""

@@ -90,7 +90,7 @@ class Result:
         lateral = 1 - self.scene.loaded_axis
         chosen = self.chosen_states()
         states = [self.states[n][1] for n in chosen]  # once: a state may have to be read from its file
-        cells = [figures.deformed_cells(self.body.points, fields, self.body.spacing) for fields in states]
+        cells = [figures.deformed_cells(self.body.points, fields, self.body.cell) for fields in states]
         if self.scene.fracture is not None and chosen[-1] >= len(self.levels):
             label, values = "damage", [fields["damage"] for fields in states]
         else:
