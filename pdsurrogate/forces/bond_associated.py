@@ -70,6 +70,8 @@ class BondAssociatedEvaluation:
         weights = body.weigh(np.linalg.norm(bond, axis=1))
         self._table_weights = np.ascontiguousarray(bond * (weights * volumes[self._table])[:, None])
         horizon_volumes = np.bincount(table_owners, volumes[self._table], total)
+        # An image's horizon goes on beyond the images there are: its volume is that of the mirrored point's.
+        horizon_volumes[n:] = horizon_volumes[body.images.mirror]
 
         self._common_pointers = np.zeros(len(owners) + 1, dtype=np.uint64)
         self._common = np.empty(0, dtype=np.uint16)
