@@ -317,11 +317,48 @@ def test_inversion_is_reported_with_its_place():
 def test_settings_are_checked():
     with pytest.raises(ValueError, match="precision must be one of float32, float64, not 'half'"):
         ForceSettings(precision="half")
-    with pytest.raises(ValueError, match="correction=tensor"):
+    with pytest.raises(ValueError, match=r"neo-hookean-paper.* does not take correction=tensor; it takes correction=none\|scalar"):
         MODELS["neo-hookean-paper"].bind(sheet(), LAW, ForceSettings(correction="tensor"))
-    for name in ("nosb", "ba-nosb"):
-        with pytest.raises(ValueError, match="float64 only"):
-            MODELS[name].bind(sheet(), LAW, ForceSettings(precision="float32"))
+
+
+CHOICES = {
+    "precision": ["float32", "float64"],
+    "correction": ["none", "scalar", "tensor"],
+    "rotation": ["polar", "convected"],
+    "outside": ["fallback", "warn", "raise", "extrapolate"],
+    "breakable": [True],
+}
+EVERY_MODEL = {**MODELS, "neo-hookean-energy": load_surrogate(SHIPPED / "neo-hookean-energy")}
+
+
+@pytest.mark.parametrize("name", sorted(EVERY_MODEL))
+def test_a_setting_is_honoured_or_refused_by_name(name):
+    """`--force nosb --set correction=tensor` and its like ran as if nothing had been set."""
+    model, body = EVERY_MODEL[name], sheet()
+    model.bind(body, LAW, ForceSettings())
+    for key, values in CHOICES.items():
+        for value in values:
+            settings = ForceSettings(**{key: value})
+            if value not in model.honours.get(key, ()):
+                with pytest.raises(ValueError, match=f"{name}.* does not take .*{'fracture' if value is True else f'{key}={value}'}.*; it takes"):
+                    model.bind(body, LAW, settings)
+                continue
+            force = model.bind(body, LAW, settings)
+            if value is True:
+                force.break_bonds(np.array([0]))
+            elif key == "rotation":
+                _, polar = evaluate(name, body, wavy(body.points))
+                out = np.empty_like(polar)
+                model.bind(body, LAW, ForceSettings(precision="float64", rotation=value))(wavy(body.points), out)
+                assert (np.abs(out - polar).max() > 1e-6 * np.abs(polar).max()) == (value == "convected")
+            else:
+                assert getattr(force, key) == value
+
+
+@pytest.mark.parametrize("name", sorted(EVERY_MODEL))
+def test_breaking_bonds_that_were_not_to_break_is_one_error(name):
+    with pytest.raises(ValueError, match=r"bind it with ForceSettings\(breakable=True\)"):
+        EVERY_MODEL[name].bind(sheet(), LAW, ForceSettings()).break_bonds(np.array([0]))
 
 
 def test_single_point_perturbation_meets_a_restoring_force():
