@@ -170,7 +170,7 @@ def test_impossible_critical_stretches(stretch):
 
 
 def test_models_without_damage_say_so():
-    with pytest.raises(ValueError, match="ba-nosb has no damage"):
+    with pytest.raises(ValueError, match=r"ba-nosb does not take bonds that break \(fracture\)"):
         FORCES["ba-nosb"]().bind(sheet(0.1), LAW, ForceSettings(breakable=True))
 
 
