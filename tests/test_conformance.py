@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.forces.nosb import CorrespondenceForce
 from pdsurrogate.stress_test.case import INAPPLICABLE, PASS, WEAK, WEAKNESSES, Subject
-from pdsurrogate.stress_test.conformance import PROPERTIES, TABLE, Deformation, linear_momentum, objectivity, settings_refused
+from pdsurrogate.stress_test.conformance import (
+    PROPERTIES,
+    TABLE,
+    Deformation,
+    linear_momentum,
+    objectivity,
+    rigid_rotation,
+    settings_refused,
+)
 
 subject_of = cache(Subject)
 """What is measured on the way is shared by the properties of a model."""
@@ -67,12 +75,12 @@ def test_every_shipped_model_is_in_the_table():
 
 
 class Spoilt(CorrespondenceForce):
-    """Correspondence forces with a weight on every point, and a setting that is taken in silence."""
+    """Correspondence forces with something added to every point's, and settings that are taken in silence."""
 
-    name = "spoilt"
+    added = 1e-6
 
     def bind(self, body, law, settings):
-        force = super().bind(body, law, ForceSettings(breakable=True))
+        force, added = super().bind(body, law, ForceSettings(breakable=True)), self.added
 
         class Evaluation:
             def __getattr__(self, name):
@@ -80,17 +88,22 @@ class Spoilt(CorrespondenceForce):
 
             def __call__(self, positions, out):
                 force(positions, out)
-                out -= [0.0, 1e-6]
+                out += [0.0, added]
 
         return Evaluation()
 
 
-def test_properties_can_fail(monkeypatch):
+@pytest.mark.parametrize("added", [1e-6, np.nan])
+def test_properties_can_fail(monkeypatch, added):
+    """A weight on every point is found, and so are forces that are no numbers."""
     monkeypatch.setitem(FORCES, "nosb", Spoilt)
-    spoilt = Subject("nosb")
-    for found in (objectivity(spoilt), linear_momentum(spoilt)):
-        assert found.verdict == WEAK
-    silent = settings_refused(spoilt)
+    monkeypatch.setattr(Spoilt, "added", added)
+    for function in (rigid_rotation, objectivity, linear_momentum):
+        assert function(Subject("nosb")).verdict == WEAK
+
+
+def test_settings_that_are_ignored_are_found(monkeypatch):
+    monkeypatch.setitem(FORCES, "nosb", Spoilt)
+    silent = settings_refused(Subject("nosb"))
     assert silent.weakness == "settings ignored"
     assert "correction=scalar changes nothing" in silent.figure
-    assert np.isfinite(silent.value)

@@ -35,7 +35,7 @@ from ..materials import Law, plane_stress
 from ..programmes.run import Silent
 from ..results import measures
 from ..scenes import MaterialSpec, load_scene
-from ..simulation import simulate
+from ..simulation import SimulationFailed, simulate
 from .bodies import disc_with_hole, gripped_sheet, jittered, notched_sheet, of_points, sheet
 from .case import INAPPLICABLE, PASS, WEAK, Case, Outcome, Subject, square_sheet
 from .deformations import force_densities, turn, wavy, why_inaccurate
@@ -119,12 +119,10 @@ class Property(Case):
     drawn: bool = False
 
 
-def _evaluate(subject: Subject, body: Body, positions: np.ndarray, law: Law | None = None, **settings):
-    """A fresh evaluation on a body, and the forces in double precision."""
-    force = subject.model.bind(body, law or subject.law, ForceSettings(**{"precision": "float64", **settings}))
-    out = np.empty_like(positions)
-    force(positions, out)
-    return force, out
+def _evaluate(subject: Subject, body: Body, positions: np.ndarray, **settings):
+    """A fresh evaluation on a body, in double precision if nothing else is asked, and the forces."""
+    force = subject.model.bind(body, subject.law, ForceSettings(**{"precision": "float64", **settings}))
+    return force, _forces(force, positions)
 
 
 def _bound(subject: Subject, name: str, make: Callable[[], Body], law: Law | None = None):
@@ -166,10 +164,10 @@ def rigid_rotation(subject: Subject) -> Outcome:
     Rounding of positions leaves K/mu times 1e-15 times the number of spacings; 1e-9 is asked.
     """
     body = square_sheet(10)
-    force, greatest = subject.bind(body), 0.0
+    force, found = subject.bind(body), []
     for degrees in range(0, 361, 15):
-        greatest = max(greatest, float(np.abs(force_densities(force, body.points @ turn(degrees).T)).max()), abs(_energy(force)))
-    return Outcome.below(greatest, 1e-9, "force at rest")
+        found += [np.abs(force_densities(force, body.points @ turn(degrees).T)).max(), abs(_energy(force))]
+    return Outcome.below(np.max(found), 1e-9, "force at rest")
 
 
 def objectivity(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
@@ -178,14 +176,14 @@ def objectivity(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outc
     Rounding of the positions, 1e-15, is a strain of 1e-14 over a spacing, multiplied by K/mu and some thirty bonds: 1e-10, and a tenth of
     what is asked.
     """
-    force, worst = _notched(subject), 0.0
+    force, errors = _notched(subject), []
     for deformation in deformations:
         positions = deformation(force.body.points)
         still, energy = _settled(force, positions), _energy(force)
         for degrees in (15, 110, 170, 200, 275, 360):
             turned = _settled(force, positions @ turn(degrees).T + [3.0, -2.0])
-            worst = max(worst, float(np.abs(turned @ turn(degrees) - still).max()) / _scale(force, still), abs(_energy(force) - energy))
-    return Outcome.below(worst, 1e-9, "accuracy")
+            errors += [np.abs(turned @ turn(degrees) - still).max() / _scale(force, still), abs(_energy(force) - energy)]
+    return Outcome.below(np.max(errors), 1e-9, "accuracy")
 
 
 def another_start(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
@@ -193,47 +191,47 @@ def another_start(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Ou
 
     It ends with a step below 1e-8, after which J3 is off by the square of that: K/mu times 1e-16, 1e-9 is asked.
     """
-    force, worst = _notched(subject), 0.0
+    force, errors = _notched(subject), []
     for deformation in deformations:
         positions = deformation(force.body.points)
         _forces(force, force.body.points)
         found, expected = _forces(force, positions), _forces(force, positions)
-        worst = max(worst, float(np.abs(found - expected).max()) / _scale(force, expected))
-    return Outcome.below(worst, 1e-9, "last step of J3")
+        errors.append(np.abs(found - expected).max() / _scale(force, expected))
+    return Outcome.below(np.max(errors), 1e-9, "last step of J3")
 
 
 def mirror(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
     """Difference between the forces on a mirrored body and the mirrored forces; rounding, 1e-9 as of a turned body."""
     force = _notched(subject)
     mirrored = _bound(subject, "mirrored", lambda: of_points(force.body.points * MIRROR))
-    worst = 0.0
+    errors = []
     for deformation in deformations:
         positions = deformation(force.body.points)
         expected = _settled(force, positions) * MIRROR
-        worst = max(worst, float(np.abs(_settled(mirrored, positions * MIRROR) - expected).max()) / _scale(force, expected))
-    return Outcome.below(worst, 1e-9, "no mirror symmetry")
+        errors.append(np.abs(_settled(mirrored, positions * MIRROR) - expected).max() / _scale(force, expected))
+    return Outcome.below(np.max(errors), 1e-9, "no mirror symmetry")
 
 
 def linear_momentum(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
     """Sum of all forces over the sum of their sizes; of some 2,000 bond forces rounding leaves 1e-15 each: 1e-12 is asked."""
-    force, worst = _notched(subject), 0.0
+    force, errors = _notched(subject), []
     for deformation in deformations:
         forces = _settled(force, deformation(force.body.points))
-        worst = max(worst, float(np.abs(forces.sum(axis=0)).max()) / max(float(np.abs(forces).sum()), _scale(force, forces)))
-    return Outcome.below(worst, 1e-12, "accuracy")
+        errors.append(np.abs(forces.sum(axis=0)).max() / max(float(np.abs(forces).sum()), _scale(force, forces)))
+    return Outcome.below(np.max(errors), 1e-12, "accuracy")
 
 
 def angular_momentum(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
     """Moment of all forces on a deformed body about its middle, over the sum of the moments' sizes; rounding leaves 1e-15."""
-    force, worst = _notched(subject), 0.0
+    force, errors = _notched(subject), []
     for deformation in deformations:
         positions = deformation(force.body.points)
         forces, arms = _settled(force, positions), positions - positions.mean(axis=0)
         lengths = np.linalg.norm(arms, axis=1)
         moment = abs(float((arms[:, 0] * forces[:, 1] - arms[:, 1] * forces[:, 0]).sum()))
         size = max(float((lengths * np.linalg.norm(forces, axis=1)).sum()), lengths.max() * _scale(force, forces))
-        worst = max(worst, moment / size)
-    return Outcome.below(worst, 1e-9, "moments")
+        errors.append(moment / size)
+    return Outcome.below(np.max(errors), 1e-9, "moments")
 
 
 def order_of_points(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
@@ -244,12 +242,12 @@ def order_of_points(subject: Subject, deformations: Iterable = DEFORMATIONS) -> 
     force = _notched(subject)
     order = np.random.default_rng(20240109).permutation(len(force.body))
     shuffled = _bound(subject, "shuffled", lambda: of_points(force.body.points[order]))
-    worst = 0.0
+    errors = []
     for deformation in deformations:
         positions = deformation(force.body.points)
         expected = _settled(force, positions)
-        worst = max(worst, float(np.abs(_settled(shuffled, positions[order]) - expected[order]).max()) / _scale(force, expected))
-    return Outcome.below(worst, 1e-11, "accuracy")
+        errors.append(np.abs(_settled(shuffled, positions[order]) - expected[order]).max() / _scale(force, expected))
+    return Outcome.below(np.max(errors), 1e-11, "accuracy")
 
 
 def _in_units_of(law: Law, stress: float) -> Law:
@@ -263,7 +261,7 @@ def _in_units_of(law: Law, stress: float) -> Law:
 
 def units(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
     """Change of the forces in other units of length and stress: a force per unit thickness is their product; 1e-9, as of a turned body."""
-    force, worst = _notched(subject), 0.0
+    force, errors = _notched(subject), []
     for length, stress in ((1e-6, 3e5), (50.0, 1e-3)):
         body = force.body
         other = _bound(
@@ -278,8 +276,8 @@ def units(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
             positions = deformation(body.points)
             expected = _settled(force, positions)
             found = _settled(other, length * positions) / (length * stress)
-            worst = max(worst, float(np.abs(found - expected).max()) / _scale(force, expected))
-    return Outcome.below(worst, 1e-9, "accuracy")
+            errors.append(np.abs(found - expected).max() / _scale(force, expected))
+    return Outcome.below(np.max(errors), 1e-9, "accuracy")
 
 
 GRADIENTS = (
@@ -300,17 +298,19 @@ def homogeneous_stress(subject: Subject) -> Outcome:
     the exact force with the same correction.  The figure is that of the state nearest to its limit.
     """
     random = np.random.default_rng(20240109)
-    worst, rounding = (0.0, 1.0), 1e-13 * subject.law.bulk_modulus / subject.law.shear_modulus
+    rounding = 1e-13 * subject.law.bulk_modulus / subject.law.shear_modulus
+    errors, limits = [], []
     for body in (sheet(weight="inverse"), disc_with_hole(weight="constant"), jittered(random, weight="linear")):
         force, _ = _evaluate(subject, body, body.points)
         exact = _exact_stress(force)
         for F in GRADIENTS:
             _forces(force, body.points @ F.T)
             expected = exact(F)
-            error = float(np.abs(measures.mean_stress(force) - expected).max() / np.abs(expected).max())
-            found = error, rounding + _stated_error(subject, F)
-            worst = max(worst, found, key=lambda pair: pair[0] / pair[1])
-    return Outcome.below(*worst, why_inaccurate(subject), f"{{:.1e}} of {worst[1]:.1e}")
+            errors.append(np.abs(measures.mean_stress(force) - expected).max() / np.abs(expected).max())
+            limits.append(rounding + _stated_error(subject, F))
+    # NaN counts as the greatest.
+    worst = int(np.argmax(np.divide(errors, limits)))
+    return Outcome.below(errors[worst], limits[worst], why_inaccurate(subject), f"{{:.1e}} of {limits[worst]:.1e}")
 
 
 def _exact_stress(force):
@@ -409,14 +409,14 @@ def pair_forces(subject: Subject) -> Outcome:
 
     Sums of the same bonds in another order, from parts that are formed anew where a model does not store them.
     """
-    worst = 0.0
+    errors = []
     for body in (sheet(), gripped_sheet()):
         force, out = _evaluate(subject, body, body.points + 0.1 * (wavy(body.points) - body.points))
         total, pairs = np.zeros((len(body.all_points), 2)), force.pair_forces()
         np.add.at(total, body.bonds.first, pairs)
         np.add.at(total, body.bonds.second, -pairs)
-        worst = max(worst, float(np.abs(total[: len(body)] - out).max() / np.abs(out).max()))
-    return Outcome.below(worst, 1e-10, "accuracy")
+        errors.append(np.abs(total[: len(body)] - out).max() / np.abs(out).max())
+    return Outcome.below(np.max(errors), 1e-10, "accuracy")
 
 
 def broken_bonds(subject: Subject) -> Outcome:
@@ -443,7 +443,7 @@ def broken_bonds(subject: Subject) -> Outcome:
     built, expected = _evaluate(subject, cut, positions, breakable=True)
     errors = [np.abs(found - expected).max() / np.abs(expected).max(), np.abs(force.pair_forces()[pairs]).max() / np.abs(expected).max()]
     errors.append(abs(_energy(force) - _energy(built)))
-    return Outcome.below(float(max(errors)), 1e-9, "accuracy")
+    return Outcome.below(np.max(errors), 1e-9, "accuracy")
 
 
 def unbreakable(subject: Subject) -> Outcome:
@@ -473,15 +473,16 @@ def checkpoint(subject: Subject) -> Outcome:
     # Without the exact solution to compare with, which costs more than the run with some laws.
     changes = {"spacing": 0.1, "body.size": [0.8, 0.8], "stretches": [1.05, 1.15], "solver.tolerance": 1e-4, "reference": None}
     scene = load_scene("uniaxial", changes, material=subject.law.describe())
-    whole = simulate(scene, subject.model)
+    try:
+        whole = simulate(scene, subject.model)
+    except SimulationFailed as error:
+        return Outcome(WEAK, str(error), None, None, "does not converge")
     with tempfile.TemporaryDirectory() as name:
-        try:
+        with suppress(_Killed):
             simulate(scene, subject.model, folder=Path(name), progress=_Killing())
-        except _Killed:
-            resumed = simulate(scene, subject.model, folder=Path(name), resume=True)
-        return _none_may(
-            int((resumed.displacement() != whole.displacement()).any(axis=1).sum()), "bitwise the same", "resumed to other positions"
-        )
+        resumed = simulate(scene, subject.model, folder=Path(name), resume=True)
+        elsewhere = (resumed.displacement() != whole.displacement()).any(axis=1).sum()
+    return _none_may(int(elsewhere), "bitwise the same", "resumed to other positions")
 
 
 def impossible_states(subject: Subject) -> Outcome:
@@ -522,7 +523,7 @@ def settings_refused(subject: Subject) -> Outcome:
     """Settings that change nothing, are refused without their name, or are taken or refused against what the model declares."""
     wrong, declared = [], honoured_settings(subject.model)
     for key, values in SETTINGS.items():
-        usual, stated, taken = _settings_outcome(subject, key, None), _stated(subject, key, None), {}
+        usual, stated, taken = _settings_outcome(subject, key, None), getattr(_bind_with(subject, key, None), key, None), {}
         for value in values:
             try:
                 taken[value] = _settings_outcome(subject, key, value)
@@ -539,13 +540,9 @@ def settings_refused(subject: Subject) -> Outcome:
 
 
 def _bind_with(subject: Subject, key: str, value):
+    """An evaluation with one setting; None leaves it to the model."""
     settings = ForceSettings() if value is None else ForceSettings(**{key: value})
     return subject.model.bind(sheet(), subject.law, settings)
-
-
-def _stated(subject: Subject, key: str, value):
-    """What an evaluation says of a setting."""
-    return getattr(_bind_with(subject, key, value), key, None)
 
 
 def _settings_outcome(subject: Subject, key: str, value):
@@ -613,6 +610,7 @@ TABLE = (
         "ba-nosb",
         MOMENTS
         | {
+            # Of the weights alone, not of the state: 6 per cent where sheets are ten points wide.
             "homogeneous_stress": Departure("weights do not add up", 0.07),
             # Forces are formed with the response before the last step of J3, which is below 1e-8, and multiplied by K/mu.
             "another_start": Departure("last step of J3", 1e-6),
