@@ -204,7 +204,7 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         "seconds_total": time.perf_counter() - began,
         "seconds_compile": seconds_compile,
         "ns_per_directed_bond": 1e9 * force.seconds / max(1, force.timed * bonds.n_directed),
-        "fallback_fraction": outside if scene.outside == "fallback" else 0.0,
+        "fallback_fraction": outside if scene.outside in (None, "fallback") else 0.0,
         "fraction_outside_domain": outside,
         "unsupported_points": len(force.kinematics.unsupported),
         "units": {**scene.units.model_dump(), "force": scene.units.force},

@@ -309,7 +309,7 @@ def test_scenes_without_fracture_have_dynamics_without_damage(tmp_path):
 
 
 def test_bodies_that_cannot_break_refuse(tmp_path):
-    with pytest.raises(pd.SceneError, match="ba-nosb has no damage"):
+    with pytest.raises(pd.SceneError, match=r"ba-nosb does not take bonds that break \(fracture\)"):
         simulate(small(), "ba-nosb")
 
 

@@ -77,7 +77,11 @@ def run(
         out.print(f"Results in {folder}", soft_wrap=True)
     outside = result.summary["fraction_outside_domain"]
     if outside:
-        what = "the exact bond force stood in for the surrogate" if described.outside == "fallback" else "the surrogate was extrapolated"
+        what = (
+            "the exact bond force stood in for the surrogate"
+            if described.outside in (None, "fallback")
+            else "the surrogate was extrapolated"
+        )
         err.print(
             f"[yellow]{100 * outside:.2g} % of the bond evaluations were outside the surrogate's domain; {what} there.[/]", soft_wrap=True
         )

@@ -201,20 +201,16 @@ class Run:
             "evaluations": self.force.evaluations,
             "outside": int(getattr(self.force, "pairs_outside", 0)),
         }
-        held = {"positions": self.positions, "volume_ratios": self.force.kinematics.volume_ratios}
+        held = {"positions": self.positions, **self.force.state_arrays()}
         Checkpoint(self.identity, {**common, **progress}, {**held, **arrays}).write(self.folder)
 
     def restore(self) -> Checkpoint:
         """Take up what a checkpoint holds of everything but the dynamics."""
-        kinematics = self.force.kinematics
-        shapes = {
-            "positions": (self.positions.shape, np.float64),
-            "volume_ratios": (kinematics.volume_ratios.shape, np.float64),
-        }
-        found = Checkpoint.read(self.folder, self.identity, shapes)
+        held = {"positions": self.positions, **self.force.state_arrays()}
+        found = Checkpoint.read(self.folder, self.identity, {key: (array.shape, array.dtype) for key, array in held.items()})
         progress = found.progress
-        self.positions[:] = found.arrays["positions"]
-        kinematics.volume_ratios[:] = found.arrays["volume_ratios"]
+        for key, array in held.items():
+            array[:] = found.arrays[key]
         self.stretch, self.levels, self.history = progress["stretch"], progress["levels"], progress["history"]
         self.states = StatesInFiles(self.folder, self.body.points, self.scene.name, [Moment(*moment) for moment in progress["moments"]])
         self.force.resume(progress["evaluations"], progress["outside"])

@@ -203,9 +203,9 @@ class Scene(Part):
     horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = 3.15
     weight: str = "inverse"
     correction: Literal["tensor", "scalar", "none"] | None = None
-    rotation: Literal["polar", "convected"] = "polar"
+    rotation: Literal["polar", "convected"] | None = None
     precision: Literal["float32", "float64"] | None = None
-    outside: Literal["fallback", "warn", "raise", "extrapolate"] = "fallback"
+    outside: Literal["fallback", "warn", "raise", "extrapolate"] | None = None
     solver: SolverSpec = SolverSpec()
     fracture: Fracture | None = None
     dynamics: Dynamics | None = None
