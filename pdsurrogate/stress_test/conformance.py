@@ -27,9 +27,9 @@ from ..body import Body, ReflectionPlane
 from ..forces import FORCES, AnalyticBondForce, ForceModel, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning
 from ..forces.kernel_face import kernel_bond_force, kernel_energy
 from ..forces.settings import OUTSIDE_POLICIES, PRECISIONS
-from ..kernels.threads import thread_count
 from ..kernels.node_state import ROTATIONS
 from ..kernels.reference import CORRECTIONS
+from ..kernels.threads import thread_count
 from ..learning import wide_design
 from ..materials import Law, plane_stress
 from ..programmes.run import Silent
