@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import io
+from contextlib import redirect_stderr, redirect_stdout
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .body import Body, grid
+from .body import Body, Cells
 from .scenes import Mesh, Rectangle, Scene, SceneError
+from .scenes.model import EDGES
 from .solvers.conditions import reflection_planes
 
 RASTER = 16
@@ -35,46 +39,118 @@ def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
         If the spacing does not fit the body, the holes leave nothing of it, or a hole or precut misses it.
     """
     try:
-        points, volumes, lower, upper = _points_of(scene)
+        points, volumes, spacing, cell, lower, upper = _points_of(scene)
         planes = reflection_planes(scene, lower, upper)
-        body = Body(points, volumes, scene.horizon, scene.spacing, scene.weight, planes, _cuts(scene))
+        # Measured by the smaller side, a horizon takes in the same neighbours as with squares where the sides differ by little: by the
+        # mean or the larger one some at a distance of (3, 1) cells come in along one direction alone, and errors in pure shear are half as
+        # large again.
+        horizon = scene.horizon_ratio * min(cell)
+        body = Body(points, volumes, horizon, spacing, scene.weight, planes, _cuts(scene), cell)
         _check_precuts(scene, body)
         return body, lower, upper
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
 
 
-def _points_of(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Points and volumes, holes left out, and the corners of the bounding box of the body."""
+def grip_areas(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> dict[str, float]:
+    """Cross-section of the body at every grip, by edge: area of its cut half a cell inside the grip's plane, at unit thickness.
+
+    That is the middle of the layer of cells that the grip holds; on a straight edge, the edge itself.
+
+    Parameters
+    ----------
+    scene : Scene
+    cell : ndarray, shape (2,)
+        Sides of the body's cells.
+    lower, upper : ndarray, shape (2,)
+        Corners of the bounding box of the body.
+
+    Raises
+    ------
+    SceneError
+        If a grip holds no material.
+    """
+    areas, cells = {}, None
+    if isinstance(scene.body, Mesh):
+        cells = [block[_outside_holes(scene, _centroids(block)[0])] for block in _mesh_cells(scene.body)]
+    for grip in scene.grips:
+        axis, side = EDGES[grip.edge]
+        position = (lower, upper)[side > 0][axis] - side * cell[axis] / 2
+        if cells is not None:
+            areas[grip.edge] = sum(float(_chords(block, axis, position).sum()) for block in cells)
+        else:
+            areas[grip.edge] = _length_inside(scene, axis, position, lower[1 - axis], upper[1 - axis])
+        if not areas[grip.edge] > 0:
+            raise SceneError(f"scene {scene.name}: grips: there is no material at the {grip.edge} edge of the body")
+    return areas
+
+
+def _length_inside(scene: Scene, axis: int, position: float, low: float, high: float) -> float:
+    """Length of the line on which a coordinate has the given value, between two values of the other, that lies in material."""
+
+    def inside(along: np.ndarray) -> np.ndarray:
+        places = np.empty((len(along), 2))
+        places[:, axis], places[:, 1 - axis] = position, along
+        return _material(scene, places)
+
+    count = int(np.ceil(RASTER * (high - low) / scene.spacing))
+    middles = low + (high - low) * (np.arange(count) + 0.5) / count
+    there = inside(middles)
+    ends = np.flatnonzero(there[1:] != there[:-1])
+    starts, stops, before = middles[ends], middles[ends + 1], there[ends]
+    for _ in range(50):  # bisection, to rounding
+        halves = (starts + stops) / 2
+        same = inside(halves) == before
+        starts, stops = np.where(same, halves, starts), np.where(same, stops, halves)
+    bounds = np.concatenate([[low], (starts + stops) / 2, [high]])
+    return float(np.diff(bounds)[np.concatenate([[there[0]], ~before])].sum())
+
+
+def _chords(cells: np.ndarray, axis: int, position: float) -> np.ndarray:
+    """Length that each of some convex polygons cuts off a line on which a coordinate has the given value."""
+    following = np.roll(cells, -1, axis=1)
+    spans = (cells[..., axis] > position) != (following[..., axis] > position)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (position - cells[..., axis]) / (following[..., axis] - cells[..., axis])
+        crossing = cells[..., 1 - axis] + share * (following[..., 1 - axis] - cells[..., 1 - axis])
+    chords = np.where(spans, crossing, -np.inf).max(axis=1) - np.where(spans, crossing, np.inf).min(axis=1)
+    return chords[spans.any(axis=1)]
+
+
+def _points_of(scene: Scene):
+    """Points and volumes, holes left out, their spacing and cell, and the corners of the bounding box of the body."""
     if isinstance(scene.body, Mesh):
         cells = _mesh_cells(scene.body)
         corners = np.concatenate([block.reshape(-1, 2) for block in cells])
         points, volumes = (np.concatenate(parts) for parts in zip(*map(_centroids, cells), strict=True))
         # Its cells have any shape: those whose centroid lies in a hole are left out whole.
         kept = _in_material(scene, points, np.ones(len(points), dtype=bool))
-        return points[kept], volumes[kept], corners.min(axis=0), corners.max(axis=0)
-    lower, upper = low, high = scene.body.bounds()
+        return points[kept], volumes[kept], scene.spacing, (scene.spacing, scene.spacing), corners.min(axis=0), corners.max(axis=0)
+    lower, upper = scene.body.bounds()
+    cells = Cells.filling(lower, upper, scene.spacing)
+    points = cells.centres()
     rectangle = isinstance(scene.body, Rectangle)
-    if not rectangle:
-        # A grid of whole cells about the same centre: the outline is not made of cells anyway.
-        cells = np.ceil((upper - lower) / scene.spacing - 1e-6)
-        middle, half = (lower + upper) / 2, cells * scene.spacing / 2
-        low, high = middle - half, middle + half
-    points = grid(low, high, scene.spacing)
     if rectangle and not scene.holes:
-        return points, np.full(len(points), scene.spacing**2), lower, upper
+        return points, np.full(len(points), cells.area), cells.spacing, cells.sides, lower, upper
+    kept = _in_material(scene, points, _within_outline(scene, points))
+    return *_material_of_cells(points, kept, cells, partial(_material, scene)), cells.spacing, cells.sides, lower, upper
 
-    def within(places: np.ndarray) -> np.ndarray:
-        return np.ones(len(places), dtype=bool) if rectangle else scene.body.contains(places)
 
-    def material(places: np.ndarray) -> np.ndarray:
-        there = within(places)
-        for hole in scene.holes:
-            there &= ~hole.contains(places)
-        return there
+def _within_outline(scene: Scene, places: np.ndarray) -> np.ndarray:
+    """Which places lie within the outline of a body that is no mesh; of a rectangle, whose grid fills it, all that are asked for."""
+    return np.ones(len(places), dtype=bool) if isinstance(scene.body, Rectangle) else scene.body.contains(places)
 
-    kept = _in_material(scene, points, within(points))
-    return *_material_of_cells(points, kept, scene.spacing, material), lower, upper
+
+def _outside_holes(scene: Scene, places: np.ndarray) -> np.ndarray:
+    outside = np.ones(len(places), dtype=bool)
+    for hole in scene.holes:
+        outside &= ~hole.contains(places)
+    return outside
+
+
+def _material(scene: Scene, places: np.ndarray) -> np.ndarray:
+    """Which places there is material at."""
+    return _within_outline(scene, places) & _outside_holes(scene, places)
 
 
 def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.ndarray:
@@ -92,27 +168,28 @@ def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.nda
     return kept
 
 
-def _material_of_cells(centres: np.ndarray, kept: np.ndarray, spacing: float, material) -> tuple[np.ndarray, np.ndarray]:
-    """Centroids and volumes of what lies in each square cell; what fills less than half of one goes to the nearest of the others.
+def _material_of_cells(centres: np.ndarray, kept: np.ndarray, cells: Cells, material) -> tuple[np.ndarray, np.ndarray]:
+    """Centroids and volumes of what lies in each cell; what fills less than half of one goes to the nearest of the others.
 
     `material` says of places whether there is any; `kept`, the same of the cells' centres.
 
     Cells cut by an outline count with the part of them that is there, found on a raster: with whole cells a curved boundary would be a
     staircase, whose steps carry no stress, and a hole larger than it is.
     """
-    corners = spacing / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]])
+    sides = np.array(cells.sides)
+    corners = sides / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]])
     found = np.stack([kept, *(material(centres + corner) for corner in corners)])
     cut = np.flatnonzero(found.any(axis=0) & ~found.all(axis=0))
-    places = ((np.arange(RASTER) + 0.5) / RASTER - 0.5) * spacing
-    raster = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2)
-    points, volumes = centres.copy(), np.where(found.all(axis=0), spacing**2, 0.0)
+    places = (np.arange(RASTER) + 0.5) / RASTER - 0.5
+    raster = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2) * sides
+    points, volumes = centres.copy(), np.where(found.all(axis=0), cells.area, 0.0)
     for cell in cut:
         sample = centres[cell] + raster
         sample = sample[material(sample)]
         if len(sample):
-            points[cell], volumes[cell] = sample.mean(axis=0), spacing**2 * len(sample) / len(raster)
-    whole = np.flatnonzero(volumes >= 0.5 * spacing**2)
-    slivers = np.flatnonzero((volumes > 0) & (volumes < 0.5 * spacing**2))
+            points[cell], volumes[cell] = sample.mean(axis=0), cells.area * len(sample) / len(raster)
+    whole = np.flatnonzero(volumes >= 0.5 * cells.area)
+    slivers = np.flatnonzero((volumes > 0) & (volumes < 0.5 * cells.area))
     if not len(whole):
         whole, slivers = slivers, whole
     if len(slivers):
@@ -142,7 +219,7 @@ def _check_precuts(scene: Scene, body: Body) -> None:
     cut = body.all_points[body.bonds.cut]
     for number, precut in enumerate(scene.precuts):
         if not len(cut) or not precut.crosses(cut[:, 0], cut[:, 1]).any():
-            raise ValueError(f"precuts.{number}: it cuts no bond; it lies outside the body")
+            raise ValueError(f"precuts.{number}: it cuts no bond; it lies outside the body, in a hole, or between neighbouring points")
 
 
 def _mesh_cells(mesh: Mesh) -> list[np.ndarray]:
@@ -151,15 +228,25 @@ def _mesh_cells(mesh: Mesh) -> list[np.ndarray]:
 
     if not Path(mesh.file).is_file():
         raise ValueError(f"body.file: there is no file {mesh.file}")
+    printed = io.StringIO()
     try:
-        read = meshio.read(mesh.file)
-    except (Exception, SystemExit) as error:  # meshio's readers raise whatever they meet, and exit on unknown formats
-        raise ValueError(f"body.file: meshio cannot read {mesh.file}: {error}") from None
+        with redirect_stdout(printed), redirect_stderr(printed):
+            read = meshio.read(mesh.file)
+    except (Exception, SystemExit) as error:  # meshio's readers raise whatever they meet, and print and exit on what none of them reads
+        reason = printed.getvalue() if isinstance(error, SystemExit) else error
+        raise ValueError(f"body.file: meshio cannot read {mesh.file}: {' '.join(str(reason).split())}") from None
     points = np.asarray(read.points, dtype=float)
-    if points.shape[1] == 3 and np.ptp(points[:, 2]) > 0:
+    if not np.isfinite(points).all():
+        raise ValueError(f"body.file: node {np.argwhere(~np.isfinite(points))[0, 0]} of {mesh.file} has a position that is not finite")
+    # Of points and edges meshes have those of their boundaries; other cells would leave holes where they are left out.
+    others = {block.type for block in read.cells} - {"triangle", "quad"}
+    refused = sorted(kind for kind in others if not kind.startswith(("vertex", "line")))
+    if refused:
+        raise ValueError(f"body.file: {mesh.file} has cells of type {', '.join(refused)}; triangle and quad are taken")
+    if points.shape[1] == 3 and np.ptp(points[:, 2]) > 1e-9 * np.ptp(points[:, :2]):
         raise ValueError(f"body.file: {mesh.file} is not flat: its third coordinate varies")
-    cells = [points[block.data][:, :, :2] for block in read.cells if block.type in ("triangle", "quad")]
-    if not sum(map(len, cells)):
+    cells = [points[block.data][:, :, :2] for block in read.cells if block.type in ("triangle", "quad") and len(block.data)]
+    if not cells:
         raise ValueError(f"body.file: {mesh.file} has no triangles or quadrilaterals")
     return cells
 
@@ -171,5 +258,18 @@ def _centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     area = cross.sum(axis=1) / 2
     if (area == 0).any():
         raise ValueError("body.file: a cell has no area")
+    if cells.shape[1] == 4 and _crossed(cells).any():
+        raise ValueError("body.file: the sides of a quadrilateral cross each other; its corners must be in order around it")
     centroids = ((cells + following) * cross[..., None]).sum(axis=1) / (6 * area[:, None])
     return centroids, np.abs(area)
+
+
+def _crossed(quadrilaterals: np.ndarray) -> np.ndarray:
+    """Which quadrilaterals, shape (n, 4, 2), have sides that cross: either diagonal then cuts them into triangles of opposite senses."""
+    a, b, c, d = quadrilaterals.transpose(1, 0, 2)
+
+    def sense(start, middle, end):
+        one, two = middle - start, end - start
+        return one[:, 0] * two[:, 1] - two[:, 0] * one[:, 1]
+
+    return (sense(a, b, c) * sense(a, c, d) < 0) & (sense(a, b, d) * sense(b, c, d) < 0)

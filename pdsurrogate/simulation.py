@@ -17,6 +17,7 @@ from .programmes.quasistatic import go_through_levels, solver_of
 from .programmes.run import Progress, Run, Silent
 from .results import Result
 from .results.checkpoint import CheckpointError
+from .results.folder import check_room, make_room
 from .scenes import Scene
 from .solvers import Diverging, NotConverged
 
@@ -53,6 +54,7 @@ def simulate(
     progress: Progress | None = None,
     folder: str | Path | None = None,
     resume: bool = False,
+    overwrite: bool = False,
 ) -> Result:
     """Run a scene.
 
@@ -70,8 +72,11 @@ def simulate(
         Where to report progress.
     folder : str or path, optional
         Where states are written the moment they are reached, and checkpoints beside them; without it states stay in memory.
+        Results of an earlier run of the same scene there are removed first, unless it is resumed.
     resume : bool
         Go on from the checkpoint in `folder`, to the result that the run would have had without the interruption.
+    overwrite : bool
+        Remove results of other scenes in `folder` as well.
 
     Returns
     -------
@@ -83,6 +88,8 @@ def simulate(
         If the scene and the force model do not fit, or the body cannot be built.
     CheckpointError
         If there is nothing to resume from, or it belongs to another run.
+    FolderTaken
+        If `folder` holds results of another scene, or a file called like one of a run's that no run wrote.
     SimulationInterrupted
         After Ctrl-C, at the next place where the state is whole; the part that was reached is kept.
     SimulationFailed
@@ -96,10 +103,17 @@ def simulate(
     progress = progress or Silent()
     if resume and folder is None:
         raise ValueError("a run is resumed from the folder of its results: give it")
+    if resume and overwrite:
+        raise ValueError("a run is either resumed or begun anew: give resume or overwrite, not both")
+    folder = None if folder is None else Path(folder)
+    if folder is not None and not resume:
+        check_room(folder, scene.name, overwrite)  # before any work
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     with thread_count(threads), threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
-        run = Run(scene, model, progress, None if folder is None else Path(folder), threads)
+        run = Run(scene, model, progress, folder, threads)
         run.warm_up()
+        if folder is not None and not resume:
+            make_room(folder, scene.name, overwrite)
         try:
             with run.interruption:
                 _go(run, resume)
@@ -120,7 +134,7 @@ def _go(run: Run, resume: bool) -> None:
         from .damage import Damage, critical_stretch_of
 
         spec = run.scene.fracture
-        critical = spec.critical_stretch or critical_stretch_of(run.law, spec.energy, run.scene.horizon)
+        critical = spec.critical_stretch or critical_stretch_of(run.law, spec.energy, run.body.horizon)
         run.critical_stretch = critical
         damage = Damage(run.body, critical)
     solver, transient = solver_of(run), None
@@ -173,10 +187,12 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         "force": run.model.name,
         "material": run.law.describe(),
         "n_points": len(run.body),
-        "n_bonds": bonds.n_directed,
+        "n_bonds": len(bonds.first),
+        "n_directed_bonds": bonds.n_directed,
         "n_ghost_points": len(run.body.images),
-        "spacing": scene.spacing,
-        "horizon": scene.horizon,
+        "spacing": run.body.spacing,
+        "cell_size": run.body.cell.tolist(),
+        "horizon": run.body.horizon,
         "precision": force.precision,
         "correction": force.correction,
         "support": scene.support,
@@ -187,11 +203,12 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         "n_force_evaluations": force.evaluations,
         "seconds_total": time.perf_counter() - began,
         "seconds_compile": seconds_compile,
-        "ns_per_bond": 1e9 * force.seconds / max(1, force.timed * bonds.n_directed),
-        "fallback_fraction": outside if scene.outside == "fallback" else 0.0,
+        "ns_per_directed_bond": 1e9 * force.seconds / max(1, force.timed * bonds.n_directed),
+        "fallback_fraction": outside if scene.outside in (None, "fallback") else 0.0,
         "fraction_outside_domain": outside,
         "unsupported_points": len(force.kinematics.unsupported),
-        "units": scene.units.model_dump(),
+        "units": {**scene.units.model_dump(), "force": scene.units.force},
+        "grip_areas": run.grip_areas,
         "levels": run.levels,
     }
     if scene.dynamics is not None:

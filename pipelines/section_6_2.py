@@ -64,7 +64,7 @@ def zero_energy_figure(smooth, rough) -> Figure:
             points, moved = result.body.points, result.displacement(0)
             sheet, line = axes[:, column]
             drawn = draw_cells(
-                sheet, deformed_cells(points, result.states[0][1], result.body.spacing), moved[:, 1], clim=(-greatest, greatest)
+                sheet, deformed_cells(points, result.states[0][1], result.body.cell), moved[:, 1], clim=(-greatest, greatest)
             )
             sheet.set_title(f"{title}, stretch 1.5: roughness {result.levels[0]['roughness']:.1e}")
             upper = points[:, 1] > points[:, 1].max() - 1e-9

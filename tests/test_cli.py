@@ -36,6 +36,13 @@ def test_forces_by_every_kind_of_reference(force):
     assert done.exit_code == 0, done.output
 
 
+def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
+    done = invoke("run", "uniaxial", "--set", "spacing=0.12", "--set", "stretches=1.2", "--force", "analytic")
+    assert done.exit_code == 0, done.output
+    assert "Cells of 0.12 x 0.125 cm fill the body, the nearest to the spacing of 0.12; the horizon is 0.378 cm" in done.stdout
+    assert "Cells of" not in invoke("run", "uniaxial", *FAST, "--force", "analytic").stdout
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -75,6 +82,32 @@ def test_output_that_cannot_be_written_is_refused_before_work(tmp_path):
     done = invoke("run", "uniaxial", *FAST, "--out", blocked / "out")
     assert done.exit_code == 2
     assert "ns per directed bond" not in done.output
+
+
+def test_a_folder_belongs_to_one_scene(tmp_path):
+    """The same command works twice; another scene is refused before any work, unless asked to replace."""
+    command = ["run", "uniaxial", *FAST, "--force", "analytic", "--out", tmp_path]
+    for _ in range(2):
+        assert invoke(*command).exit_code == 0
+    other = ["run", "gent", *FAST, "--force", "analytic", "--out", tmp_path]
+    done = invoke(*other)
+    assert done.exit_code == 2
+    assert "holds the results of another scene (uniaxial); give another folder, or --overwrite" in done.stderr
+    assert "ns per directed bond" not in done.output
+    assert invoke(*other, "--overwrite").exit_code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        *("checkpoint.npz", "gent-000.vtu", "gent.png", "gent.pvd", "history.csv", "summary.json"),
+    ]
+
+
+def test_unlike_cross_sections_are_told(tmp_path):
+    """An L reported the force over the width of its bounding box as its stress, without a word."""
+    grips = "grips=[{edge='bottom'},{edge='top',travel=1.0}]"
+    body = "body={shape='polygon',vertices=[[0,0],[3,0],[3,1],[1,1],[1,3],[0,3]]}"
+    done = invoke("run", "pure-shear", *FAST, "--force", "analytic", "--set", body, "--set", grips)
+    assert done.exit_code == 0, done.output
+    assert "force of the top grip over its cross-section of 1 cm^2; the bottom grip's is 3 cm^2" in " ".join(done.output.split())
+    assert "cross-section" not in invoke("run", "pure-shear", *FAST, "--force", "analytic").output
 
 
 def test_damaged_artefacts_are_refused(tmp_path):

@@ -11,9 +11,10 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pd
 from pdsurrogate.cli import app
+from pdsurrogate.damage import Damage
 from pdsurrogate.forces import AnalyticBondForce, ForceSettings, InvalidState
 from pdsurrogate.programmes import transient
-from pdsurrogate.programmes.run import Silent
+from pdsurrogate.programmes.run import Run, Silent
 from pdsurrogate.results.checkpoint import NAME, CheckpointError
 from pdsurrogate.simulation import simulate
 from pdsurrogate.solvers import ExplicitDynamics
@@ -180,6 +181,60 @@ def test_files_of_a_crack_scene(torn):
         assert animation.n_frames == len(result.states) - len(result.levels)
 
 
+def test_one_axis_of_time_for_the_whole_run(torn):
+    """`tear.pvd` had stretches (1.1, 1.2, ...) and times (0.001, ...) in one column, so that ParaView played the intact sheet last."""
+    pyvista = pytest.importorskip("pyvista")
+    result, folder = torn
+    reader = pyvista.PVDReader(str(folder / "tear.pvd"))
+    times = np.array(reader.time_values)
+    assert len(times) == len(result.states)
+    assert (np.diff(times) > 0).all()
+    stretches, damage = [], []
+    for number, value in enumerate(times):
+        reader.set_active_time_value(value)
+        block = reader.read()[0]
+        moment = result.states.moments[number]
+        assert (block.field_data["stretch"], block.field_data["time"]) == (moment.stretch, moment.time)
+        np.testing.assert_array_equal(block.point_data["displacement"], result.states[number][1]["displacement"])
+        stretches.append(moment.stretch)
+        damage.append(block.point_data["damage"].max() if "damage" in block.point_data else 0.0)
+    assert stretches[: len(result.levels)] == [1.1, 1.2]
+    assert (np.diff(stretches) > 0).all()
+    assert damage[0] == 0
+    assert (np.diff(damage) >= 0).all()
+    assert result.title(0) == "stretch 1.1"
+    last = result.summary["crack"]["tips"][-1]
+    assert result.title(len(times) - 1) == f"stretch {last['stretch']:.3f}, {last['time']:.4g} s"
+
+
+def test_the_history_has_the_forces_of_the_grips(torn):
+    """The top grip is the one that travels: its pull over the width is the nominal stress, at levels and in rows alike."""
+    result, _ = torn
+    rows = [row for row in result.history if "time" in row]
+    for row in rows:
+        assert row["nominal_stress"] == row["force_top_2"] / 3.0
+        assert {"force_top_1", "force_bottom_1", "force_bottom_2"} <= set(row)
+    # Motion begins with the force of the last level and a viscous part: tau times the rate, by a modulus of at most 4 mu, by the width.
+    dynamics = result.scene.dynamics
+    viscous = dynamics.viscosity * dynamics.stretch_rate * 4 * result.scene.material.build().shear_modulus * 3.0
+    assert 0 < rows[0]["force_top_2"] - result.levels[-1]["forces"]["top"][1] < viscous
+    # Work is the force times the travel of the grip that moves, by the trapezoidal rule.
+    force, travel = (np.array([row[key] for row in rows]) for key in ("force_top_2", "stretch"))
+    assert rows[-1]["work"] == pytest.approx(np.trapezoid(force, travel * 1.0), rel=1e-6)
+
+
+def test_a_bond_is_undirected_wherever_it_is_counted(torn):
+    """`n_bonds` counted directed bonds within the body, `broken_bonds` undirected ones including those across the grips."""
+    result, _ = torn
+    summary, bonds = result.summary, result.body.bonds
+    assert summary["n_bonds"] == len(bonds.first)
+    assert summary["n_directed_bonds"] == 2 * np.count_nonzero(bonds.second < len(result.body))
+    assert 0 < summary["crack"]["broken_bonds"] <= summary["n_bonds"]
+    # A stretch at which no bond holds breaks every one of them.
+    damage = Damage(result.body, 1.5)
+    assert len(damage.overstretched(2.0 * result.body.all_points)) == summary["n_bonds"]
+
+
 class Stop(Exception):
     """A kill."""
 
@@ -206,7 +261,7 @@ def test_a_killed_run_resumes_to_the_same_bits(torn, tmp_path, monkeypatch, when
     assert resumed.levels == whole.levels
     for key in ("crack", "peak_nominal_stress", "n_force_evaluations", "fraction_outside_domain"):
         assert resumed.summary[key] == whole.summary[key]
-    assert resumed.states.times == whole.states.times
+    assert resumed.states.moments == whole.states.moments
     for (_, found), (_, expected) in zip(resumed.states, whole.states, strict=True):
         for key, values in expected.items():
             np.testing.assert_array_equal(found[key], values)
@@ -254,14 +309,14 @@ def test_scenes_without_fracture_have_dynamics_without_damage(tmp_path):
 
 
 def test_bodies_that_cannot_break_refuse(tmp_path):
-    with pytest.raises(pd.SceneError, match="ba-nosb has no damage"):
+    with pytest.raises(pd.SceneError, match=r"ba-nosb does not take bonds that break \(fracture\)"):
         simulate(small(), "ba-nosb")
 
 
 def test_a_fracture_energy_sets_the_critical_stretch():
     scene = small(fracture={"energy": 60.0}, **{"dynamics.stretch": 1.45, "dynamics.outputs": 1})
     summary = simulate(scene, "neo-hookean").summary
-    assert summary["critical_stretch"] == pytest.approx(pd.critical_stretch_of(scene.material.build(), 60.0, scene.horizon))
+    assert summary["critical_stretch"] == pytest.approx(pd.critical_stretch_of(scene.material.build(), 60.0, 3.15 * scene.spacing))
 
 
 UNDAMPED = {
@@ -295,6 +350,29 @@ def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, mon
     assert len(states) == 2 if check == "inversion" else len(states) >= 1
     for _, fields in states:
         assert all(np.isfinite(values).all() for values in fields.values())
+
+
+def test_the_last_good_state_is_recorded_once(monkeypatch):
+    """Where the step after an output fails, the state before it has been recorded: it came twice, at one time."""
+    run = Run(pd.load_scene("tear", UNDAMPED), pd.load_surrogate("analytic"), Silent())
+    motion = transient.Transient(run, None)
+    motion.begin()
+
+    def fail():
+        raise InvalidState
+
+    for since_output in (0, 1):
+        motion._step()
+        if since_output == 0:
+            motion._output()
+        reached = motion.account.time
+        monkeypatch.setattr(motion.integrator, "evaluate", fail)
+        with pytest.raises(InvalidState):
+            motion._step()
+        motion._save_last_state()
+        monkeypatch.undo()
+        assert len(run.states) == 1 + since_output
+        assert run.states.moments[-1].time == pytest.approx(reached, rel=1e-12)
 
 
 def test_a_step_beyond_the_critical_one_is_refused():

@@ -8,13 +8,12 @@ from scipy.optimize import minimize
 
 import pdsurrogate as pd
 from pdsurrogate.artifacts import load_surrogate
-from pdsurrogate.body import WEIGHT_FUNCTIONS, Body, grid
-from pdsurrogate.forces import FORCES, EnergyNetwork, ForceSettings, InvalidState, OutsideDomain
+from pdsurrogate.forces import FORCES, EnergyNetwork, ForceSettings, OutsideDomain
 from pdsurrogate.forces.energy_density import ExactEnergyDensity
-from pdsurrogate.forces.kernel_face import kernel_energy
 from pdsurrogate.forces.protocol import OutsideDomainWarning
 from pdsurrogate.materials import LAWS, Gent, NeoHookean, Ogden, plane_stress
 from pdsurrogate.results import measures
+from pdsurrogate.stress_test.deformations import wavy
 
 LAW = NeoHookean(2.0, 200.0)
 MODELS = {"bond-energy": FORCES["bond-energy"](), "neo-hookean-energy": load_surrogate(SHIPPED / "neo-hookean-energy")}
@@ -42,9 +41,7 @@ BODIES = {
 
 def deformed(body, amount=1.0):
     """An inhomogeneous deformation; gentle between grips that stay where they are."""
-    x1, x2 = body.points.T
-    y = np.stack([1.3 * x1 + 0.02 * np.sin(4 * x2), 0.95 * x2 + 0.1 * x1 + 0.02 * np.cos(5 * x1)], axis=1)
-    return body.points + (0.05 if len(body.images) else 1.0) * amount * (y - body.points)
+    return body.points + (0.05 if len(body.images) else 1.0) * amount * (wavy(body.points) - body.points)
 
 
 def bound(name, body, settings=DOUBLE, law=LAW):
@@ -104,24 +101,21 @@ def test_tangent_is_symmetric_and_the_derivative_of_the_forces(name, make, rando
     np.testing.assert_allclose(product, -fourth_order(forces, 1e-5), atol=1e-7 * np.abs(product).max())
 
 
-@pytest.mark.parametrize("weight", sorted(WEIGHT_FUNCTIONS))
-@pytest.mark.parametrize("make", ["sheet", "disc", "jittered"])
 @pytest.mark.parametrize("name", sorted(MODELS))
-def test_affine_deformation_is_exact(name, make, weight, random):
-    """E = V psi and stress = P to rounding, of the model's own energy, on any body and for three weight functions."""
-    body = {"sheet": sheet, "disc": disc_with_hole, "jittered": lambda **options: jittered(random, **options)}[make](weight=weight)
-    for F in (np.array([[1.5, 0.3], [-0.1, 0.82]]), rotation(2.5) @ np.diag([1.8, 0.7])):
-        force = bound(name, body)
-        force(body.points @ F.T, np.empty_like(body.points))
-        trace, J = (np.array([value]) for value in plane_stress.invariants(F))
-        own = MODELS[name].energy_derivatives(LAW, trace, J)
-        cofactor = np.array([[F[1, 1], -F[1, 0]], [-F[0, 1], F[0, 0]]])
-        P = LAW.shear_modulus * (2 * own.by_trace[0] * F + own.by_area[0] * cofactor)
-        assert force.energy() == pytest.approx(body.volumes.sum() * LAW.shear_modulus * own.psi[0], rel=1e-12)
-        np.testing.assert_allclose(measures.mean_stress(force), P, atol=1e-11)
-        if name == "bond-energy":
-            np.testing.assert_allclose(P, plane_stress.first_piola_stress(LAW, F), atol=1e-11)
-            assert own.psi[0] * LAW.shear_modulus == pytest.approx(plane_stress.energy_density(LAW, F), rel=1e-12)
+def test_energy_of_a_homogeneous_state_is_its_density_times_the_volume(name, random):
+    """E = V psi and stress = dpsi/dF to rounding, psi being the model's own, on any body and for three weight functions."""
+    for body in (sheet(weight="inverse"), disc_with_hole(weight="constant"), jittered(random, weight="linear")):
+        for F in (np.array([[1.5, 0.3], [-0.1, 0.82]]), rotation(2.5) @ np.diag([1.8, 0.7])):
+            force = bound(name, body)
+            force(body.points @ F.T, np.empty_like(body.points))
+            trace, J = (np.array([value]) for value in plane_stress.invariants(F))
+            own = MODELS[name].energy_derivatives(LAW, trace, J)
+            cofactor = np.array([[F[1, 1], -F[1, 0]], [-F[0, 1], F[0, 0]]])
+            P = LAW.shear_modulus * (2 * own.by_trace[0] * F + own.by_area[0] * cofactor)
+            assert force.energy() == pytest.approx(body.volumes.sum() * LAW.shear_modulus * own.psi[0], rel=1e-12)
+            np.testing.assert_allclose(measures.mean_stress(force), P, atol=1e-11)
+            if name == "bond-energy":
+                assert own.psi[0] * LAW.shear_modulus == pytest.approx(plane_stress.energy_density(LAW, F), rel=1e-12)
 
 
 @pytest.mark.parametrize("law", [NeoHookean(2.5, 25.0), NeoHookean(0.3, 3000.0), Gent(), Ogden()], ids=lambda law: law.name)
@@ -212,30 +206,11 @@ def test_nosb_has_zero_energy_modes_where_the_energy_has_none():
     assert np.sort(values)[3] < 1e-3 * values[-1]
 
 
-@pytest.mark.parametrize("name", sorted(MODELS))
-def test_rigid_turns_by_any_angle(name):
-    body = disc_with_hole()
-    force, still, out = bound(name, body), np.empty_like(body.points), np.empty_like(body.points)
-    force(deformed(body), still)
-    energy = force.energy()
-    for degrees in range(15, 361, 15):
-        Q = rotation(np.deg2rad(degrees))
-        y = deformed(body) @ Q.T + [3.0, -2.0]
-        force(y, out)
-        assert np.abs(out - still @ Q.T).max() < 1e-10 * np.abs(still).max()
-        assert force.energy() == pytest.approx(energy, rel=1e-12)
-        arm = y - y.mean(axis=0)
-        moment = (arm[:, 0] * out[:, 1] - arm[:, 1] * out[:, 0]).sum()
-        assert abs(moment) < 1e-12 * (np.linalg.norm(arm, axis=1) * np.linalg.norm(out, axis=1)).sum()
-        assert np.abs(out.sum(axis=0)).max() < 1e-12 * np.abs(out).sum()
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_rest_has_no_energy_and_no_force(precision):
-    """By construction, as each precision rounds it: the invariants of a turned grid are those of rest to a few roundings."""
-    body, rounding = sheet(), np.finfo(precision).eps
+def test_rest_has_no_energy_and_no_force_in_single_precision():
+    """By construction, as the precision rounds it: the invariants of a turned grid are those of rest to a few roundings."""
+    body, rounding = sheet(), np.finfo(np.float32).eps
     for angle in (0.0, 1.0, 2.5):
-        force = bound("neo-hookean-energy", body, ForceSettings(precision=precision))
+        force = bound("neo-hookean-energy", body, ForceSettings(precision="float32"))
         out = np.empty_like(body.points)
         force(body.points @ rotation(angle).T, out)
         assert abs(force.energy()) < 100 * rounding * LAW.shear_modulus * body.volumes.sum()
@@ -274,19 +249,6 @@ def test_breaking_bonds_releases_energy_and_keeps_forces_a_gradient(random):
         released = first.energy + second.energy
         force(y, out)
         assert before - force.energy() == pytest.approx(released, rel=1e-10)
-        # The same as a body that never had these bonds.
-        pairs = {tuple(sorted(pair)) for pair in np.stack([body.bonds.first, body.bonds.second], axis=1)[left].tolist()}
-        index = {tuple(point): i for i, point in enumerate(body.points.tolist())}
-
-        def cut(start, end, pairs=pairs, index=index):
-            ends = zip(start.tolist(), end.tolist(), strict=True)
-            return np.array([tuple(sorted((index[tuple(a)], index[tuple(b)]))) in pairs for a, b in ends])
-
-        other = bound(name, sheet(separates=cut))
-        expected = np.empty_like(out)
-        other(y, expected)
-        assert force.energy() == pytest.approx(other.energy(), rel=1e-12)
-        np.testing.assert_allclose(out, expected, atol=1e-12 * np.abs(out).max())
         direction = random.standard_normal(y.shape)
 
         def energy(step, force=force, y=y, direction=direction):
@@ -349,27 +311,6 @@ def test_domain_policies():
         bound("neo-hookean-energy", body, ForceSettings(outside="warn"))(body.points * [6.0, 1.0], np.empty_like(body.points))
 
 
-def test_inversion_is_reported_with_its_place():
-    body = sheet()
-    for name in MODELS:
-        positions = body.points * [-1.0, 1.0]
-        with pytest.raises(InvalidState, match=r"point \d+ at \(.*\): det F"):
-            bound(name, body)(positions, np.empty_like(positions))
-        positions[7] = np.nan
-        with pytest.raises(InvalidState, match="not finite"):
-            bound(name, body)(positions, np.empty_like(positions))
-
-
-def test_kernel_and_numpy_energies_agree(random):
-    stretches = random.uniform(0.6, 4.5, (1000, 2))
-    trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)
-    for model in MODELS.values():
-        own = model.energy_derivatives(LAW, trace, J)
-        expected = np.stack([own.psi, own.by_trace, own.by_area])
-        np.testing.assert_allclose(kernel_energy(model, LAW, "float64", trace, J), expected, rtol=1e-11, atol=1e-12)
-        np.testing.assert_allclose(kernel_energy(model, LAW, "float32", trace, J), expected, rtol=1e-4, atol=1e-4)
-
-
 def test_the_shipped_surrogate_is_accurate():
     """Stress within 1e-3, relative RMS, over stretches 0.8 to 4, with at most 20 units; strongly elliptic like the law."""
     model = MODELS["neo-hookean-energy"]
@@ -396,21 +337,3 @@ def test_payloads_are_checked():
             EnergyNetwork.from_payload("x", model.payload() | {key: value}, model.domain, model.law, model.shape)
     with pytest.raises(ValueError, match="payload has"):
         EnergyNetwork.from_payload("x", {}, model.domain, model.law, model.shape)
-
-
-def test_thread_count_changes_no_bit():
-    import numba
-
-    from pdsurrogate.kernels.threads import thread_count
-
-    if numba.config.NUMBA_NUM_THREADS < 2:
-        pytest.skip("needs two threads")
-    body = Body(grid((0, 0), (2, 1), 0.05), np.full(800, 0.0025), 0.1575, 0.05)
-    results = []
-    for threads in (1, 2):
-        with thread_count(threads):
-            force, out = bound("neo-hookean-energy", body), np.empty_like(body.points)
-            force(deformed(body), out)
-            results.append((out, force.energy()))
-    assert (results[0][0] == results[1][0]).all()
-    assert results[0][1] == results[1][1]

@@ -219,6 +219,21 @@ def test_an_interrupt_saves_a_checkpoint_that_resumes_to_the_same_bits(tmp_path,
 
 
 @pytest.mark.usefixtures("heeds_interrupts")
+@pytest.mark.parametrize("force", ["analytic", "ba-nosb", "bond-energy", "nosb", "neo-hookean"])
+def test_every_force_resumes_to_the_same_bits(tmp_path, force):
+    """In ba-nosb the bonds' own volume ratios were missing from the checkpoint."""
+    scene = load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.3])
+    with pytest.raises(SimulationInterrupted, match="interrupted"):
+        simulate(scene, force, progress=InterruptsAt(levels=1), folder=tmp_path / "a")
+    resumed = simulate(scene, force, folder=tmp_path / "a", resume=True)
+    whole = simulate(scene, force, folder=tmp_path / "b")
+    assert resumed.history == whole.history
+    for (_, found), (_, expected) in zip(resumed.states, whole.states, strict=True):
+        for key in expected:
+            np.testing.assert_array_equal(found[key], expected[key])
+
+
+@pytest.mark.usefixtures("heeds_interrupts")
 def test_ctrl_c_on_the_command_line(tmp_path):
     """Exit status 130, results of what was reached, one line that says how to go on; and going on works."""
     command = [sys.executable, "-m", "pdsurrogate", "run", "tear", "--force", "analytic", "--out", str(tmp_path)]

@@ -1,25 +1,20 @@
-"""Conformance of every force model: what the physics demands of each, on bodies of every kind."""
+"""What single force models are: corrections, rotations, domains, BA-NOSB; what all have in common is in test_conformance.py."""
 
-import numba
 import numpy as np
 import pytest
-from bodies import disc_with_hole, gripped_sheet, jittered, rotation, sheet
+from bodies import jittered, rotation, sheet
 from conftest import SHIPPED
 
 from pdsurrogate.artifacts import load_surrogate
-from pdsurrogate.body import WEIGHT_FUNCTIONS
-from pdsurrogate.forces import FORCES, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning
-from pdsurrogate.kernels.threads import thread_count
+from pdsurrogate.forces import FORCES, ForceSettings, OutsideDomain, OutsideDomainWarning
 from pdsurrogate.materials import NeoHookean, homogeneous, plane_stress
 from pdsurrogate.results import measures
+from pdsurrogate.stress_test.deformations import wavy
 
 LAW = NeoHookean(2.0, 200.0)
 MODELS = {name: model() for name, model in FORCES.items()}
 MODELS["neo-hookean"] = load_surrogate(SHIPPED / "neo-hookean")
 MODELS["neo-hookean-paper"] = load_surrogate(SHIPPED / "neo-hookean-paper")
-
-# BA-NOSB is exact in each bond's stress, not in the mean: its weights (13) do not add up to one.
-EXACT = ["analytic", "nosb"]
 
 GRADIENTS = {
     "stretch": np.array([[1.5, 0.0], [0.0, 0.82]]),
@@ -35,155 +30,6 @@ def evaluate(name, body, positions, **settings):
     out = np.empty_like(body.points)
     force(positions, out)
     return force, out
-
-
-def wavy(points):
-    x1, x2 = points.T
-    return np.stack([1.3 * x1 + 0.02 * np.sin(4 * x2), 0.95 * x2 + 0.1 * x1 + 0.02 * np.cos(5 * x1)], axis=1)
-
-
-@pytest.mark.parametrize("weight", sorted(WEIGHT_FUNCTIONS))
-@pytest.mark.parametrize("gradient", sorted(GRADIENTS))
-@pytest.mark.parametrize("make", ["sheet", "jittered", "disc"])
-@pytest.mark.parametrize("name", EXACT)
-def test_affine_deformation_gives_the_exact_stress(name, make, gradient, weight, random):
-    """THEORY section 6: work-conjugate stress P to rounding on any body, boundary included, for three weight functions."""
-    body = {"sheet": sheet, "disc": disc_with_hole, "jittered": lambda **options: jittered(random, **options)}[make](weight=weight)
-    F = GRADIENTS[gradient]
-    force, _ = evaluate(name, body, body.points @ F.T)
-    np.testing.assert_allclose(force.kinematics.deformation_gradients(), np.broadcast_to(F, (len(body), 2, 2)), atol=1e-11)
-    np.testing.assert_allclose(measures.mean_stress(force), plane_stress.first_piola_stress(LAW, F), atol=1e-9 * LAW.bulk_modulus)
-
-
-@pytest.mark.parametrize("name", ["neo-hookean", "neo-hookean-paper"])
-def test_affine_deformation_of_a_surrogate_is_as_exact_as_its_fit(name):
-    """The mean stress inherits the error of the fit: 1e-4 for the symmetric features, 5e-3 for the paper (their cards, with room)."""
-    body, F = sheet(), GRADIENTS["stretch"]
-    force, _ = evaluate(name, body, body.points @ F.T, correction="tensor" if name == "neo-hookean" else "scalar")
-    exact = plane_stress.first_piola_stress(LAW, F)
-    if name == "neo-hookean":
-        assert np.abs(measures.mean_stress(force) - exact).max() < 1e-4 * np.abs(exact).max()
-    else:
-        analytic, _ = evaluate("analytic", body, body.points @ F.T, correction="scalar")
-        assert np.abs(measures.mean_stress(force) - measures.mean_stress(analytic)).max() < 5e-3 * np.abs(exact).max()
-
-
-@pytest.mark.parametrize("name", sorted(MODELS))
-@pytest.mark.parametrize("make", [sheet, disc_with_hole])
-def test_linear_momentum_is_conserved(name, make):
-    body = make()
-    _, out = evaluate(name, body, wavy(body.points))
-    assert np.abs(out.sum(axis=0)).max() < 1e-12 * np.abs(out).sum()
-
-
-@pytest.mark.parametrize("name", sorted(MODELS))
-def test_forces_turn_with_the_body(name):
-    """Rotations by 0 … 360 degrees on top of an inhomogeneous deformation: forces turn with it to 1e-10 (polar rotation)."""
-    body = disc_with_hole()
-    _, still = evaluate(name, body, wavy(body.points))
-    scale = np.abs(still).max()
-    for degrees in range(15, 361, 15):
-        Q = rotation(np.deg2rad(degrees))
-        _, turned = evaluate(name, body, wavy(body.points) @ Q.T + [3.0, -2.0])
-        assert np.abs(turned - still @ Q.T).max() < 1e-10 * scale
-
-
-@pytest.mark.parametrize("name", sorted(MODELS))
-def test_rigid_motion_gives_no_force(name):
-    body = sheet()
-    stretched = np.abs(evaluate(name, body, body.points @ GRADIENTS["stretch"])[1]).max()
-    for degrees in (0, 30, 90, 170, 260):
-        _, out = evaluate(name, body, body.points @ rotation(np.deg2rad(degrees)).T)
-        # By construction for all but the paper's features, whose force at rest is an error of the fit (its card: at_rest).
-        assert np.abs(out).max() < (1e-2 if name == "neo-hookean-paper" else 1e-11) * stretched
-
-
-@pytest.mark.parametrize("name", sorted(MODELS))
-def test_mirror_images_have_mirrored_forces(name):
-    body = sheet()
-    mirror = np.array([-1.0, 1.0])
-    flipped = sheet()
-    # The mirrored grid holds the same points in another order.
-    order = np.lexsort((np.floor((1.2 - body.points[:, 0]) / 0.1), np.floor(body.points[:, 1] / 0.1)))
-    _, out = evaluate(name, body, wavy(body.points))
-    moved = (wavy(body.points) - [0.6, 0]) * mirror + [0.6, 0]
-    _, mirrored = evaluate(name, flipped, moved[order])
-    # The paper's features do not have the symmetry built in: there it is as good as the fit.
-    tolerance = 5e-2 if name == "neo-hookean-paper" else 1e-10
-    assert np.abs(mirrored - (out * mirror)[order]).max() < tolerance * np.abs(out).max()
-
-
-@pytest.mark.parametrize("name", sorted(MODELS))
-def test_order_of_points_does_not_matter(name, random):
-    body = disc_with_hole()
-    order = random.permutation(len(body))
-    from pdsurrogate.body import Body
-
-    shuffled = Body(body.points[order], body.volumes, body.horizon, body.spacing)
-    _, out = evaluate(name, body, wavy(body.points))
-    _, other = evaluate(name, shuffled, wavy(body.points)[order])
-    assert np.abs(other - out[order]).max() < 1e-11 * np.abs(out).max()
-
-
-@pytest.mark.parametrize("name", sorted(MODELS))
-def test_units_of_length_and_stress_do_not_matter(name):
-    from pdsurrogate.body import Body
-
-    body = disc_with_hole()
-    _, out = evaluate(name, body, wavy(body.points))
-    scaled = Body(50 * body.points, 2500 * body.volumes, 50 * body.horizon, 50 * body.spacing)
-    force = MODELS[name].bind(scaled, NeoHookean(1e-3 * LAW.shear_modulus, 1e-3 * LAW.bulk_modulus), ForceSettings(precision="float64"))
-    other = np.empty_like(out)
-    force(50 * wavy(body.points), other)
-    # Force per unit thickness: stress times length.
-    np.testing.assert_allclose(other, 50e-3 * out, atol=1e-11 * np.abs(out).max())
-
-
-@pytest.mark.parametrize("name", sorted(MODELS))
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_thread_count_changes_no_bit(name, precision):
-    if numba.config.NUMBA_NUM_THREADS < 2:
-        pytest.skip("needs two threads")
-    if name in ("nosb", "ba-nosb") and precision == "float32":
-        pytest.skip("double precision only")
-    body = sheet(0.05)
-    results = []
-    for threads in (1, 2):
-        with thread_count(threads):
-            force = MODELS[name].bind(body, LAW, ForceSettings(precision=precision))
-            out = np.empty_like(body.points)
-            force(wavy(body.points), out)
-            results.append(out)
-    assert (results[0] == results[1]).all()
-
-
-@pytest.mark.parametrize("name", ["analytic", "neo-hookean", "neo-hookean-paper"])
-def test_single_precision_is_single_precision(name):
-    body = sheet()
-    _, double = evaluate(name, body, wavy(body.points))
-    force = MODELS[name].bind(body, LAW, ForceSettings(precision="float32"))
-    single = np.empty_like(double)
-    force(wavy(body.points), single)
-    # A few roundings of 6e-8 on each of some thirty bond forces, which are larger than their sum.
-    assert np.abs(single - double).max() < 2e-5 * np.abs(double).max()
-
-
-@pytest.mark.parametrize("name", ["analytic", "neo-hookean"])
-def test_a_reflected_half_is_the_whole(name):
-    """Forces on half a sheet with a symmetry plane equal those on the left half of the whole sheet under symmetric deformation."""
-    from pdsurrogate.body import ReflectionPlane
-
-    half = sheet(width=0.6, planes=(ReflectionPlane(0, 0.6, 1, (-1, 1)),))
-    whole = sheet(width=1.2)
-    x1, x2 = (whole.points - [0.6, 0]).T
-    y = np.stack([0.6 + 1.4 * x1 + 0.1 * x1 * np.cos(3 * x2), 0.9 * x2 + 0.05 * x1**2], axis=1)
-    left = whole.points[:, 0] < 0.6
-    # The images move about the plane, which stays in place.
-    _, out = evaluate(name, whole, y)
-    force = MODELS[name].bind(half, LAW, ForceSettings(precision="float64"))
-    mine = np.empty_like(half.points)
-    force(y[left], mine)
-    np.testing.assert_allclose(mine, out[left], atol=1e-11)
 
 
 @pytest.mark.parametrize("gradient", sorted(GRADIENTS))
@@ -303,25 +149,9 @@ def test_domain_test_in_numpy_and_in_the_kernel_agree(random):
     assert (inside == by_eigenvalues).all()
 
 
-def test_inversion_is_reported_with_its_place():
-    body = sheet()
-    positions = body.points.copy()
-    positions[:, 0] = 1.2 - positions[:, 0]
-    with pytest.raises(InvalidState, match=r"point \d+ at \(.*\): det F"):
-        evaluate("analytic", body, positions)
-    positions[7] = np.nan
-    with pytest.raises(InvalidState, match="not finite"):
-        evaluate("analytic", body, positions)
-
-
 def test_settings_are_checked():
     with pytest.raises(ValueError, match="precision must be one of float32, float64, not 'half'"):
         ForceSettings(precision="half")
-    with pytest.raises(ValueError, match="correction=tensor"):
-        MODELS["neo-hookean-paper"].bind(sheet(), LAW, ForceSettings(correction="tensor"))
-    for name in ("nosb", "ba-nosb"):
-        with pytest.raises(ValueError, match="float64 only"):
-            MODELS[name].bind(sheet(), LAW, ForceSettings(precision="float32"))
 
 
 def test_single_point_perturbation_meets_a_restoring_force():
@@ -337,14 +167,3 @@ def test_single_point_perturbation_meets_a_restoring_force():
     nosb(moved, np.empty_like(moved))
     # Interior horizons are point-symmetric: F of the moved point itself does not change (paper, Eq. (10)).
     np.testing.assert_allclose(nosb.kinematics.deformation_gradients()[middle], np.eye(2), atol=1e-13)
-
-
-def test_pair_forces_add_up_to_the_forces():
-    for name in MODELS:
-        for body in (sheet(), gripped_sheet()):
-            force, out = evaluate(name, body, body.points + 0.1 * (wavy(body.points) - body.points))
-            total = np.zeros((len(body.all_points), 2))
-            pairs = force.pair_forces()
-            np.add.at(total, body.bonds.first, pairs)
-            np.add.at(total, body.bonds.second, -pairs)
-            np.testing.assert_allclose(total[: len(body)], out, atol=1e-10 * np.abs(out).max())

@@ -9,7 +9,8 @@ import pytest
 from bodies import sheet
 
 import pdsurrogate as pd
-from pdsurrogate.results import files, measures
+from pdsurrogate.results import figures, files, measures
+from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.simulation import simulate
 
 
@@ -54,9 +55,10 @@ def test_series_with_pyvista(saved):
     pyvista = pytest.importorskip("pyvista")
     result, folder = saved
     reader = pyvista.PVDReader(str(folder / "uniaxial.pvd"))
-    assert list(reader.time_values) == [1.2, 1.5]
-    reader.set_active_time_value(1.5)
+    assert list(reader.time_values) == [1.0, 2.0]
+    reader.set_active_time_value(2.0)
     block = reader.read()[0]
+    assert (block.field_data["stretch"], block.field_data["time"], block.field_data["run_time"]) == (1.5, 0.0, 2.0)
     assert block.n_points == len(result.body)
     warped = block.warp_by_vector("displacement")
     assert warped.bounds[1] == pytest.approx(1.5 * 2.95, rel=1e-3)
@@ -68,6 +70,79 @@ def test_figure_is_a_picture(saved):
     picture = image.imread(saved[1] / "uniaxial.png")
     assert picture.shape[0] > 300
     assert picture.std() > 0.05
+
+
+def uniaxial(*stretches, **changes):
+    return pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": list(stretches), **changes})
+
+
+def names_in(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize("streamed", [True, False])
+def test_a_run_clears_the_files_of_an_earlier_one_and_nothing_else(saved, tmp_path, streamed):
+    """`pdsurrogate run uniaxial --out x` with three levels, then with one, left `uniaxial-001.vtu` beside a PVD of one entry.
+
+    Before a run begins, so that it stands for itself however it ends; what is not a run's stays.
+    """
+    saved[0].save(tmp_path)
+    mine = ["notes.txt", "uniaxial-final.vtu", "uniaxial-1.vtu", "other-000.vtu", "picture.png"]
+    for name in mine:
+        (tmp_path / name).write_text("mine")
+    result = simulate(uniaxial(1.1), "analytic", folder=tmp_path if streamed else None)
+    if streamed:
+        assert names_in(tmp_path) == sorted([*mine, "checkpoint.npz", "uniaxial-000.vtu", "uniaxial.pvd"])
+    result.save(tmp_path)
+    ours = ["history.csv", "summary.json", "uniaxial-000.vtu", "uniaxial.png", "uniaxial.pvd"] + ["checkpoint.npz"] * streamed
+    assert names_in(tmp_path) == sorted(mine + ours)
+    assert all((tmp_path / name).read_text() == "mine" for name in mine)
+    # Once more: its own files are in nobody's way.
+    result.save(tmp_path)
+    assert len(result.states) == 1
+    assert names_in(tmp_path) == sorted(mine + ours)
+
+
+def test_results_of_another_scene_are_not_replaced_unasked(saved, tmp_path):
+    result, _ = saved
+    result.save(tmp_path)
+    before = names_in(tmp_path)
+    other = uniaxial(1.1, name="mine")
+    with pytest.raises(FolderTaken, match=r"holds the results of another scene \(uniaxial\); give another folder, or --overwrite "):
+        simulate(other, "analytic", folder=tmp_path)
+    found = simulate(other, "analytic")
+    # The index alone, of a run that was killed, tells the scene as well.
+    (tmp_path / "summary.json").unlink()
+    with pytest.raises(FolderTaken):
+        found.save(tmp_path)
+    assert names_in(tmp_path) == [name for name in before if name != "summary.json"]
+    found.save(tmp_path, overwrite=True)
+    assert names_in(tmp_path) == ["history.csv", "mine-000.vtu", "mine.png", "mine.pvd", "summary.json"]
+    with pytest.raises(ValueError, match="give resume or overwrite, not both"):
+        simulate(other, "analytic", folder=tmp_path, resume=True, overwrite=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("summary.json", "{}"), ("summary.json", '{"scene": "../x", "levels": []}'), ("history.csv", "year,price\n"), ("checkpoint.npz", "x")],
+)
+def test_files_that_no_run_wrote_are_not_replaced(saved, tmp_path, name, content):
+    (tmp_path / name).write_text(content)
+    for overwrite in (False, True):
+        with pytest.raises(FolderTaken, match="was not written by a run"):
+            saved[0].save(tmp_path, overwrite)
+        with pytest.raises(FolderTaken, match="was not written by a run"):
+            simulate(uniaxial(1.1), "analytic", folder=tmp_path, overwrite=overwrite)
+    assert names_in(tmp_path) == [name]
+    assert (tmp_path / name).read_text() == content
+
+
+def test_the_same_folder_by_another_path_is_not_cleared(tmp_path, monkeypatch):
+    """States that were written as they were reached are read from their files: they must not be removed to make room for themselves."""
+    monkeypatch.chdir(tmp_path)
+    result = simulate(uniaxial(1.1), "analytic", folder="out")
+    result.save(tmp_path / "out")
+    assert np.isfinite(result.displacement()).all()
 
 
 def test_interrupted_writing_leaves_the_old_file(tmp_path):
@@ -93,6 +168,21 @@ def test_edge_displacements_are_extrapolated_to_the_edge():
     np.testing.assert_allclose(along, 0.05 + 0.1 * np.arange(12))
     np.testing.assert_allclose(low, -0.15 + 0.1 * along)
     np.testing.assert_allclose(high, 0.15 + 0.1 * along)
+
+
+def test_edges_lines_and_pictures_go_by_the_sides_of_a_cell():
+    """1.2 x 1.0 at 0.12: ten by eight cells, a bilinear field read back exactly, and pictures that cover the body."""
+    body = sheet(0.12, 1.2, 1.0)
+    np.testing.assert_allclose(body.cell, [0.12, 0.125])
+    displacements = body.points * body.points[:, ::-1]
+    for axis, reach in enumerate((1.2, 1.0)):
+        along, low, high = measures.edge_displacements(body, displacements, axis)
+        np.testing.assert_allclose(along, np.unique(body.points[:, 1 - axis]))
+        np.testing.assert_allclose(low, 0, atol=1e-12)
+        np.testing.assert_allclose(high, reach * along)
+    rest = {"deformation_gradient": np.tile(np.eye(3).ravel(), (len(body), 1)), "displacement": np.zeros((len(body), 3))}
+    cells = figures.deformed_cells(body.points, rest, body.cell)
+    np.testing.assert_allclose(np.ptp(cells, axis=1), np.tile(1.04 * body.cell, (len(body), 1)))
 
 
 def test_roughness_tells_a_checkerboard_from_a_wave():

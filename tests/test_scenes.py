@@ -1,13 +1,15 @@
 """Reading scenes: what is accepted, and what a user is told about the rest."""
 
+import copy
 import tomllib
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import pdsurrogate as pd
 from pdsurrogate.materials import NeoHookean
-from pdsurrogate.scenes import SceneError, load_scene, scene_names
+from pdsurrogate.scenes import Grip, MaterialSpec, SceneError, load_scene, scene_names
 from pdsurrogate.scenes.reading import parse_change
 
 
@@ -23,7 +25,7 @@ def test_the_papers_section_6_2():
     scene = load_scene("uniaxial")
     assert scene.body.size == (3.0, 1.0)
     assert scene.spacing == 0.02
-    assert scene.horizon == pytest.approx(0.063)
+    assert scene.horizon_ratio == 3.15
     assert scene.stretches == (1.5, 2.0, 2.5)
     assert scene.material.build() == NeoHookean(1.0, 100.0)
 
@@ -67,7 +69,32 @@ def test_parsing_of_changes(change, key, value):
         (["stretches=1.5,-2"], "stretches.1: Input should be greater than 0"),
         (["stretches=[]"], "stretches"),
         (["stretches=1.5,nan"], "stretches.1: Input should be a finite number"),
-        (["spcing=0.05"], "spcing: unknown key"),
+        (["spacing=true"], "spacing: Input should be a valid number (given True)"),
+        (["spacing='0.1'"], "spacing: Input should be a valid number (given '0.1')"),
+        (["stretches=true"], "stretches.0: Input should be a valid number (given True)"),
+        (["stretches=fast"], "stretches: must be a list (given 'fast')"),
+        (["solver.most_evaluations=true"], "solver.most_evaluations: Input should be a valid number (given True)"),
+        (["spcing=0.05"], "spcing: unknown key; did you mean spacing?"),
+        (["sideways=1"], "sideways: unknown key; there are name, title, spacing, stretches, body,"),
+        (["circle=1"], "circle: unknown key"),
+        (["solver.methd=explicit"], "solver.methd: unknown key; did you mean method?"),
+        (["fracture.criticalstretch=2"], "fracture.criticalstretch: unknown key; did you mean critical_stretch?"),
+        (["body.siz=1,2"], "body.siz: unknown key; did you mean size?"),
+        (["holes=[{shape='circle', radius=1, center=[0,0]}]"], "holes.0.center: unknown key; did you mean centre?"),
+        (["grips.1.hold=all"], "grips.1.hold: unknown key; did you mean holds?"),
+        (["holds=[{boks=[1]}]"], "holds.0.boks: unknown key; there are box, points, components, travel"),
+        (["material.shear_modulu=3"], "neo-hookean has no parameter 'shear_modulu'; did you mean shear_modulus?"),
+        (["material=neohookean"], "material: unknown law 'neohookean'; did you mean neo-hookean?"),
+        (["material=3"], "material: must be a table (given 3)"),
+        (["body=3"], "body: must be a table (given 3)"),
+        (["grips.0.edge=lft"], "grips.0.edge: Input should be 'left', 'right', 'bottom' or 'top' (given 'lft')"),
+        (["grips.2.edge=top"], "grips.2.edge: grips is a list without an entry '2'; its entries are grips.0, grips.1"),
+        (["grips.edge=top"], "grips.edge: grips is a list without an entry 'edge'; its entries are grips.0, grips.1"),
+        (["grips=[]"], "grips: needs at least 2 entries, not 0"),
+        (["holes.0.radius=1"], "holes.0.radius: the scene has no holes"),
+        (["holes=[]", "holes.0.radius=1"], "holes.0.radius: holes is a list without an entry '0'; it is empty"),
+        (["spacing=" + 400 * "1"], "spacing: Input should be a valid number (given 1111"),
+        ("spacing=0.1", "changes must be a list of key=value, or a mapping, not the text 'spacing=0.1'"),
         (["material.stiffness=1"], "material: neo-hookean has no parameter 'stiffness'; it has bulk_modulus, shear_modulus"),
         (["material.shear_modulus=-1"], "material: neo-hookean: shear_modulus must be positive, not -1"),
         (["material.shear_modulus=soft"], "material: shear_modulus must be a number, not 'soft'"),
@@ -88,6 +115,70 @@ def test_bad_changes_name_the_key(changes, message):
         load_scene("uniaxial", changes)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"grips": [{"edge": "lft"}, {"edge": "right", "travel": 1.0}]}, "grips.0.edge: Input should be 'left', 'right', 'bottom'"),
+        ({"holds": [{"points": [1], "components": ["x3"]}]}, "holds.0.components.0: Input should be 'x1' or 'x2'"),
+    ],
+)
+def test_one_mistake_is_one_problem(changes, message):
+    """A wrong entry of a list was followed by "Tuple should have at least 2 items after validation, not 1", which is not so."""
+    with pytest.raises(SceneError) as caught:
+        load_scene("uniaxial", changes)
+    assert message in str(caught.value)
+    assert ";" not in str(caught.value)
+
+
+def test_entries_of_lists_are_changed_by_their_number():
+    scene = load_scene("uniaxial", ["grips.0.edge=top", "grips.1.edge=bottom", "grips.0.travel=0.5", "grips.1.travel=0.5", "stretches.2=3"])
+    assert [(grip.edge, grip.travel) for grip in scene.grips] == [("top", 0.5), ("bottom", 0.5)]
+    assert scene.stretches == (1.5, 2.0, 3.0)
+
+
+def test_changes_stay_as_the_caller_gave_them(tmp_path):
+    """``load_scene("uniaxial", {"body": body, "body.size": [2.0, 1.0]})`` changed `body`, and a scene file's folder went into its file."""
+    body, material = {"size": [3.0, 1.0]}, {"law": "neo-hookean"}
+    changes = {"body": body, "body.size": [2.0, 1.0], "material": material, "material.shear_modulus": 5}
+    before = copy.deepcopy(changes)
+    scene = load_scene("uniaxial", changes)
+    assert changes == before
+    assert (scene.body.size, scene.material.build().shear_modulus) == ((2.0, 1.0), 5.0)
+    grips = {"grips": ({"edge": "left"}, {"edge": "right", "travel": 1.0}), "grips.0.holds": "normal"}
+    before = copy.deepcopy(grips)
+    assert load_scene("uniaxial", grips).grips[0].holds == "normal"
+    assert grips == before
+    mesh = {"shape": "mesh", "file": "square.vtu"}
+    (tmp_path / "mine.toml").write_text(GOOD)
+    for _ in range(2):
+        assert load_scene(tmp_path / "mine.toml", body=mesh).body.file == str(tmp_path / "square.vtu")
+    assert mesh == {"shape": "mesh", "file": "square.vtu"}
+
+
+@pytest.mark.parametrize(
+    ("part", "fields", "message"),
+    [
+        (pd.Circle, {"radius": -1}, "radius: Input should be greater than 0 (given -1)"),
+        (pd.Circle, {"radi": 1}, "radius: Field required; radi: unknown key; did you mean radius?"),
+        (pd.Rectangle, {"size": (True, 1.0)}, "size.0: Input should be a valid number (given True)"),
+        (pd.Polygon, {"vertices": [(0, 0), (1, 1)]}, "vertices: needs at least 3 entries, not 2"),
+        (pd.Precut, {"start": (0, 1), "end": (0, 1)}, "a precut needs two different ends"),
+        (Grip, {"edge": "lft"}, "edge: Input should be 'left', 'right', 'bottom' or 'top' (given 'lft')"),
+        (MaterialSpec, {"law": "gent", "chain_limt": 3}, "gent has no parameter 'chain_limt'; did you mean chain_limit?"),
+        (
+            pd.Scene,
+            {**load_scene("uniaxial").model_dump(exclude={"spacing"}), "spacng": 0.1},
+            "spacing: Field required; spacng: unknown key; did you mean spacing?",
+        ),
+    ],
+)
+def test_parts_composed_in_python_are_told_like_those_of_files(part, fields, message):
+    with pytest.raises(SceneError) as caught:
+        part(**fields)
+    assert str(caught.value) == message
 
 
 GOOD = """

@@ -45,6 +45,7 @@ def run(
         int | None, typer.Option(help="Threads of the kernels (by default as many as pay); the result does not depend on it.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in DIR, to the same result.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scene in DIR.")] = False,
 ) -> None:
     """Run a scene and compare it with its reference."""
     from ..artifacts import ArtifactError, load_surrogate, surrogate_for
@@ -65,9 +66,10 @@ def run(
     failure = None
     try:
         with bad_input(SceneError, CheckpointError, ValueError), writing(folder), said_aloud(), _Bar(described) as bar:
-            result = simulate(described, model, threads=threads, progress=bar, folder=folder, resume=resume)
+            result = simulate(described, model, threads=threads, progress=bar, folder=folder, resume=resume, overwrite=overwrite)
     except SimulationFailed as error:
         failure, result = error, error.result
+    _print_cells(result)
     _print_levels(result)
     if folder is not None:
         with writing(folder):
@@ -75,7 +77,11 @@ def run(
         out.print(f"Results in {folder}", soft_wrap=True)
     outside = result.summary["fraction_outside_domain"]
     if outside:
-        what = "the exact bond force stood in for the surrogate" if described.outside == "fallback" else "the surrogate was extrapolated"
+        what = (
+            "the exact bond force stood in for the surrogate"
+            if described.outside in (None, "fallback")
+            else "the surrogate was extrapolated"
+        )
         err.print(
             f"[yellow]{100 * outside:.2g} % of the bond evaluations were outside the surrogate's domain; {what} there.[/]", soft_wrap=True
         )
@@ -151,6 +157,17 @@ def _print_crack(summary) -> None:
     )
 
 
+def _print_cells(result) -> None:
+    """Say which cells were taken where squares of the spacing do not fill the body."""
+    summary, asked, unit = result.summary, result.scene.spacing, result.summary["units"]["length"]
+    if summary["cell_size"] != [asked, asked]:
+        out.print(
+            f"Cells of {' x '.join(f'{side:.6g}' for side in summary['cell_size'])} {unit} fill the body, the nearest to the spacing of "
+            f"{asked:g}; the horizon is {summary['horizon']:.6g} {unit}",
+            soft_wrap=True,
+        )
+
+
 def _print_levels(result) -> None:
     summary, units = result.summary, result.summary["units"]
     compared = any("nominal_stress_reference" in level for level in summary["levels"])
@@ -175,14 +192,29 @@ def _print_levels(result) -> None:
         table.add_row(*cells)
     if summary["levels"]:
         out.print(table)
+        _print_grip(summary)
     if "crack" in summary:
         _print_crack(summary)
+    threads = f"{summary['threads']} thread{'s' if summary['threads'] != 1 else ''}"
     out.print(
-        f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_bond']:.2f} ns per directed bond on {summary['threads']} "
-        f"thread{'s' if summary['threads'] != 1 else ''}, {summary['seconds_total']:.1f} s in all, "
+        f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_directed_bond']:.2f} ns per directed bond on {threads}, "
+        f"{summary['seconds_total']:.1f} s in all, "
         f"of which {summary['seconds_compile']:.1f} s compiling",
         soft_wrap=True,
     )
+
+
+def _print_grip(summary) -> None:
+    """Say which of two unlike cross-sections the stress belongs to."""
+    level, areas, units = summary["levels"][-1], summary["grip_areas"], summary["units"]
+    used = level["nominal_stress_grip"]
+    other = next(edge for edge in areas if edge != used)
+    if not math.isclose(areas[used], areas[other], rel_tol=1e-6):
+        out.print(
+            f"Stress: force of the {used} grip over its cross-section of {areas[used]:.5g} {units['length']}^2; "
+            f"the {other} grip's is {areas[other]:.5g} {units['length']}^2.",
+            soft_wrap=True,
+        )
 
 
 @app.command()

@@ -7,12 +7,13 @@ import numpy as np
 from ..body import Body
 from ..kernels.exact import exact_bond_force
 from ..materials import Law, NeoHookean, plane_stress
-from .bondwise import BondForceEvaluation
+from .bondwise import BondForceEvaluation, honoured_by_bond_forces
+from .model import BindableForce
 from .protocol import CompiledBondForce, Domain
 from .settings import ForceSettings
 
 
-class AnalyticBondForce:
+class AnalyticBondForce(BindableForce):
     """Exact bond force of a material law.
 
     Parameters
@@ -26,6 +27,7 @@ class AnalyticBondForce:
     domain: Domain | None = None
     gives_transverse = True
     default_precision = "float64"
+    honours = honoured_by_bond_forces(gives_transverse=True, has_domain=False)
 
     def __init__(self, law: Law | None = None) -> None:
         self.law = law or NeoHookean()
@@ -44,8 +46,8 @@ class AnalyticBondForce:
     def check_material(self, law: Law) -> None:
         """Every law has its exact bond force."""
 
-    def bind(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
-        """Prepare the evaluation on a body."""
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
+        """The evaluation on a body."""
         return BondForceEvaluation(self, body, law, settings)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -10,22 +12,21 @@ from ..kernels import bond_associated
 from ..kernels.blocks import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..materials import Law
 from .kinematics import Kinematics, at_point, locate
+from .model import BindableForce
 from .protocol import InvalidState
 from .settings import ForceSettings
 
 
-class BondAssociatedForce:
+class BondAssociatedForce(BindableForce):
     """BA-NOSB PD: one deformation gradient a bond, over the points that both its ends' horizons share.  No zero-energy modes."""
 
     name = "ba-nosb"
+    # No bonds that break: the horizons that two ends share would have to be found anew around every one of them.
+    honours: ClassVar = {"precision": ("float64",), "correction": ("none",)}
 
-    def bind(self, body: Body, law: Law, settings: ForceSettings) -> BondAssociatedEvaluation:
-        """Prepare the evaluation on a body; it is always double, and needs no correction."""
-        if settings.precision == "float32":
-            raise ValueError("ba-nosb is evaluated in float64 only")
-        if settings.breakable:
-            raise ValueError("ba-nosb has no damage here: its horizons would have to be found anew around every broken bond")
-        return BondAssociatedEvaluation(body, law, settings)
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondAssociatedEvaluation:
+        """The evaluation on a body."""
+        return BondAssociatedEvaluation(body, law)
 
 
 class BondAssociatedEvaluation:
@@ -35,11 +36,11 @@ class BondAssociatedEvaluation:
     correction = "none"
     fraction_outside = 0.0
 
-    def __init__(self, body: Body, law: Law, settings: ForceSettings) -> None:
+    def __init__(self, body: Body, law: Law) -> None:
         self.body, self.law = body, law
         self.evaluations = 0
         # The points' own deformation gradients are not part of the method: they are formed for output alone, on request.
-        self.kinematics = Kinematics(body, law, settings.rotation, "float64")
+        self.kinematics = Kinematics(body, law, "float64")
         bonds, points, volumes = body.bonds, body.all_points, body.all_volumes
         n, total = len(body), len(points)
 
@@ -70,6 +71,8 @@ class BondAssociatedEvaluation:
         weights = body.weigh(np.linalg.norm(bond, axis=1))
         self._table_weights = np.ascontiguousarray(bond * (weights * volumes[self._table])[:, None])
         horizon_volumes = np.bincount(table_owners, volumes[self._table], total)
+        # An image's horizon goes on beyond the images there are: its volume is that of the mirrored point's.
+        horizon_volumes[n:] = horizon_volumes[body.images.mirror]
 
         self._common_pointers = np.zeros(len(owners) + 1, dtype=np.uint64)
         self._common = np.empty(0, dtype=np.uint16)
@@ -168,6 +171,14 @@ class BondAssociatedEvaluation:
             self._forces,
         )
         return unsolved, bond_associated.sum_bond_forces(self._forces, self._bond_pointers, self._reverse, self.law.shear_modulus, out)
+
+    def break_bonds(self, pairs: np.ndarray) -> None:
+        """Refused: its bonds do not break."""
+        self.kinematics.break_bonds(pairs)
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """See `InternalForce`."""
+        return {**self.kinematics.state_arrays(), "bond_volume_ratios": self._volume_ratios}
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""

@@ -13,17 +13,25 @@ from ..materials import Law
 from .domain_watch import DomainWatch
 from .energy_density import EnergyDerivatives, EnergySurrogate, ExactEnergyDensity, blended, domain_constants
 from .kinematics import Kinematics, at_point, locate
+from .model import BindableForce
 from .protocol import InvalidState, Release
-from .settings import ForceSettings
+from .settings import OUTSIDE_POLICIES, PRECISIONS, ForceSettings
+
+HONOURED = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,)}
+"""Settings that an energy honours: it is exact on incomplete horizons, and its invariants know no rotation."""
+
+HONOURED_WITH_DOMAIN = {**HONOURED, "outside": tuple(OUTSIDE_POLICIES)}
+"""The same for a learnt energy, whose domain bonds can leave."""
 
 
-class BondEnergyForce(ExactEnergyDensity):
+class BondEnergyForce(ExactEnergyDensity, BindableForce):
     """Forces that are the gradient of a sum of bond energies, with the exact plane-stress energy of any law."""
 
     name = "bond-energy"
+    honours = HONOURED
 
-    def bind(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
-        """Prepare the evaluation on a body; the formulation is exact on incomplete horizons and takes no correction."""
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
+        """The evaluation on a body."""
         return BondEnergyEvaluation(self, body, law, settings)
 
 
@@ -41,7 +49,7 @@ class BondEnergyEvaluation(DomainWatch):
         self.body, self.law = body, law
         self.precision = settings.precision or model.default_precision
         super().__init__(model, settings.outside, len(body.bonds.first), "energy", "energy")
-        self.kinematics = Kinematics(body, law, settings.rotation, self.precision)
+        self.kinematics = Kinematics(body, law, self.precision, breakable=settings.breakable)
         bonds, n, total = body.bonds, len(body), len(body.all_points)
         self._first, self._second = bonds.ends_in_blocks(BLOCK)
         size = len(self._first)
@@ -168,6 +176,10 @@ class BondEnergyEvaluation(DomainWatch):
         """Stored energy per unit thickness in the state last evaluated."""
         return self.law.shear_modulus * self._energy
 
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """See `InternalForce`."""
+        return self.kinematics.state_arrays()
+
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""
         self.kinematics.move_plane(plane, displacement)
@@ -246,6 +258,7 @@ class BondEnergyEvaluation(DomainWatch):
         Release
             What they had held, at the positions last placed; nothing where the body has no finite energy before or after.
         """
+        self.kinematics.check_breakable()
         forces, remaining = np.zeros_like(self.body.points), np.zeros_like(self.body.points)
         before = self._energy_at_present(forces)
         self._intact[pairs] = False

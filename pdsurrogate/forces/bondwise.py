@@ -2,18 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..body import Body
 from ..kernels import bond_pass, reference
 from ..kernels.blocks import BLOCK, aligned_rows
 from ..kernels.exact import exact_bond_force
+from ..kernels.node_state import ROTATIONS
 from ..materials import Law
 from .domain_watch import DomainWatch
 from .kinematics import Kinematics, at_point, locate
 from .learnt_thickness import LearntThickness
 from .protocol import EVERYWHERE, ForceSurrogate, InvalidState
-from .settings import OUTSIDE_POLICIES, ForceSettings
+from .settings import OUTSIDE_POLICIES, PRECISIONS, ForceSettings
+
+
+def honoured_by_bond_forces(gives_transverse: bool, has_domain: bool) -> Mapping[str, tuple]:
+    """The settings that `BondForceEvaluation` honours, see `pdsurrogate.forces.model.BindableForce`.
+
+    Parameters
+    ----------
+    gives_transverse : bool
+        Whether the model knows T_mm, which the tensor correction needs.
+    has_domain : bool
+        Whether bonds can be outside a domain.
+    """
+    corrections = tuple(name for name in reference.CORRECTIONS if gives_transverse or name != "tensor")
+    honours = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,)}
+    return honours | ({"outside": tuple(OUTSIDE_POLICIES)} if has_domain else {})
 
 
 class BondForceEvaluation(DomainWatch):
@@ -24,10 +42,8 @@ class BondForceEvaluation(DomainWatch):
         self.body, self.law = body, law
         self.precision = settings.precision or model.default_precision
         self.correction = settings.correction or ("tensor" if model.gives_transverse else "scalar")
-        if self.correction == "tensor" and not model.gives_transverse:
-            raise ValueError(f"{model.name} does not know T_mm, which correction=tensor needs; use correction=scalar")
         super().__init__(model, settings.outside, len(body.bonds.first), "force", "bond force")
-        self.kinematics = Kinematics(body, law, settings.rotation, self.precision)
+        self.kinematics = Kinematics(body, law, self.precision, settings.rotation, settings.breakable)
 
         bonds = body.bonds
         self._first, self._second = bonds.ends_in_blocks(BLOCK)
@@ -119,8 +135,13 @@ class BondForceEvaluation(DomainWatch):
 
     def break_bonds(self, pairs: np.ndarray) -> None:
         """Take pairs out of the horizons, the correction and the forces."""
+        changed = self.kinematics.break_bonds(pairs)
         self._strength[pairs] = 0.0
-        self._find_geometry(self.kinematics.break_bonds(pairs))
+        self._find_geometry(changed)
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """See `InternalForce`."""
+        return self.kinematics.state_arrays()
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""

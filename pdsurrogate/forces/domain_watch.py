@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 
 from .protocol import OutsideDomain, OutsideDomainWarning
+from .settings import OUTSIDE
 
 
 class DomainWatch:
@@ -22,9 +23,9 @@ class DomainWatch:
         Pairs outside the model's domain, summed over all evaluations.
     """
 
-    def __init__(self, model, outside: str, n_pairs: int, quantity: str, exact: str) -> None:
+    def __init__(self, model, outside: str | None, n_pairs: int, quantity: str, exact: str) -> None:
         """Begin to count; `quantity` is what the model gives, `exact` what would stand in for it."""
-        self.model, self.outside, self.evaluations, self.pairs_outside = model, outside, 0, 0
+        self.model, self.outside, self.evaluations, self.pairs_outside = model, outside or OUTSIDE, 0, 0
         self._n_pairs, self._quantity, self._stand_in = n_pairs, quantity, exact
         self._warned = False
 

@@ -13,6 +13,7 @@ from ..kernels.blocks import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..materials import Law, plane_stress
 from .learnt_thickness import LearntThickness
 from .protocol import InvalidState
+from .settings import ROTATION
 
 
 class Kinematics:
@@ -22,9 +23,12 @@ class Kinematics:
     ----------
     body : Body
     law : Law
-    rotation : {"polar", "convected"}
     precision : {"float32", "float64"}
         Of the node records and the weighted bonds; positions, gradients and what is summed are double.
+    rotation : {"polar", "convected"}, optional
+        In the node records, which only bond forces read.
+    breakable : bool
+        Whether bonds may break.
 
     Attributes
     ----------
@@ -44,14 +48,14 @@ class Kinematics:
         What solves the plane-stress condition in the place of the law.
     """
 
-    def __init__(self, body: Body, law: Law, rotation: str, precision: str) -> None:
-        self.body, self.law = body, law
+    def __init__(self, body: Body, law: Law, precision: str, rotation: str | None = None, breakable: bool = False) -> None:
+        self.body, self.law, self._breakable = body, law, breakable
         bonds, points = body.bonds, body.all_points
         n, total = len(body), len(points)
         self.chunks = numba.get_num_threads()
         self.response = law.response_block()
         self.parameters = law.parameters
-        self._rotation = node_state.ROTATIONS[rotation]
+        self._rotation = node_state.ROTATIONS[rotation or ROTATION]
 
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
         vectors = points[bonds.neighbours] - points[owners]
@@ -96,6 +100,7 @@ class Kinematics:
         ndarray
             All pairs at which anything changed: those of every point that lost a bond, and of its images.
         """
+        self.check_breakable()
         bonds, n = self.body.bonds, len(self.body)
         entries, starts = self.pair_entries
         self.weighted_bonds[np.concatenate([entries[starts[pairs]], entries[starts[pairs + 1] - 1]])] = 0.0
@@ -108,6 +113,15 @@ class Kinematics:
         outer = self._outer_pairs
         own = [bonds.pair_of[bonds.pointers[i] : bonds.pointers[i + 1]] for i in touched]
         return np.unique(np.concatenate([*own, outer[reached[bonds.second[outer]]]]))
+
+    def check_breakable(self) -> None:
+        """Raise ValueError if the force was bound without bonds that may break."""
+        if not self._breakable:
+            raise ValueError("this force was bound without bonds that break; bind it with ForceSettings(breakable=True)")
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """What an evaluation starts from beside positions and broken bonds, see `InternalForce`."""
+        return {"volume_ratios": self.volume_ratios}
 
     @cached_property
     def pair_entries(self) -> tuple[np.ndarray, np.ndarray]:

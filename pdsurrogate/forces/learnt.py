@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -16,7 +16,8 @@ from ..kernels.compile import call_block, kernel
 from ..kernels.feature_sets import FEATURE_SETS
 from ..materials import Law
 from .analytic import bond_arrays
-from .bondwise import BondForceEvaluation
+from .bondwise import BondForceEvaluation, honoured_by_bond_forces
+from .model import BindableForce
 from .protocol import CompiledBondForce, Domain
 from .settings import ForceSettings
 
@@ -25,7 +26,7 @@ N_OUTPUTS = 2
 
 
 @dataclass(frozen=True)
-class LearntBondForce(ABC):
+class LearntBondForce(BindableForce):
     """A learnt map from features of a bond to its dimensionless force.
 
     Parameters
@@ -94,6 +95,11 @@ class LearntBondForce(ABC):
         """Whether T_mm is known: from coaxiality, or not at all with the paper's features."""
         return FEATURE_SETS[self.feature_set].gives_transverse
 
+    @property
+    def honours(self) -> Mapping[str, tuple]:
+        """The settings that it honours, see `BindableForce`."""
+        return honoured_by_bond_forces(self.gives_transverse, has_domain=True)
+
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
         """Dimensionless (t_n, t_tau) of [1]; see `ForceSurrogate.bond_force`."""
         stretch, rotation, length, C33, J = bond_arrays(stretch, rotation, length, C33, J)
@@ -123,8 +129,8 @@ class LearntBondForce(ABC):
         """Raise ValueError if the model was not trained for this material."""
         check_described(self, law, law.shape, "analytic")
 
-    def bind(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
-        """Prepare the evaluation on a body."""
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
+        """The evaluation on a body."""
         return BondForceEvaluation(self, body, law, settings)
 
 

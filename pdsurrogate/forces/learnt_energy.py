@@ -13,9 +13,10 @@ from ..kernels.blocks import BLOCK
 from ..kernels.energy_density import ENERGY_ROWS, INVARIANT_ROWS, N_CONSTANTS, NETWORK_WORK_ROWS, network_energy_density, pack_network
 from ..kernels.smooth_activations import SMOOTH_ACTIVATIONS
 from ..materials import Law
-from .bond_energy import BondEnergyEvaluation
+from .bond_energy import HONOURED_WITH_DOMAIN, BondEnergyEvaluation
 from .energy_density import EnergyDerivatives
 from .learnt import check_described, checked_array, evaluate_block
+from .model import BindableForce
 from .protocol import CompiledBondForce, Domain
 from .settings import ForceSettings
 
@@ -32,7 +33,7 @@ def energy_shape(law: Law) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class EnergyNetwork:
+class EnergyNetwork(BindableForce):
     """A network of one hidden layer for psi(tr C, J), without energy and stress at rest by construction.
 
     Parameters
@@ -62,6 +63,7 @@ class EnergyNetwork:
 
     kind: ClassVar[str] = "energy-network"
     default_precision: ClassVar[str] = "float32"
+    honours: ClassVar[Mapping[str, tuple]] = HONOURED_WITH_DOMAIN
     feature_set: ClassVar[str] = "invariants"
     features: ClassVar[tuple[str, ...]] = ENERGY_FEATURES
 
@@ -122,8 +124,8 @@ class EnergyNetwork:
         """Raise ValueError if the model was not trained for this material."""
         check_described(self, law, energy_shape(law), "bond-energy")
 
-    def bind(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
-        """Prepare the evaluation on a body."""
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
+        """The evaluation on a body."""
         return BondEnergyEvaluation(self, body, law, settings)
 
     def payload(self) -> dict:

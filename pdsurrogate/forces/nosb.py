@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from ..body import Body
@@ -9,19 +11,20 @@ from ..kernels import correspondence
 from ..kernels.blocks import aligned_rows
 from ..materials import Law
 from .kinematics import Kinematics, locate
+from .model import BindableForce
 from .protocol import InvalidState
 from .settings import ForceSettings
 
 
-class CorrespondenceForce:
+class CorrespondenceForce(BindableForce):
     """NOSB PD: t_i = w P_i K_i^-1 x.  Exact in homogeneous deformation; blind to modes that leave F alone."""
 
     name = "nosb"
+    # K^-1 needs no correction of incomplete horizons, and P no rotation.
+    honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "breakable": (True,)}
 
-    def bind(self, body: Body, law: Law, settings: ForceSettings) -> CorrespondenceEvaluation:
-        """Prepare the evaluation on a body; it is always double, and K^-1 needs no correction."""
-        if settings.precision == "float32":
-            raise ValueError("nosb is evaluated in float64 only")
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> CorrespondenceEvaluation:
+        """The evaluation on a body."""
         return CorrespondenceEvaluation(body, law, settings)
 
 
@@ -35,7 +38,7 @@ class CorrespondenceEvaluation:
     def __init__(self, body: Body, law: Law, settings: ForceSettings) -> None:
         self.body, self.law = body, law
         self.evaluations = 0
-        self.kinematics = Kinematics(body, law, settings.rotation, "float64")
+        self.kinematics = Kinematics(body, law, "float64", breakable=settings.breakable)
         self._stresses = aligned_rows((len(body.all_points), 4))
         self._broken = np.zeros(len(body.bonds.first), dtype=bool) if settings.breakable else None
 
@@ -66,6 +69,10 @@ class CorrespondenceEvaluation:
         """Take pairs out of the horizons, and with them out of the forces."""
         self.kinematics.break_bonds(pairs)
         self._broken[pairs] = True
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """See `InternalForce`."""
+        return self.kinematics.state_arrays()
 
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane of the body."""

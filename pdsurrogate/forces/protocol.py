@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -131,11 +132,25 @@ class InternalForce(Protocol):
     def pair_forces(self) -> np.ndarray:
         """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2)."""
 
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """Arrays of doubles that the next evaluation starts from, beside positions and broken bonds.
+
+        A solution saved with copies of them, and copied back into them, goes on to the same bits.
+        """
+
 
 class ForceModel(Protocol):
-    """Any force model: it can be bound to a body."""
+    """Any force model: it can be bound to a body.
+
+    Attributes
+    ----------
+    name : str
+    honours : mapping
+        The values that it can honour of every field of `ForceSettings` that it has a use for; `bind` refuses others.
+    """
 
     name: str
+    honours: Mapping[str, tuple]
 
     def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
         """Prepare the evaluation of this model on a body of a material.
@@ -143,7 +158,7 @@ class ForceModel(Protocol):
         Raises
         ------
         ValueError
-            If the model does not fit the material or the settings.
+            If the model does not fit the material, or cannot honour a setting.
         """
 
 

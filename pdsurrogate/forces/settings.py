@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..kernels.bond_pass import FALL_BACK, TURNED
@@ -13,21 +14,27 @@ OUTSIDE_POLICIES = {"fallback": FALL_BACK, "warn": TURNED, "raise": TURNED, "ext
 
 PRECISIONS = ("float32", "float64")
 
+ROTATION, OUTSIDE = "polar", "fallback"
+"""What models that have a choice do where none is made."""
+
 
 @dataclass(frozen=True)
 class ForceSettings:
-    """Choices for the evaluation of a force model.
+    """Choices for the evaluation of a force model; what is left at its default is the model's own choice.
+
+    A choice that a model cannot honour is refused (`check`), so that none is ignored.
 
     Parameters
     ----------
     precision : {"float32", "float64"}, optional
-        Of the bond pass; positions, sums and the node state's own computation are always double.  By default the model's own choice.
+        Of the bond pass; positions, sums and the node state's own computation are always double.
     correction : {"tensor", "scalar", "none"}, optional
         Correction of incomplete horizons: THEORY [5], the paper's (24)-(25), or nothing.  By default "tensor" where the model allows it.
-    rotation : {"polar", "convected"}
-        Rotation of a horizon: of the polar decomposition, or the paper's (22)-(23).
-    outside : {"fallback", "warn", "raise", "extrapolate"}
-        What is done about bonds outside the model's domain: the exact bond force, a warning, an error, or nothing.  A bond turned by a
+    rotation : {"polar", "convected"}, optional
+        Rotation of a horizon: of the polar decomposition, which is the default, or the paper's (22)-(23).
+    outside : {"fallback", "warn", "raise", "extrapolate"}, optional
+        What is done about bonds outside the model's domain: the exact bond force (the default), a warning, an error, or
+        nothing.  A bond turned by a
         right angle from its horizon has no features, and gets the exact bond force even where extrapolation is asked for.
     breakable : bool
         Whether bonds may break, which keeps reference data that an unbreakable body has no use for.
@@ -35,17 +42,45 @@ class ForceSettings:
 
     precision: str | None = None
     correction: str | None = None
-    rotation: str = "polar"
-    outside: str = "fallback"
+    rotation: str | None = None
+    outside: str | None = None
     breakable: bool = False
 
     def __post_init__(self) -> None:
         for key, choices in (
             ("precision", (None, *PRECISIONS)),
             ("correction", (None, *CORRECTIONS)),
-            ("rotation", tuple(ROTATIONS)),
-            ("outside", tuple(OUTSIDE_POLICIES)),
+            ("rotation", (None, *ROTATIONS)),
+            ("outside", (None, *OUTSIDE_POLICIES)),
         ):
             if getattr(self, key) not in choices:
                 names = ", ".join(choice for choice in choices if choice)
                 raise ValueError(f"{key} must be one of {names}, not {getattr(self, key)!r}")
+
+    def check(self, name: str, honours: Mapping[str, tuple]) -> None:
+        """Refuse what a model cannot honour.
+
+        Parameters
+        ----------
+        name : str
+            Of the model.
+        honours : mapping
+            Values that the model can honour, by setting; one that is missing it has no use for.
+
+        Raises
+        ------
+        ValueError
+            Names the setting, the model, and what it takes.
+        """
+        for key in ("precision", "correction", "rotation", "outside", "breakable"):
+            value = getattr(self, key)
+            if value in (None, False) or value in honours.get(key, ()):
+                continue
+            taken = {key: honours[key]} if key in honours else honours
+            words = ", ".join(_words(key, *values) for key, values in taken.items()) or "none of these settings"
+            raise ValueError(f"{name} does not take {_words(key, value)}; it takes {words}")
+
+
+def _words(key: str, *values) -> str:
+    """A setting and its values, in words."""
+    return "bonds that break (fracture)" if key == "breakable" else f"{key}={'|'.join(values)}"

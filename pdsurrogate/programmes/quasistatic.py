@@ -68,11 +68,13 @@ def _solve(run: Run, solver: EquilibriumSolver, stretch: float, tolerance: float
 def _record(run: Run, equilibrium) -> None:
     axis, body, stretch = run.loading.axis, run.body, run.stretch
     displacements = run.positions - body.points
-    # A hair off the middle, where a column of points may lie.
-    section = measures.section_force(run.force, axis, run.middle + 1e-6 * body.spacing)
+    reactions = run.loading.reactions(run.force)
     level = {
         "stretch": stretch,
-        "nominal_stress": float(section[axis] / run.width),
+        "nominal_stress": run.nominal_stress(reactions),
+        "nominal_stress_grip": run.stress_grip.edge,
+        "nominal_stress_area": run.grip_areas[run.stress_grip.edge],
+        "forces": {grip.edge: reaction.tolist() for grip, reaction in zip(run.scene.grips, reactions, strict=True)},
         "nominal_stress_work_conjugate": float(measures.mean_stress(run.force)[axis, axis]),
     }
     if hasattr(run.force, "energy"):
@@ -89,7 +91,7 @@ def _record(run: Run, equilibrium) -> None:
             level[f"{key}_reference"] = float(reference)
             level[f"{key}_error"] = float(level[key] / reference - 1) if reference else None
     run.levels.append(level)
-    run.states.append(stretch, measures.point_fields(run.force, run.positions))
+    run.record(measures.point_fields(run.force, run.positions))
 
 
 def _references(run: Run, stretch: float) -> dict[str, float]:

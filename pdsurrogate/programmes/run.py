@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -13,13 +13,14 @@ import numba
 import numpy as np
 
 from ..body import Body
-from ..discretisation import discretise
+from ..discretisation import discretise, grip_areas
 from ..forces import ForceModel, ForceSettings
 from ..kernels.threads import threads_for
 from ..materials import Law
 from ..results.checkpoint import Checkpoint
-from ..results.states import States, StatesInFiles, StatesInMemory
+from ..results.states import Moment, States, StatesInFiles, StatesInMemory
 from ..scenes import Scene, SceneError
+from ..scenes.model import EDGES
 from ..solvers.conditions import Loading
 from .interruption import Interruption
 
@@ -92,6 +93,12 @@ class Run:
         Of the kernels; None for as many as pay for the body.
     law, body, loading, force
         What was built for it.
+    width : float
+        Of the body's bounding box across the loaded direction.
+    grip_areas : dict of float
+        Cross-section of the body at every grip, by edge.
+    stress_grip : Grip
+        The one whose force gives the nominal stress: that which travels further, of two that travel alike the right or top one.
     positions : ndarray, shape (n, 2)
     stretch, target : float
         At the positions; and of the level that is under way.
@@ -136,17 +143,39 @@ class Run:
             self.loading = Loading(scene, self.body, lower, upper)
             numba.set_num_threads(self.threads)
             self.force = Stopwatch(self.model.bind(self.body, self.law, settings))
+            self._check_support()
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
         self.width = (upper - lower)[1 - self.loading.axis]
-        self.middle = (lower + upper)[self.loading.axis] / 2
+        self.grip_areas = grip_areas(scene, self.body.cell, lower, upper)
+        self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
         self.positions = self.body.points.copy()
         self.states: States = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.body.points, scene.name)
+
+    def _check_support(self) -> None:
+        """Refuse points whose bonds lie on one line: only a crack may leave points without a deformation gradient."""
+        alone = self.force.kinematics.unsupported
+        if len(alone):
+            x1, x2 = self.body.points[alone[0]]
+            raise ValueError(
+                f"body: the bonds of {len(alone)} of its points, the first at ({x1:.4g}, {x2:.4g}), lie on one line; the body needs two "
+                f"rows of points or more in either direction everywhere, {self.body.spacing:.4g} apart"
+            )
 
     def warm_up(self) -> None:
         """Compile everything before the clock of the evaluations starts."""
         self.force(self.positions, np.empty_like(self.positions))
         self.force.seconds, self.force.timed = 0.0, 0
+
+    def nominal_stress(self, reactions: np.ndarray) -> float:
+        """Pull of one grip outwards along the loaded axis, over its own cross-section; see `Loading.reactions`."""
+        grip = self.stress_grip
+        axis, side = EDGES[grip.edge]
+        return float(side * reactions[self.scene.grips.index(grip), axis] / self.grip_areas[grip.edge])
+
+    def record(self, fields: dict[str, np.ndarray], time: float = 0.0) -> None:
+        """Record the present state: of the last level, or so long after it."""
+        self.states.append(Moment(len(self.levels) + time, self.stretch, time), fields)
 
     @property
     def identity(self) -> dict:
@@ -168,26 +197,22 @@ class Run:
             "stretch": self.stretch,
             "levels": self.levels,
             "history": self.history,
-            "times": self.states.times,
+            "moments": [astuple(moment) for moment in self.states.moments],
             "evaluations": self.force.evaluations,
             "outside": int(getattr(self.force, "pairs_outside", 0)),
         }
-        held = {"positions": self.positions, "volume_ratios": self.force.kinematics.volume_ratios}
+        held = {"positions": self.positions, **self.force.state_arrays()}
         Checkpoint(self.identity, {**common, **progress}, {**held, **arrays}).write(self.folder)
 
     def restore(self) -> Checkpoint:
         """Take up what a checkpoint holds of everything but the dynamics."""
-        kinematics = self.force.kinematics
-        shapes = {
-            "positions": (self.positions.shape, np.float64),
-            "volume_ratios": (kinematics.volume_ratios.shape, np.float64),
-        }
-        found = Checkpoint.read(self.folder, self.identity, shapes)
+        held = {"positions": self.positions, **self.force.state_arrays()}
+        found = Checkpoint.read(self.folder, self.identity, {key: (array.shape, array.dtype) for key, array in held.items()})
         progress = found.progress
-        self.positions[:] = found.arrays["positions"]
-        kinematics.volume_ratios[:] = found.arrays["volume_ratios"]
+        for key, array in held.items():
+            array[:] = found.arrays[key]
         self.stretch, self.levels, self.history = progress["stretch"], progress["levels"], progress["history"]
-        self.states = StatesInFiles(self.folder, self.body.points, self.scene.name, progress["times"])
+        self.states = StatesInFiles(self.folder, self.body.points, self.scene.name, [Moment(*moment) for moment in progress["moments"]])
         self.force.resume(progress["evaluations"], progress["outside"])
         return found
 

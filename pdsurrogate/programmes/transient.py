@@ -167,13 +167,15 @@ class Transient:
             self._checkpoint()
 
     def _save_last_state(self) -> None:
-        """Go back to before the step that failed, and record the state there."""
+        """Go back to before the step that failed, and record the state there unless it has been."""
         run, integrator = self.run, self.integrator
         run.positions -= integrator.last_step * integrator.velocities
         self.account.time -= integrator.last_step
         run.stretch = min(self.account.begin + self.spec.stretch_rate * self.account.time, self.spec.stretch)
-        with suppress(InvalidState):
-            self._output()
+        recorded = run.states.moments[-1].time if len(run.states) else -np.inf
+        if self.account.time > recorded + 0.5 * integrator.last_step:
+            with suppress(InvalidState):
+                self._output()
 
     def _step(self) -> None:
         run, account, integrator = self.run, self.account, self.integrator
@@ -255,11 +257,11 @@ class Transient:
         """A row of the history, and work and damped energy up to it."""
         run, account, integrator = self.run, self.account, self.integrator
         rate = self.spec.stretch_rate * run.loading.length
-        reactions = run.loading.reactions(run.force, integrator.forces)
+        reactions = run.loading.reactions(run.force)
         kinetic = integrator.kinetic_energy()
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
-        power = float(reactions @ run.loading.travels() * rate)
+        power = float((reactions * run.loading.travels()).sum() * rate)
         self._take_damping()
         strain = self._strain_energy()
         if not first:
@@ -268,12 +270,14 @@ class Transient:
         row = {
             "time": account.time,
             "stretch": run.stretch,
-            "nominal_stress": float(reactions @ run.loading.travels() / run.width),
+            "nominal_stress": run.nominal_stress(reactions),
             "work": account.work,
             "kinetic_energy": kinetic,
             "damped_energy": account.damped_energy,
             "strain_energy": strain,
         }
+        for grip, reaction in zip(run.scene.grips, reactions.tolist(), strict=True):
+            row |= {f"force_{grip.edge}_{component}": value for component, value in enumerate(reaction, 1)}
         if self._keeps_account:
             row["released_energy"] = account.released_energy
         if first:
@@ -323,7 +327,7 @@ class Transient:
             run.crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
             run.crack["through"] = not connected(run.body, self.damage.broken, *run.loading.ends())
             account.recent = []
-        run.states.append(account.time, fields)
+        run.record(fields, account.time)
         account.outputs += 1
 
     def _checkpoint(self) -> None:

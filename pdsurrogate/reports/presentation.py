@@ -31,9 +31,9 @@ def _scene(row: dict, text: str) -> str:
 
 COLUMNS = (
     ("force", lambda row: f"{row['force']}, {row['precision']}"),
-    ("ns/bond, 1 thread", lambda row: f"{row['ns_per_bond_1']:.2f}"),
+    ("ns/directed bond, 1 thread", lambda row: f"{row['ns_per_directed_bond_1']:.2f}"),
     ("its bond pass", lambda row: f"{row['ns_bond_pass_1']:.2f}"),
-    ("all threads", lambda row: f"{row['ns_per_bond_all']:.2f}"),
+    ("all threads", lambda row: f"{row['ns_per_directed_bond_all']:.2f}"),
     ("gain, of arithmetic's", lambda row: f"{row['thread_speedup']:.2f} of {row['arithmetic_speedup']:.2f}"),
     ("BA-NOSB / this", lambda row: f"{row['speedup_over_ba_nosb']:.1f}"),
     ("this / NOSB", lambda row: f"{row['cost_over_nosb']:.1f}"),
@@ -80,9 +80,9 @@ def pareto_figure(report: dict) -> Figure:
             label = f"{row['force']}, {row['precision']}"
             if "rms_off_surface" in row:
                 marker = "s" if row["force"].startswith("analytic") else "o" if row["precision"] == "float32" else "^"
-                axis.plot(row["ns_per_bond_1"], max(row["rms_off_surface"], floor), marker, ms=6, color=colour, label=label)
+                axis.plot(row["ns_per_directed_bond_1"], max(row["rms_off_surface"], floor), marker, ms=6, color=colour, label=label)
             else:
-                axis.axvline(row["ns_per_bond_1"], color=colour, lw=1.2, ls="--", label=label)
+                axis.axvline(row["ns_per_directed_bond_1"], color=colour, lw=1.2, ls="--", label=label)
         figure.legend(loc="outside right upper", fontsize=7, frameon=False)
         axis.set(
             xscale="log",
@@ -92,7 +92,8 @@ def pareto_figure(report: dict) -> Figure:
             title=f"{report['material']['law']}, {report['machine']['processor']}",
         )
         axis.set_xlim(
-            0.8 * min(row["ns_per_bond_1"] for row in report["models"]), 2.0 * max(row["ns_per_bond_1"] for row in report["models"])
+            0.8 * min(row["ns_per_directed_bond_1"] for row in report["models"]),
+            2.0 * max(row["ns_per_directed_bond_1"] for row in report["models"]),
         )
         ticks = [1, 2, 3, 5, 10, 20, 50, 100, 200, 500]
         low, high = axis.get_xlim()

@@ -77,10 +77,10 @@ def measure_speed(cases: list[Case], law: Law, patience: float, say: Callable[[s
     Returns
     -------
     list of dict
-        For each case ``ns_per_bond_1`` and ``ns_per_bond_all``, ``ns_bond_pass_1`` and ``ns_bond_pass_all``, ``thread_speedup``,
-        ``arithmetic_speedup`` (what arithmetic gained from the threads beside the same timings), ``disturbance_1`` and
+        For each case ``ns_per_directed_bond_1`` and ``ns_per_directed_bond_all``, ``ns_bond_pass_1`` and ``ns_bond_pass_all``,
+        ``thread_speedup``, ``arithmetic_speedup`` (what arithmetic gained from the threads beside the same timings), ``disturbance_1`` and
         ``disturbance_all`` (how many times as long as at its best arithmetic took there), and the medians of all timings,
-        ``ns_per_bond_1_at_any_time`` and ``ns_per_bond_all_at_any_time``.
+        ``ns_per_directed_bond_1_at_any_time`` and ``ns_per_directed_bond_all_at_any_time``.
     """
     threads = sorted({1, numba.config.NUMBA_NUM_THREADS})
     whole, bonds, calls = {}, {}, {}
@@ -130,11 +130,11 @@ def measure_speed(cases: list[Case], law: Law, patience: float, say: Callable[[s
         for label, count in (("1", threads[0]), ("all", threads[-1])):
             found = np.array(timings[number, count])
             evaluation, bond_pass, beside = np.median(found[np.argsort(found[:, 2])[:ENOUGH]], axis=0)
-            row[f"ns_per_bond_{label}"] = scale * evaluation
+            row[f"ns_per_directed_bond_{label}"] = scale * evaluation
             row[f"ns_bond_pass_{label}"] = scale * bond_pass
             row[f"disturbance_{label}"] = beside / best[count]
-            row[f"ns_per_bond_{label}_at_any_time"] = scale * np.median(found[:, 0])
-        row["thread_speedup"] = row["ns_per_bond_1"] / row["ns_per_bond_all"]
+            row[f"ns_per_directed_bond_{label}_at_any_time"] = scale * np.median(found[:, 0])
+        row["thread_speedup"] = row["ns_per_directed_bond_1"] / row["ns_per_directed_bond_all"]
         row["arithmetic_speedup"] = best[threads[0]] * row["disturbance_1"] / (best[threads[-1]] * row["disturbance_all"])
         rows.append({key: float(value) for key, value in row.items()})
     return rows

@@ -26,8 +26,8 @@ def save(result: Result, path: Path) -> None:
     frames = range(first, last)
     fields = result.states[last - 1][1]
     quantity, limits = ("damage", (0.0, 1.0)) if "damage" in fields else ("stretch", (1.0, float(fields["stretch"].max())))
-    points, spacing = result.body.points, result.body.spacing
-    corners = deformed_cells(points, fields, spacing)
+    points, cell = result.body.points, result.body.cell
+    corners = deformed_cells(points, fields, cell)
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     size = (high - low) / (high - low).max() * 6.0
     with matplotlib.rc_context({**STYLE, "savefig.bbox": None}):
@@ -42,7 +42,7 @@ def save(result: Result, path: Path) -> None:
             with writer.saving(figure, str(temporary), dpi=100):
                 for number in frames:
                     state = result.states[number][1]
-                    drawn.set_verts(deformed_cells(points, state, spacing))
+                    drawn.set_verts(deformed_cells(points, state, cell))
                     drawn.set_array(state[quantity])
                     axis.set_title(result.title(number), pad=2)
                     writer.grab_frame()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tokenize
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ import numpy as np
 
 from .files import write_with
 
-FORMAT = 2
+FORMAT = 3
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
 
@@ -25,6 +26,8 @@ _DAMAGE = (
     RecursionError,
     NotImplementedError,
     MemoryError,
+    SyntaxError,
+    tokenize.TokenError,
     zipfile.BadZipFile,
     zlib.error,
 )

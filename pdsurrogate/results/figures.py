@@ -26,11 +26,11 @@ def save(figure: Figure, path: Path) -> None:
     write_with(path, lambda temporary: figure.savefig(temporary, format="png"))
 
 
-def deformed_cells(points: np.ndarray, fields: dict[str, np.ndarray], spacing: float) -> np.ndarray:
-    """Corners of each point's cell, deformed by its own deformation gradient, shape (n, 4, 2)."""
+def deformed_cells(points: np.ndarray, fields: dict[str, np.ndarray], cell: np.ndarray) -> np.ndarray:
+    """Corners of each point's cell, of sides `cell`, deformed by its own deformation gradient, shape (n, 4, 2)."""
     F = fields["deformation_gradient"].reshape(-1, 3, 3)[:, :2, :2]
     # A hair larger than the cell, so that neighbours leave no seam.
-    corners = 0.52 * spacing * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    corners = 0.52 * cell * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     return (points + fields["displacement"][:, :2])[:, None] + np.einsum("nij,cj->nci", F, corners)
 
 

@@ -8,20 +8,6 @@ from ..body import Body
 from ..forces import InternalForce
 
 
-def section_force(force: InternalForce, axis: int, position: float) -> np.ndarray:
-    """Force per unit thickness through the section where a coordinate has the given reference value, shape (2,).
-
-    It is what all points on the far side exert on those on the near side, over the bonds that cross; bonds with images do not count.
-    """
-    bonds, points = force.body.bonds, force.body.points
-    within = bonds.second < len(points)
-    first, second = bonds.first[within], bonds.second[within]
-    near, far = points[first, axis] < position, points[second, axis] < position
-    crossing = near != far
-    sign = np.where(near[crossing], 1.0, -1.0)
-    return (sign[:, None] * force.pair_forces()[within][crossing]).sum(axis=0)
-
-
 def mean_stress(force: InternalForce) -> np.ndarray:
     """Volume mean of the first Piola-Kirchhoff stress, work-conjugate to the mean deformation gradient, shape (2, 2).
 
@@ -38,8 +24,8 @@ def mean_stress(force: InternalForce) -> np.ndarray:
 def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Displacement along `axis` of the two edges that bound the body along it, extrapolated to them.
 
-    Points are taken line by line across the body, the lines one spacing wide; the two outermost points of each line
-    are continued linearly to the outermost coordinate of the body plus half a spacing.
+    Points are taken line by line across the body, the lines one cell wide; the two outermost points of each line
+    are continued linearly to the outermost coordinate of the body plus half a cell.
 
     Returns
     -------
@@ -47,14 +33,14 @@ def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tupl
         Coordinate of each line along the other axis, and the displacement of its lower and upper end.
     """
     along = body.points[:, 1 - axis]
-    line = np.floor((along - along.min()) / body.spacing + 0.5).astype(int)
+    line = np.floor((along - along.min()) / body.cell[1 - axis] + 0.5).astype(int)
     order = np.lexsort((body.points[:, axis], line))
     starts = np.flatnonzero(np.r_[True, np.diff(line[order]) > 0])
     stops = np.r_[starts[1:], len(order)]
     full = stops - starts >= 2
     starts, stops = starts[full], stops[full]
     x, u = body.points[order, axis], displacements[order, axis]
-    low, high = x.min() - body.spacing / 2, x.max() + body.spacing / 2
+    low, high = x.min() - body.cell[axis] / 2, x.max() + body.cell[axis] / 2
 
     def continued(outer, inner, place):
         return u[outer] + (u[outer] - u[inner]) * (place - x[outer]) / (x[outer] - x[inner])
@@ -66,13 +52,13 @@ def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
     """Roughness of the lateral displacement along the loaded axis: zero-energy modes show in it.
 
     Root mean square of its second differences between neighbouring points, over its greatest value.  A smooth field
-    of wavelength L gives about (2 pi spacing/L)^2 / 2; a mode that changes sign from point to point, of order 1.
+    of wavelength L gives about (2 pi cell/L)^2 / 2; a mode that changes sign from point to point, of order 1.
     """
     lateral = 1 - axis
-    line = np.floor((body.points[:, lateral] - body.points[:, lateral].min()) / body.spacing + 0.5).astype(int)
+    line = np.floor((body.points[:, lateral] - body.points[:, lateral].min()) / body.cell[lateral] + 0.5).astype(int)
     order = np.lexsort((body.points[:, axis], line))
     u, x, line = displacements[order, lateral], body.points[order, axis], line[order]
-    neighbours = (line[2:] == line[:-2]) & (np.abs(x[2:] - x[:-2] - 2 * body.spacing) < 0.1 * body.spacing)
+    neighbours = (line[2:] == line[:-2]) & (np.abs(x[2:] - x[:-2] - 2 * body.cell[axis]) < 0.1 * body.cell[axis])
     second = (u[2:] - 2 * u[1:-1] + u[:-2])[neighbours]
     greatest = np.abs(u).max()
     return float(np.sqrt((second**2).mean()) / greatest) if len(second) and greatest > 0 else 0.0

@@ -12,6 +12,7 @@ import numpy as np
 from ..body import Body
 from ..scenes import Scene
 from .files import write_json, write_text
+from .folder import HISTORY, SUMMARY, make_room
 from .states import States, StatesInFiles, StatesInMemory
 
 
@@ -28,8 +29,8 @@ class Result:
     history : list of dict
         Rows of ``history.csv``.
     states : States
-        Fields on the points at every level, and at every output of the dynamics: pairs of stretch or time and fields, see
-        `pdsurrogate.results.measures.point_fields`.
+        Fields on the points at every level, and at every output of the dynamics: pairs of a moment and fields, see
+        `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.point_fields`.
     """
 
     scene: Scene
@@ -47,17 +48,32 @@ class Result:
         """Displacements at a level, shape (n, 2)."""
         return self.states[level][1]["displacement"][:, :2]
 
-    def save(self, folder: str | Path) -> None:
+    def save(self, folder: str | Path, overwrite: bool = False) -> None:
         """Write ``summary.json``, ``history.csv``, a VTU series with its PVD index and a figure of the deformed body.
 
-        Every file is written whole; the summary last, so that a folder with a summary is complete.
+        Every file is written whole; the summary last, so that a folder with a summary is complete.  Results of an earlier run of the same
+        scene in the folder are removed before.
+
+        Parameters
+        ----------
+        folder : str or path
+        overwrite : bool
+            Remove results of other scenes as well.
+
+        Raises
+        ------
+        FolderTaken
+            If the folder holds results of another scene, or a file called like one of these that no run wrote.
         """
         from . import animation, figures
 
         folder = Path(folder)
-        write_text(folder / "history.csv", _as_csv(self.history))
+        streamed = isinstance(self.states, StatesInFiles) and self.states.folder.resolve() == folder.resolve()
+        if not streamed:
+            make_room(folder, self.scene.name, overwrite)
+        write_text(folder / HISTORY, _as_csv(self.history))
         if self.states:
-            if not (isinstance(self.states, StatesInFiles) and self.states.folder == folder):
+            if not streamed:
                 written = StatesInFiles(folder, self.body.points, self.scene.name)
                 for state in self.states:
                     written.append(*state)
@@ -65,7 +81,7 @@ class Result:
             if self.scene.dynamics is not None:
                 figures.save(self.loading_figure(), folder / f"{self.scene.name}-loading.png")
                 animation.save(self, folder / f"{self.scene.name}.gif")
-        write_json(folder / "summary.json", self.summary)
+        write_json(folder / SUMMARY, self.summary)
 
     def figure(self):
         """The deformed body at every level, coloured by the displacement across the loaded direction (Fig. 6)."""
@@ -74,7 +90,7 @@ class Result:
         lateral = 1 - self.scene.loaded_axis
         chosen = self.chosen_states()
         states = [self.states[n][1] for n in chosen]  # once: a state may have to be read from its file
-        cells = [figures.deformed_cells(self.body.points, fields, self.body.spacing) for fields in states]
+        cells = [figures.deformed_cells(self.body.points, fields, self.body.cell) for fields in states]
         if self.scene.fracture is not None and chosen[-1] >= len(self.levels):
             label, values = "damage", [fields["damage"] for fields in states]
         else:
@@ -98,11 +114,10 @@ class Result:
 
     def title(self, number: int) -> str:
         """What a figure says above a state: its stretch, and the time in dynamics."""
-        value = self.states.times[number]
+        moment = self.states.moments[number]
         if number < len(self.levels):
-            return f"stretch {value:g}"
-        stretch = np.interp(value, *np.array([(row["time"], row["stretch"]) for row in self.history if "time" in row]).T)
-        return f"stretch {stretch:.3f}, {value:.4g} {self.scene.units.time}"
+            return f"stretch {moment.stretch:g}"
+        return f"stretch {moment.stretch:.3f}, {moment.time:.4g} {self.scene.units.time}"
 
     def loading_figure(self):
         """Nominal stress against stretch, over levels and dynamics."""

@@ -3,40 +3,62 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
+from .folder import state_files
+
 Fields = dict[str, np.ndarray]
 
 
+@dataclass(frozen=True)
+class Moment:
+    """When a state was.
+
+    Attributes
+    ----------
+    run_time : float
+        Place on the one axis of the whole run, on which states follow each other: 1 at the first level in equilibrium, 2 at the second,
+        and so on; from the last level on the time of the dynamics is added.
+    stretch : float
+    time : float
+        Since the dynamics began; 0 at a level in equilibrium.
+    """
+
+    run_time: float
+    stretch: float
+    time: float
+
+
 class States(Protocol):
-    """Recorded states in order: pairs of a time (or stretch) and the fields on the points."""
+    """Recorded states in order: pairs of a moment and the fields on the points."""
 
-    times: list[float]
+    moments: list[Moment]
 
-    def append(self, time: float, fields: Fields) -> None:
+    def append(self, moment: Moment, fields: Fields) -> None:
         """Record a state."""
 
     def __len__(self) -> int: ...
 
-    def __getitem__(self, number: int) -> tuple[float, Fields]: ...
+    def __getitem__(self, number: int) -> tuple[Moment, Fields]: ...
 
-    def __iter__(self) -> Iterator[tuple[float, Fields]]: ...
+    def __iter__(self) -> Iterator[tuple[Moment, Fields]]: ...
 
 
 class StatesInMemory(list):
     """States kept in memory."""
 
     @property
-    def times(self) -> list[float]:
-        """Times of the states."""
-        return [time for time, _ in self]
+    def moments(self) -> list[Moment]:
+        """Moments of the states."""
+        return [moment for moment, _ in self]
 
-    def append(self, time: float, fields: Fields) -> None:
+    def append(self, moment: Moment, fields: Fields) -> None:
         """Record a state."""
-        super().append((time, fields))
+        super().append((moment, fields))
 
 
 class StatesInFiles:
@@ -49,33 +71,44 @@ class StatesInFiles:
         Reference positions.
     name : str
         Stem of the file names.
-    times : list of float
-        States that are there already, of a run that is resumed.
+    moments : list of Moment
+        States that are there already, of a run that is resumed; files of later ones are removed.
     """
 
-    def __init__(self, folder: Path, points: np.ndarray, name: str, times: list[float] | None = None) -> None:
+    def __init__(self, folder: Path, points: np.ndarray, name: str, moments: list[Moment] | None = None) -> None:
         self.folder, self.points, self.name = folder, points, name
-        self.times = list(times or [])
+        self.moments = list(moments or [])
+        if moments is not None:
+            self._write_index()
+            for number, path in state_files(folder, name).items():
+                if number >= len(moments):
+                    path.unlink()
 
-    def append(self, time: float, fields: Fields) -> None:
+    def append(self, moment: Moment, fields: Fields) -> None:
         """Write a state, and the index with it."""
         from . import vtk
 
-        vtk.write_state(self._path(len(self.times)), self.points, fields)
-        self.times.append(time)
-        vtk.write_index(self.folder / f"{self.name}.pvd", [(time, self._path(n).name) for n, time in enumerate(self.times)])
+        vtk.write_state(self._path(len(self.moments)), self.points, fields, asdict(moment))
+        self.moments.append(moment)
+        self._write_index()
+
+    def _write_index(self) -> None:
+        from . import vtk
+
+        entries = [(moment.run_time, self._path(number).name) for number, moment in enumerate(self.moments)]
+        vtk.write_index(self.folder / f"{self.name}.pvd", entries)
 
     def _path(self, number: int) -> Path:
         return self.folder / f"{self.name}-{number:03d}.vtu"
 
     def __len__(self) -> int:
-        return len(self.times)
+        return len(self.moments)
 
-    def __getitem__(self, number: int) -> tuple[float, Fields]:
+    def __getitem__(self, number: int) -> tuple[Moment, Fields]:
         import meshio
 
-        number = range(len(self.times))[number]
-        return self.times[number], dict(meshio.read(self._path(number)).point_data)
+        number = range(len(self.moments))[number]
+        return self.moments[number], dict(meshio.read(self._path(number)).point_data)
 
-    def __iter__(self) -> Iterator[tuple[float, Fields]]:
+    def __iter__(self) -> Iterator[tuple[Moment, Fields]]:
         return (self[number] for number in range(len(self)))

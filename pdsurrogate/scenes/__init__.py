@@ -1,7 +1,8 @@
 """Scenes: what is simulated, described by a user or built in."""
 
 from .model import Dynamics, Fracture, Grip, Hold, MaterialSpec, Scene, SolverSpec, Units
-from .reading import SceneError, load_scene, scene_names
+from .problems import SceneError
+from .reading import load_scene, scene_names
 from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle
 
 __all__ = [

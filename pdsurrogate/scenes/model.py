@@ -6,11 +6,12 @@ import dataclasses
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
 
 from ..body import WEIGHT_FUNCTIONS
 from ..materials import LAWS, Law
-from .part import Part, Point, Positive
+from .part import Finite, Part, Point, Positive, Whole
+from .problems import suggestion
 from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
@@ -18,14 +19,14 @@ SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
 
 UnitName = Annotated[str, Field(pattern=r"^[\w/^*. -]{1,16}$")]
 
-Level = Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)]
+Level = Annotated[Positive, Field(le=100)]
 """A stretch; rubber breaks below 10."""
 
 EDGES = {"left": (0, -1), "right": (0, +1), "bottom": (1, -1), "top": (1, +1)}
 """Coordinate held by each edge of the bounding box, and the side of the body it lies on."""
 
 
-class MaterialSpec(BaseModel):
+class MaterialSpec(Part):
     """A material law by name, with its parameters."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
@@ -51,13 +52,13 @@ class MaterialSpec(BaseModel):
             For an unknown law, an unknown or missing parameter, or a value that makes no sense.
         """
         if self.law not in LAWS:
-            raise ValueError(f"unknown law {self.law!r}; there are {', '.join(sorted(LAWS))}")
+            raise ValueError(f"unknown law {self.law!r}; {suggestion(self.law, sorted(LAWS))}")
         law = LAWS[self.law]
         known = {field.name for field in dataclasses.fields(law)}
         given = dict(self.model_extra or {})
         for key, value in given.items():
             if key not in known:
-                raise ValueError(f"{self.law} has no parameter {key!r}; it has {', '.join(sorted(known))}")
+                raise ValueError(f"{self.law} has no parameter {key!r}; {suggestion(key, sorted(known), 'it has')}")
             numbers = value if isinstance(value, list | tuple) else [value]
             if any(isinstance(number, bool) or not isinstance(number, int | float) for number in numbers):
                 raise ValueError(f"{key} must be a number, not {value!r}")
@@ -79,7 +80,7 @@ class Grip(Part):
 
     edge: Literal["left", "right", "bottom", "top"]
     holds: Literal["normal", "all"] = "all"
-    travel: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = 0.0
+    travel: Annotated[Finite, Field(ge=0, le=1)] = 0.0
 
 
 class Hold(Part):
@@ -89,7 +90,7 @@ class Hold(Part):
     """
 
     box: tuple[Point, Point] | None = None
-    points: tuple[Annotated[int, Field(ge=0)], ...] | None = None
+    points: tuple[Annotated[Whole, Field(ge=0)], ...] | None = None
     components: Annotated[tuple[Literal["x1", "x2"], ...], Field(min_length=1)] = ("x1", "x2")
     travel: Point = (0.0, 0.0)
 
@@ -105,14 +106,14 @@ class SolverSpec(Part):
 
     method: Literal["automatic", "minimiser", "quasi-newton", "relaxation", "explicit"] = "automatic"
     tolerance: Positive = 1e-6
-    most_evaluations: Annotated[int, Field(gt=0)] = 50_000
-    largest_increment: Annotated[float, Field(ge=1e-4, allow_inf_nan=False)] = 0.5
+    most_evaluations: Annotated[Whole, Field(gt=0)] = 50_000
+    largest_increment: Annotated[Finite, Field(ge=1e-4)] = 0.5
 
 
 class Fracture(Part):
     """When bonds break: beyond a critical stretch, given, or from a fracture energy (`pdsurrogate.critical_stretch_of`)."""
 
-    critical_stretch: Annotated[float, Field(gt=1, allow_inf_nan=False)] | None = None
+    critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
     energy: Positive | None = None
 
     @model_validator(mode="after")
@@ -146,17 +147,16 @@ class Dynamics(Part):
     stretch: Level
     stretch_rate: Positive
     density: Positive
-    damping: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
-    viscosity: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
-    outputs: Annotated[int, Field(ge=1, le=10_000)] = 30
-    safety: Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)] = 0.7
+    damping: Annotated[Finite, Field(ge=0)] = 0.0
+    viscosity: Annotated[Finite, Field(ge=0)] = 0.0
+    outputs: Annotated[Whole, Field(ge=1, le=10_000)] = 30
+    safety: Annotated[Positive, Field(le=1)] = 0.7
 
 
 def _shape_of(value: Any) -> str:
-    return (value.get("shape", "rectangle") if isinstance(value, dict) else getattr(value, "shape", "")) or ""
+    """Which shape a part is read as: one without is a rectangle."""
+    return str(value.get("shape", "rectangle") if isinstance(value, dict) else getattr(value, "shape", "rectangle"))
 
-
-SHAPES = ("rectangle", "circle", "ellipse", "polygon", "mesh")
 
 _TaggedShape = (
     Annotated[Rectangle, Tag("rectangle")]
@@ -175,12 +175,18 @@ class Units(Part):
     stress: UnitName = "kPa"
     time: UnitName = "s"
 
+    @property
+    def force(self) -> str:
+        """Unit of forces: bodies are one unit of length thick."""
+        return f"{self.stress} {self.length}^2"
+
 
 class Scene(Part):
     """A simulation, fully described.
 
     Lengths and stresses are in the scene's own units throughout.  `stretches` are the levels of the loading
-    programme, in the order given: the distance of the two grips over its undeformed value.
+    programme, in the order given: the distance of the two grips over its undeformed value.  Of a body that `spacing` does not divide
+    the nearest cells are taken that fill it; the horizon is `horizon_ratio` times the smaller side of a cell.
     """
 
     name: SceneName
@@ -194,12 +200,12 @@ class Scene(Part):
     grips: Annotated[tuple[Grip, ...], Field(min_length=2, max_length=2)]
     holds: tuple[Hold, ...] = ()
     support: Literal["reflected", "points"] = "reflected"
-    horizon_ratio: Annotated[float, Field(gt=1, le=100, allow_inf_nan=False)] = 3.15
+    horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = 3.15
     weight: str = "inverse"
     correction: Literal["tensor", "scalar", "none"] | None = None
-    rotation: Literal["polar", "convected"] = "polar"
+    rotation: Literal["polar", "convected"] | None = None
     precision: Literal["float32", "float64"] | None = None
-    outside: Literal["fallback", "warn", "raise", "extrapolate"] = "fallback"
+    outside: Literal["fallback", "warn", "raise", "extrapolate"] | None = None
     solver: SolverSpec = SolverSpec()
     fracture: Fracture | None = None
     dynamics: Dynamics | None = None
@@ -242,8 +248,3 @@ class Scene(Part):
     def loaded_axis(self) -> int:
         """0 where the body is pulled along x1, 1 along x2."""
         return EDGES[self.grips[0].edge][0]
-
-    @property
-    def horizon(self) -> float:
-        """Radius of the horizon."""
-        return self.horizon_ratio * self.spacing

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import tomllib
 from collections.abc import Iterable, Mapping
 from importlib import resources
@@ -10,11 +11,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from .model import SHAPES, Scene
-
-
-class SceneError(ValueError):
-    """A scene that cannot be run as described; the message names the key."""
+from .model import Scene
+from .problems import SceneError, explain
 
 
 def scene_names() -> list[str]:
@@ -46,6 +44,8 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
         raise SceneError(f"{source}: not valid TOML: {error}") from None
     if isinstance(changes, Mapping):
         pairs = list(changes.items())
+    elif isinstance(changes, str):
+        raise SceneError(f"changes must be a list of key=value, or a mapping, not the text {changes!r}")
     else:
         pairs = [parse_change(change) for change in changes]
     for key, value in [*pairs, *parameters.items()]:
@@ -57,7 +57,7 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
     try:
         return Scene.model_validate(data)
     except ValidationError as error:
-        raise SceneError(f"{source}: {explain(error)}") from None
+        raise SceneError(f"{source}: {explain(error, Scene)}") from None
 
 
 def parse_change(change: str) -> tuple[str, Any]:
@@ -75,19 +75,36 @@ def parse_change(change: str) -> tuple[str, Any]:
 
 
 def _apply(data: dict, key: str, value: Any) -> None:
+    """Put a copy of a value at a dotted key; entries of lists go by their number."""
     *path, last = key.split(".")
-    place = data
-    for step in path:
-        inner = place.get(step) if isinstance(place, dict) else None
+    place: dict | list = data
+    for depth, step in enumerate(path, 1):
+        number = _entry(place, step, key, path[: depth - 1])
+        inner = place.get(number) if isinstance(place, dict) else place[number]
+        following = (*path, last)[depth]
         if isinstance(inner, str) and step == "material":
             inner = {"law": inner}
-        if inner is None:
+        elif isinstance(inner, tuple):
+            inner = list(inner)
+        elif inner is None and following.isdecimal():
+            raise SceneError(f"{key}: the scene has no {'.'.join(path[:depth])}")
+        elif inner is None:
             inner = {}
-        if not isinstance(inner, dict):
-            raise SceneError(f"{key}: {step} is not a table")
-        place[step] = inner
+        if not isinstance(inner, dict | list):
+            raise SceneError(f"{key}: {'.'.join(path[:depth])} is not a table")
+        place[number] = inner
         place = inner
-    place[last] = value
+    place[_entry(place, last, key, path)] = copy.deepcopy(value)
+
+
+def _entry(place: dict | list, step: str, key: str, before: list[str]) -> str | int:
+    if isinstance(place, dict):
+        return step
+    if step.isdecimal() and int(step) < len(place):
+        return int(step)
+    name = ".".join(before)
+    there = f"its entries are {', '.join(f'{name}.{number}' for number in range(len(place)))}" if place else "it is empty"
+    raise SceneError(f"{key}: {name} is a list without an entry {step!r}; {there}")
 
 
 def _text_of(reference: str | Path) -> tuple[str, str]:
@@ -103,20 +120,3 @@ def _text_of(reference: str | Path) -> tuple[str, str]:
         raise SceneError(f"cannot read scene file {path}: {error.strerror}") from None
     except UnicodeDecodeError:
         raise SceneError(f"{path}: not valid TOML: it is not UTF-8 text") from None
-
-
-def explain(error: ValidationError) -> str:
-    """One line a problem, each with its dotted key."""
-    lines = []
-    for problem in error.errors():
-        # Pydantic adds which of several shapes it took a part for; the user's file has no such key.
-        key = ".".join(str(part) for part in problem["loc"] if part not in SHAPES)
-        message = problem["msg"].removeprefix("Value error, ")
-        if problem["type"] == "extra_forbidden":
-            message = "unknown key"
-        elif problem["type"] == "union_tag_invalid":
-            message = f"unknown shape {problem['ctx']['tag']!r}; there are {problem['ctx']['expected_tags']}"
-        given = problem.get("input")
-        shown = f" (given {given!r})" if isinstance(given, str | int | float) and not message.endswith(repr(given)) else ""
-        lines.append(f"{key}: {message}{shown}" if key else message)
-    return "; ".join(lines)

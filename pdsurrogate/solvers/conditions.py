@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from ..body import Body, ReflectionPlane
 from ..forces import InternalForce
@@ -35,6 +37,11 @@ class _HeldPoints:
     travel: np.ndarray
 
 
+def _place(body: Body, point: int) -> str:
+    x1, x2 = body.points[point]
+    return f"({x1:.4g}, {x2:.4g})"
+
+
 class Loading:
     """The conditions of a scene on a body: what is held, and where it is at a given stretch.
 
@@ -55,7 +62,7 @@ class Loading:
     Raises
     ------
     ValueError
-        If a condition holds no point; names it.
+        If a condition holds no point, two move a point differently, or a piece of the body is not held; names it.
     """
 
     def __init__(self, scene: Scene, body: Body, lower, upper) -> None:
@@ -69,6 +76,45 @@ class Loading:
         for held in self._held:
             for component in held.components:
                 self.free[held.points, component] = 0
+        self._check_agreement()
+        self._check_pieces()
+
+    def _check_agreement(self) -> None:
+        """Refuse two conditions that move a point differently: it would go with the later one."""
+        names = [f"holds.{number}" for number in range(len(self.scene.holds))] + [f"the {grip.edge} grip" for grip in self.scene.grips]
+        for component in range(2):
+            travel, holder = np.zeros(len(self.body)), np.full(len(self.body), -1)
+            for number, held in enumerate(self._held):
+                if component not in held.components:
+                    continue
+                twice = (holder[held.points] >= 0) & (travel[held.points] != held.travel[component])
+                if twice.any():
+                    point = held.points[twice][0]
+                    raise ValueError(
+                        f"{names[holder[point]]} and {names[number]} move point {point} at {_place(self.body, point)} differently along "
+                        f"x{component + 1}"
+                    )
+                travel[held.points], holder[held.points] = held.travel[component], number
+
+    def _check_pieces(self) -> None:
+        """Refuse grips that reach no point, and pieces of the body that nothing holds along the loaded axis."""
+        bonds, n = self.body.bonds, len(self.body)
+        if self.scene.support == "reflected":
+            for number, grip in enumerate(self.scene.grips):
+                if not (self._outer_planes == number).any():
+                    raise ValueError(f"grips.{number}: no bond of the body crosses its {grip.edge} edge; do holes take all that is there?")
+        within = bonds.second < n
+        ends = bonds.first[within], bonds.second[within]
+        count, piece = connected_components(sparse.coo_matrix((np.ones(len(ends[0]), np.int8), ends), shape=(n, n)), directed=False)
+        held = np.zeros(count, dtype=bool)
+        held[piece[self.free[:, self.axis] == 0]] = True
+        held[piece[bonds.first[~within]]] = True  # by a grip's plane
+        if not held.all():
+            loose = np.flatnonzero(piece == np.flatnonzero(~held)[0])
+            raise ValueError(
+                f"body: it is in {count} pieces, and one of {len(loose)} points, at {_place(self.body, loose[0])}, is held by no grip; "
+                "a hole or precut separates it, or a hold is missing"
+            )
 
     def _region(self, number: int, hold: Hold) -> _HeldPoints:
         if hold.points is not None:
@@ -85,9 +131,9 @@ class Loading:
     def _edge(self, grip, lower, upper) -> _HeldPoints:
         axis, side = EDGES[grip.edge]
         distance = -side * (self.body.points[:, axis] - (lower, upper)[side > 0][axis])
-        points = np.flatnonzero(distance < 0.99 * self.body.spacing)
+        points = np.flatnonzero(distance < 0.99 * self.body.cell[axis])
         if len(points) == 0:
-            raise ValueError(f"grips: no point lies within one spacing of the {grip.edge} edge")
+            raise ValueError(f"grips: no point lies within one cell of the {grip.edge} edge")
         return _HeldPoints(points, (axis,) if grip.holds == "normal" else (0, 1), self._travel(grip))
 
     @staticmethod
@@ -107,27 +153,32 @@ class Loading:
             for number, grip in enumerate(self.scene.grips):
                 force.move_plane(number, self._travel(grip) * elongation)
 
-    def reactions(self, force: InternalForce, forces: np.ndarray) -> np.ndarray:
-        """Pull of every grip on the body along the loaded axis, outwards, per unit thickness, shape (2,).
-
-        Parameters
-        ----------
-        force : InternalForce
-            In the state last evaluated.
-        forces : ndarray, shape (n, 2)
-            Internal forces there.
-        """
-        sides = np.array([EDGES[grip.edge][1] for grip in self.scene.grips])
-        if self.scene.support == "points":
-            # Points held by a grip take from it what the bonds pull them inwards with.
-            held = self._held[len(self.scene.holds) :]
-            return sides * np.array([-forces[grip.points, self.axis].sum() for grip in held])
-        pair_forces = force.pair_forces()[self._outer_pairs, self.axis]
-        return sides * np.bincount(self._outer_planes, pair_forces, len(sides))
+    def reactions(self, force: InternalForce) -> np.ndarray:
+        """Force of every grip on the body in the state last evaluated, per unit thickness, shape (2, 2): grips, components."""
+        pair_forces, bonds, grips = force.pair_forces(), self.body.bonds, range(len(self.scene.grips))
+        if self.scene.support == "reflected":
+            # What the far side of the plane exerts: all bonds that cross it.
+            crossing, planes = pair_forces[self._outer_pairs], self._outer_planes
+            return np.stack([np.bincount(planes, crossing[:, component], len(grips)) for component in (0, 1)], axis=1)
+        # Points held by a grip take from it what their bonds pull with, in the components that it holds.
+        n, within = len(self.body), bonds.second < len(self.body)
+        internal = np.stack(
+            [
+                np.bincount(bonds.first, pair_forces[:, component], n)
+                - np.bincount(bonds.second[within], pair_forces[within, component], n)
+                for component in (0, 1)
+            ],
+            axis=1,
+        )
+        reactions = np.zeros((len(grips), 2))
+        for grip, held in zip(grips, self._held[len(self.scene.holds) :], strict=True):
+            for component in held.components:
+                reactions[grip, component] = -internal[held.points, component].sum()
+        return reactions
 
     def travels(self) -> np.ndarray:
-        """Share of the elongation that each grip takes, shape (2,)."""
-        return np.array([grip.travel for grip in self.scene.grips])
+        """Displacement of every grip for a unit of elongation, shape (2, 2): grips, components."""
+        return np.array([self._travel(grip) for grip in self.scene.grips])
 
     def ends(self) -> tuple[np.ndarray, np.ndarray]:
         """Points that each grip holds directly."""

@@ -34,6 +34,10 @@ WEAKNESSES = {
     "scalar one (24) leaves errors of per cents at edges",
     "loses stability": "the tangent of a homogeneous state has a direction without resistance, where that of the material has none",
     "does not converge": "no equilibrium was found within the evaluations allowed",
+    "no mirror symmetry": "features that know left from right: mirrored bodies have mirrored forces to the error of the fit",
+    "last step of J3": "forces are formed with the response before the last step of the iteration for J3: they depend on its start by "
+    "up to 1e-8 K/mu",
+    "settings ignored": "a setting that the model cannot honour is taken without a word",
     "accuracy": "the error is larger than asked for",
 }
 """Named weaknesses, explained."""

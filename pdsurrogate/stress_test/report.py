@@ -12,11 +12,11 @@ from threadpoolctl import threadpool_limits
 from .. import __version__
 from ..artifacts import list_artifacts
 from ..forces import FORCES
-from . import arithmetic, deformations, discretisations, dynamics, tangents
+from . import conformance, deformations, discretisations, dynamics, tangents
 from .case import INAPPLICABLE, PASS, STOPS, WEAK, WEAKNESSES, Case, Subject
 
-CASES: tuple[Case, ...] = (*tangents.CASES, *deformations.CASES, *discretisations.CASES, *dynamics.CASES, *arithmetic.CASES)
-"""Every hard case, in the order of the table."""
+CASES: tuple[Case, ...] = (*tangents.CASES, *conformance.PROPERTIES, *deformations.CASES, *discretisations.CASES, *dynamics.CASES)
+"""Every case, in the order of the table: the hard ones, and the properties of `conformance`."""
 
 
 def all_models() -> list[str]:

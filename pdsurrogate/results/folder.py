@@ -1,0 +1,112 @@
+"""The folder of a run: which files in it are a run's, and when a new run may take their place.
+
+A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on, ``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name,
+and ``summary.json``, ``history.csv`` and ``checkpoint.npz``.  A folder holds a run of a scene if its summary names the scene, or a PVD
+index lists states of that name.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+from .checkpoint import NAME as CHECKPOINT
+
+SUMMARY, HISTORY = "summary.json", "history.csv"
+
+
+class FolderTaken(ValueError):
+    """A folder that a run may not write to; the message says what is there and what to do."""
+
+
+def check_room(folder: Path, name: str, overwrite: bool = False) -> None:
+    """See whether a run of a scene may write to a folder, in the place of an earlier run of the same scene.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+        Of the scene.
+    overwrite : bool
+        Also in the place of runs of other scenes.
+
+    Raises
+    ------
+    FolderTaken
+        If the folder holds a run of another scene, or a file called like a run's that no run wrote.
+    """
+    for kind, ours in _SIGNATURES.items():
+        if (folder / kind).exists() and not ours(folder / kind):
+            raise FolderTaken(f"{folder / kind} was not written by a run and would be replaced; give another folder")
+    others = sorted(_scenes_in(folder) - {name})
+    if others and not overwrite:
+        found = f"{folder} holds the results of another scene ({', '.join(others)})"
+        raise FolderTaken(f"{found}; give another folder, or --overwrite (overwrite=True in Python)")
+
+
+def make_room(folder: Path, name: str, overwrite: bool = False) -> None:
+    """Remove the files of earlier runs from a folder, and nothing else; see `check_room`."""
+    check_room(folder, name, overwrite)
+    for scene in _scenes_in(folder) | ({name} if state_files(folder, name) else set()):
+        for path in _files_of(folder, scene):
+            path.unlink()
+    for kind in _SIGNATURES:
+        (folder / kind).unlink(missing_ok=True)
+
+
+def state_files(folder: Path, name: str) -> dict[int, Path]:
+    """VTU files of a scene's states by their numbers."""
+    found = ((re.fullmatch(re.escape(name) + r"-(\d{3,})\.vtu", path.name), path) for path in folder.glob("*.vtu"))
+    return {int(match[1]): path for match, path in found if match}
+
+
+def _files_of(folder: Path, name: str) -> list[Path]:
+    others = (folder / f"{name}{ending}" for ending in (".pvd", ".png", "-loading.png", ".gif"))
+    return [*state_files(folder, name).values(), *(path for path in others if path.is_file())]
+
+
+def _scenes_in(folder: Path) -> set[str]:
+    """Names of the scenes of which a folder holds runs."""
+    scenes = {path.stem for path in folder.glob("*.pvd") if _is_index(path)}
+    summary = _summary(folder / SUMMARY)
+    return scenes if summary is None else scenes | {summary["scene"]}
+
+
+def _is_index(path: Path) -> bool:
+    """Whether a PVD lists states of a run, called like itself."""
+    try:
+        listed = [entry.get("file", "") for entry in ElementTree.parse(path).iter("DataSet")]
+    except (OSError, ElementTree.ParseError):
+        return False
+    return bool(listed) and all(re.fullmatch(re.escape(path.stem) + r"-\d{3,}\.vtu", file) for file in listed)
+
+
+def _summary(path: Path) -> dict | None:
+    """The summary of a run; None where there is none."""
+    try:
+        read = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not (isinstance(read, dict) and isinstance(read.get("levels"), list)):
+        return None
+    scene = read.get("scene")
+    return read if isinstance(scene, str) and scene and scene == Path(scene).name else None  # no path: files are named after it
+
+
+def _head(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(200)
+    except OSError:
+        return b"?"
+
+
+_SIGNATURES = {
+    SUMMARY: lambda path: _summary(path) is not None,
+    HISTORY: lambda path: (head := _head(path)) == b"" or head.startswith((b"stretch,", b"time,")),
+    # The head alone, so that a damaged checkpoint is one.
+    CHECKPOINT: lambda path: (head := _head(path)) == b"" or b"positions.npy" in head,
+}
+"""The files that every run calls alike, and how one that a run wrote is told from any other."""
