@@ -10,6 +10,8 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
+from .ghosts import Ghosts, ReflectionPlane
+
 
 @dataclass(frozen=True)
 class WeightFunction:
@@ -20,13 +22,14 @@ class WeightFunction:
     name : str
     function : callable
         ``function(length, horizon)``.
-    moment : float
-        kappa / horizon**4, with kappa = pi * integral of w r^3 dr over the horizon: the shape tensor of a full circular horizon is kappa I.
+    moments : tuple of float
+        In the plane and in space, kappa over the horizon to the power 4 or 5: the shape tensor of a full horizon is kappa I, with
+        kappa = pi times the integral of w r^3 dr over the horizon, or 4 pi/3 times that of w r^4 dr.
     """
 
     name: str
     function: Callable
-    moment: float
+    moments: tuple[float, float]
 
 
 MOST_POINTS, MOST_BONDS = 20_000_000, 500_000_000
@@ -36,68 +39,11 @@ WEIGHT_FUNCTIONS = {
     weight.name: weight
     for weight in (
         # The paper's own: with it w l is the same for every bond, and so is the force that the network learns.
-        WeightFunction("inverse", lambda length, horizon: horizon / length, np.pi / 3),
-        WeightFunction("constant", lambda length, horizon: np.ones_like(length), np.pi / 4),
-        WeightFunction("linear", lambda length, horizon: 1 - length / horizon, np.pi / 20),
+        WeightFunction("inverse", lambda length, horizon: horizon / length, (np.pi / 3, np.pi / 3)),
+        WeightFunction("constant", lambda length, horizon: np.ones_like(length), (np.pi / 4, 4 * np.pi / 15)),
+        WeightFunction("linear", lambda length, horizon: 1 - length / horizon, (np.pi / 20, 2 * np.pi / 45)),
     )
 }
-
-
-@dataclass(frozen=True)
-class Images:
-    """Points reflected in the planes of grips and symmetry, that continue the body beyond them.
-
-    An image moves with the point it mirrors: each displacement component is carried over evenly (+1) or oddly (-1) about the displacement
-    of its plane.  Odd in both components is a clamped grip; odd in the normal one alone, a symmetry plane or a roller (THEORY section 6).
-
-    Attributes
-    ----------
-    mirror : ndarray of uint32, shape (m,)
-        The body's point behind each image.
-    points : ndarray, shape (m, 2)
-        Reference positions.
-    parity : ndarray, shape (m, 2)
-        +1 or -1 for each component.
-    axis : ndarray of int64, shape (m,)
-        0 or 1: the coordinate along which it is reflected.
-    plane : ndarray of int64, shape (m,)
-        Number of the plane, in the order in which they were added.
-    """
-
-    mirror: np.ndarray
-    points: np.ndarray
-    parity: np.ndarray
-    axis: np.ndarray
-    plane: np.ndarray
-
-    @classmethod
-    def none(cls) -> Images:
-        return cls(np.empty(0, np.uint32), np.empty((0, 2)), np.empty((0, 2)), np.empty(0, np.int64), np.empty(0, np.int64))
-
-    def __len__(self) -> int:
-        return len(self.mirror)
-
-
-@dataclass(frozen=True)
-class ReflectionPlane:
-    """A plane across which a body is continued by its images.
-
-    Parameters
-    ----------
-    axis : int
-        The coordinate held by the plane: 0 for x1, 1 for x2.
-    position : float
-        Its value on the plane.
-    side : int
-        -1 where the body lies at larger values (a left or lower edge), +1 where it lies at smaller ones.
-    parity : tuple of int
-        How each displacement component is reflected, see `Images`.
-    """
-
-    axis: int
-    position: float
-    side: int
-    parity: tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -117,7 +63,7 @@ class Body:
     weight : str, optional
         Name of the weight function, one of `WEIGHT_FUNCTIONS`.
     planes : sequence of ReflectionPlane, optional
-        Planes beyond which the body is continued by images.
+        Planes beyond which the body is continued by ghosts.
     separates : callable, optional
         ``separates(start, end)`` with arrays of shape (k, 2): which bonds are cut from the outset.
     cell : array_like, shape (2,), optional
@@ -137,13 +83,13 @@ class Body:
     planes: tuple[ReflectionPlane, ...] = ()
     separates: Callable | None = None
     cell: tuple[float, float] | np.ndarray | None = None
-    images: Images = field(init=False)
+    ghosts: Ghosts = field(init=False)
 
     def __post_init__(self) -> None:
         points = np.ascontiguousarray(self.points, dtype=float)
         volumes = np.ascontiguousarray(self.volumes, dtype=float)
-        if points.ndim != 2 or points.shape[1] != 2 or len(points) == 0:
-            raise ValueError(f"points must have shape (n, 2) with n > 0, not {points.shape}")
+        if points.ndim != 2 or points.shape[1] not in (2, 3) or len(points) == 0:
+            raise ValueError(f"points must have shape (n, 2) or (n, 3) with n > 0, not {points.shape}")
         if volumes.shape != (len(points),):
             raise ValueError(f"volumes must have shape ({len(points)},), one for each point, not {volumes.shape}")
         if not np.isfinite(points).all():
@@ -157,18 +103,23 @@ class Body:
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "volumes", volumes)
         if not self.spacing:
-            object.__setattr__(self, "spacing", float(np.sqrt(volumes.mean())))
+            object.__setattr__(self, "spacing", float(volumes.mean() ** (1 / points.shape[1])))
         _check_distance_of_planes(self)
-        object.__setattr__(self, "cell", np.full(2, self.spacing) if self.cell is None else np.array(self.cell, dtype=float))
-        object.__setattr__(self, "images", _reflect(points, self.planes, self.horizon))
+        object.__setattr__(self, "cell", np.full(points.shape[1], self.spacing) if self.cell is None else np.array(self.cell, dtype=float))
+        object.__setattr__(self, "ghosts", Ghosts.reflected(points, self.planes, self.horizon))
 
     def __len__(self) -> int:
         return len(self.points)
 
     @property
     def kappa(self) -> float:
-        """Shape tensor of a full circular horizon, kappa I (THEORY section 2)."""
-        return WEIGHT_FUNCTIONS[self.weight].moment * self.horizon**4
+        """Shape tensor of a full horizon, kappa I (docs/theory.md, section 2)."""
+        return WEIGHT_FUNCTIONS[self.weight].moments[self.dimension - 2] * self.horizon ** (self.dimension + 2)
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.points.shape[1]
 
     def weigh(self, length: np.ndarray) -> np.ndarray:
         """Weight function at the given bond lengths."""
@@ -176,13 +127,13 @@ class Body:
 
     @cached_property
     def all_points(self) -> np.ndarray:
-        """Reference positions of the points, then of their images, shape (n + m, 2)."""
-        return np.ascontiguousarray(np.vstack([self.points, self.images.points]))
+        """Reference positions of the points, then of the ghosts, shape (n + m, 2)."""
+        return np.ascontiguousarray(np.vstack([self.points, self.ghosts.points]))
 
     @cached_property
     def all_volumes(self) -> np.ndarray:
-        """Volumes of the points, then of their images, shape (n + m,)."""
-        return np.concatenate([self.volumes, self.volumes[self.images.mirror]])
+        """Volumes of the points, then of the ghosts, shape (n + m,)."""
+        return np.concatenate([self.volumes, self.volumes[self.ghosts.source]])
 
     @cached_property
     def bonds(self) -> Bonds:
@@ -287,7 +238,7 @@ class Bonds:
     pointers : ndarray of uint64, shape (n + 1,)
         Where each point's neighbours begin.
     neighbours : ndarray of uint32
-        Neighbours of all points; numbers from n on are images.
+        Neighbours of all points; numbers from n on are ghosts.
     first, second : ndarray of uint32, shape (n_pairs,)
         The pairs, ordered by `first`, which is a point of the body; `second` is a later point or an image.
     pair_pointers : ndarray of uint64, shape (n + 1,)
@@ -314,7 +265,7 @@ class Bonds:
 
     @property
     def n_directed(self) -> int:
-        """Directed bonds within the body, images not counted."""
+        """Directed bonds within the body, ghosts not counted."""
         return self.n_within
 
     def ends_in_blocks(self, block: int) -> tuple[np.ndarray, np.ndarray]:
@@ -327,7 +278,8 @@ class Bonds:
     def of(cls, body: Body) -> Bonds:
         n = len(body)
         points = body.all_points
-        estimate = n / 2 * min(len(points), np.pi * (body.horizon / body.spacing) ** 2)
+        reach = body.horizon / body.spacing
+        estimate = n / 2 * min(len(points), np.pi * reach**2 if body.dimension == 2 else 4 / 3 * np.pi * reach**3)
         if estimate > MOST_BONDS:
             raise ValueError(
                 f"a horizon of {body.horizon / body.spacing:.3g} spacings makes {estimate:.1g} bonds; at most {MOST_BONDS:.1g} are taken"
@@ -392,28 +344,3 @@ def _check_distance_of_planes(body: Body) -> None:
                     f"the body is {distance:g} long between its reflected grips, too short for a horizon of {body.horizon:g}, "
                     f"which reaches images of images; take a spacing of {enough:.3g} or less, or hold points (support=points)"
                 )
-
-
-def _reflect(points: np.ndarray, planes: tuple[ReflectionPlane, ...], horizon: float) -> Images:
-    mirrors, images, parities, axes, numbers = [], [], [], [], []
-    for number, plane in enumerate(planes):
-        inward = -plane.side * (points[:, plane.axis] - plane.position)
-        if inward.min() < 0:
-            raise ValueError(f"points lie beyond the plane x{plane.axis + 1} = {plane.position:g} in which they would be reflected")
-        near = np.flatnonzero(inward <= horizon * (1 + 1e-9))
-        reflected = points[near].copy()
-        reflected[:, plane.axis] = 2 * plane.position - reflected[:, plane.axis]
-        mirrors.append(near)
-        images.append(reflected)
-        parities.append(np.tile(np.asarray(plane.parity, float), (len(near), 1)))
-        axes.append(np.full(len(near), plane.axis))
-        numbers.append(np.full(len(near), number))
-    if not planes:
-        return Images.none()
-    return Images(
-        np.concatenate(mirrors).astype(np.uint32),
-        np.ascontiguousarray(np.vstack(images)),
-        np.ascontiguousarray(np.vstack(parities)),
-        np.concatenate(axes).astype(np.int64),
-        np.concatenate(numbers).astype(np.int64),
-    )

@@ -39,7 +39,7 @@ class Damage:
         self._limits[: len(length)] = (self.critical_stretch * length) ** 2
         self._found = np.empty(len(self._first), dtype=np.uint32)
         self._counts = np.zeros(numba.get_num_threads(), dtype=np.int64)
-        self._buffers = np.zeros((len(self._counts), 2, BLOCK))
+        self._buffers = np.zeros((len(self._counts), body.dimension, BLOCK))
         self._whole = self._sum(np.ones(len(self.broken))) + _cut_weights(body)
 
     def overstretched(self, positions: np.ndarray) -> np.ndarray:
@@ -51,7 +51,7 @@ class Damage:
             Of the points and their images.
         """
         limits = self._limits.reshape(-1, BLOCK)
-        find_overstretched(positions, self._first, self._second, limits, self._buffers, self._found, self._counts)
+        find_overstretched[self.body.dimension](positions, self._first, self._second, limits, self._buffers, self._found, self._counts)
         if not self._counts.any():
             return self._found[:0]
         chunks, blocks = len(self._counts), len(limits)

@@ -189,7 +189,7 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         "n_points": len(run.body),
         "n_bonds": len(bonds.first),
         "n_directed_bonds": bonds.n_directed,
-        "n_ghost_points": len(run.body.images),
+        "n_ghost_points": len(run.body.ghosts),
         "spacing": run.body.spacing,
         "cell_size": run.body.cell.tolist(),
         "horizon": run.body.horizon,

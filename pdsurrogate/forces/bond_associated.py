@@ -72,7 +72,7 @@ class BondAssociatedEvaluation:
         self._table_weights = np.ascontiguousarray(bond * (weights * volumes[self._table])[:, None])
         horizon_volumes = np.bincount(table_owners, volumes[self._table], total)
         # An image's horizon goes on beyond the images there are: its volume is that of the mirrored point's.
-        horizon_volumes[n:] = horizon_volumes[body.images.mirror]
+        horizon_volumes[n:] = horizon_volumes[body.ghosts.source]
 
         self._common_pointers = np.zeros(len(owners) + 1, dtype=np.uint64)
         self._common = np.empty(0, dtype=np.uint16)
@@ -113,8 +113,28 @@ class BondAssociatedEvaluation:
         self._tables = aligned_rows((chunks, longest, 4))
         self._sums = aligned_rows((chunks, BLOCK, 4), value=1)
         self._scratch = aligned_rows((chunks, SCRATCH_ROWS + 4, BLOCK), value=1)
-        self._unsolved = np.zeros(chunks, dtype=np.int64)
         self._forces = np.empty((len(owners), 2))
+        self._find_forces = bond_associated.bond_associated_forces.bind(
+            self.kinematics.positions,
+            self._table_pointers,
+            self._table,
+            self._table_weights,
+            self._bond_pointers,
+            self._common_pointers,
+            self._common,
+            self._inverse_shapes,
+            self._vectors,
+            self._volume_ratios,
+            self.kinematics.response.address,
+            self.kinematics.parameters,
+            self._tables,
+            self._sums,
+            self._scratch,
+            self._forces,
+            chunks=chunks,
+        )
+        sums = self._forces, self._bond_pointers, self._reverse, law.shear_modulus
+        self._sum_forces = bond_associated.sum_bond_forces[2].bind(*sums, np.empty_like(body.points), chunks=chunks)
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
@@ -139,7 +159,7 @@ class BondAssociatedEvaluation:
         J = np.where(self._inverse_shapes[:, 0] == 0, 1.0, np.linalg.det(F))
         bond = int(np.where(np.isfinite(J), J, -np.inf).argmin())
         x1, x2 = body.all_points[self._targets[bond]]
-        owner = int(np.concatenate([np.arange(len(body)), body.images.mirror])[owners[bond]])
+        owner = int(np.concatenate([np.arange(len(body)), body.ghosts.source])[owners[bond]])
         if not np.isfinite(J[bond]):
             reason = "a position is not finite"
         elif J[bond] <= 0:
@@ -149,28 +169,10 @@ class BondAssociatedEvaluation:
         return at_point(body, owner, f"the deformation gradient of its bond to ({x1:.4g}, {x2:.4g}) has det F = {J[bond]:.3g}: {reason}")
 
     def pass_bonds(self, out: np.ndarray) -> tuple[int, int]:
-        """Everything but the placing of images, at the positions last given; the bonds without a state and the points without a force."""
-        kinematics = self.kinematics
-        unsolved = bond_associated.bond_associated_forces(
-            kinematics.positions,
-            self._table_pointers,
-            self._table,
-            self._table_weights,
-            self._bond_pointers,
-            self._common_pointers,
-            self._common,
-            self._inverse_shapes,
-            self._vectors,
-            self._volume_ratios,
-            kinematics.response.address,
-            kinematics.parameters,
-            self._tables,
-            self._sums,
-            self._scratch,
-            self._unsolved,
-            self._forces,
-        )
-        return unsolved, bond_associated.sum_bond_forces(self._forces, self._bond_pointers, self._reverse, self.law.shear_modulus, out)
+        """Everything but the placing of ghosts, at the positions last given; the bonds without a state and the points without a force."""
+        unsolved = self._find_forces()
+        self._sum_forces.give("out", out)
+        return unsolved, self._sum_forces()
 
     def break_bonds(self, pairs: np.ndarray) -> None:
         """Refused: its bonds do not break."""

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..body import Body
-from ..kernels import bond_energy, gradient, reference
+from ..kernels import bond_energy
 from ..kernels.blocks import BLOCK, aligned_rows
 from ..kernels.bond_pass import FALL_BACK, UNGUARDED
+from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import exact_energy_density
+from ..kernels.reference import bond_shares
+from ..kernels.sums import point_forces, sum_moments, weigh_moments
 from ..materials import Law
 from .domain_watch import DomainWatch
 from .energy_density import EnergyDerivatives, EnergySurrogate, ExactEnergyDensity, blended, domain_constants
@@ -38,8 +43,8 @@ class BondEnergyForce(ExactEnergyDensity, BindableForce):
 class BondEnergyEvaluation(DomainWatch):
     """An energy bound to a body: gradient pass, a pass over each pair once, and the sums to points.
 
-    The energy is that of the body's own points: of a pair with an image, the point's share counts and the image's, which lies beyond the
-    grip, does not.  Images are functions of the points they mirror, so what the energy says about an image is handed on to that point.
+    The energy is that of the body's own points: of a pair with a ghost, the point's share counts and the ghost's, which lies beyond the
+    grip, does not.  Ghosts are functions of the points they mirror, so what the energy says about a ghost is handed on to that point.
     """
 
     correction = "none"
@@ -64,20 +69,22 @@ class BondEnergyEvaluation(DomainWatch):
         rows[:3, : self._n_pairs] = vectors[:, 0] / length, vectors[:, 1] / length, 1 / length
         self.geometry[:] = rows.reshape(4, blocks, BLOCK).transpose(1, 0, 2)
 
-        # Pairs in which a point or an image comes second; images are first in none.
+        # Pairs in which a point or a ghost comes second; ghosts are first in none.
         incidence = np.argsort(bonds.second, kind="stable").astype(np.uint32)
         self._incidence = incidence
         self._incidence_pointers = np.zeros(total + 1, dtype=np.uint64)
         self._incidence_pointers[1:] = np.cumsum(np.bincount(bonds.second, minlength=total))
         self._pair_pointers = np.full(total + 1, bonds.pair_pointers[-1])
         self._pair_pointers[: n + 1] = bonds.pair_pointers
-        # Bonds of the images, seen from them: the directed bonds that end in one, by image.
+        # Bonds of the ghosts, seen from them: the directed bonds that end in one, by image.
         towards = np.flatnonzero(bonds.neighbours >= n)
-        self._image_bonds = towards[np.argsort(bonds.neighbours[towards], kind="stable")]
+        self._ghost_bonds = towards[np.argsort(bonds.neighbours[towards], kind="stable")]
         owners = np.repeat(np.arange(n, dtype=np.uint32), np.diff(bonds.pointers).astype(np.int64))
-        self._image_neighbours = owners[self._image_bonds]
-        self._image_pointers = np.zeros(total - n + 1, dtype=np.uint64)
-        self._image_pointers[1:] = np.cumsum(np.bincount(bonds.neighbours[towards] - n, minlength=total - n))
+        self._ghost_neighbours = owners[self._ghost_bonds]
+        self._ghost_pointers = np.zeros(total - n + 1, dtype=np.uint64)
+        self._ghost_pointers[1:] = np.cumsum(np.bincount(bonds.neighbours[towards] - n, minlength=total - n))
+        # In the precision of the points' own: another would have `point_forces` compiled a second time.
+        self._ghost_weighted_bonds = aligned_rows((len(towards), 2), self.precision)
         self._counted, self._shares = np.zeros(self._n_pairs), np.zeros(len(bonds.neighbours))
         self._weigh_pairs(np.arange(self._n_pairs))
 
@@ -91,13 +98,38 @@ class BondEnergyEvaluation(DomainWatch):
         self._buffers = aligned_rows((chunks, bond_energy.BUFFER_ROWS, BLOCK), self.precision)
         self._sums = aligned_rows((chunks, 4, BLOCK))
         self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), self.precision)
-        self._counts = np.zeros((3, chunks), dtype=np.int64)
+        self._counts = np.zeros((chunks, 3), dtype=np.int64)
         self._energy, self._collapsed = 0.0, 0
         self._energies = np.zeros(blocks)
         self._forces = aligned_rows((size, 2), self.precision)
         self._moments = aligned_rows((size, 4), self.precision)
         self._stresses = aligned_rows((total, 4))
         self._node_parts, self._all_forces = np.zeros((total, 2)), np.zeros((total, 2))
+        self._find_energies = bond_energy.pair_energies.bind(
+            self.kinematics.positions,
+            self.kinematics.gradients,
+            self._first,
+            self._second,
+            self.geometry,
+            compiled.address,
+            compiled.sizes,
+            compiled.weights,
+            self._exact.address,
+            self.kinematics.response.address,
+            self.kinematics.parameters,
+            self._guard,
+            self._domain,
+            self._buffers,
+            self._sums,
+            self._work,
+            self.kinematics.scratch,
+            self._counts,
+            self._energies,
+            self._forces,
+            self._moments,
+            chunks=chunks,
+        )
+        self._own_sums = self.sums_of(self._forces, self._moments)
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
@@ -114,63 +146,42 @@ class BondEnergyEvaluation(DomainWatch):
 
         Returns the number of pairs outside the domain, of those turned inside out, and of points without a force.
         """
-        kinematics = self.kinematics
-        self._energy, outside, self._collapsed, invalid = bond_energy.pair_energies(
-            kinematics.positions,
-            kinematics.gradients,
-            self._first,
-            self._second,
-            self.geometry,
-            self._compiled.address,
-            self._compiled.sizes,
-            self._compiled.weights,
-            self._exact.address,
-            kinematics.response.address,
-            kinematics.parameters,
-            self._guard,
-            self._domain,
-            self._buffers,
-            self._sums,
-            self._work,
-            kinematics.scratch,
-            *self._counts,
-            self._energies,
-            self._forces,
-            self._moments,
-        )
-        return outside, invalid, self._sum_to_points(self._forces, self._moments, out)
+        self._find_energies()
+        self._energy = float(sum_in_order(self._energies))
+        outside, self._collapsed, invalid = self._counts.sum(axis=0).tolist()
+        return outside, invalid, self._own_sums(out)
 
-    def _sum_to_points(self, forces, moments, out) -> int:
-        """Force on the body's points from the parts of the pairs; what falls to an image goes to the point behind it.
+    def sums_of(self, forces: np.ndarray, moments: np.ndarray) -> Callable[[np.ndarray], int]:
+        """What sums forces and moments of the pairs to the body's points, bound to these arrays.
 
-        Returns the number of points and images without a force.
+        What falls to a ghost goes to the point behind it.  Called with the array to write to, it returns the number of points and ghosts
+        without a force.
         """
-        body, bonds, images, kinematics = self.body, self.body.bonds, self.body.images, self.kinematics
-        n = len(body)
-        bond_energy.sum_moments(moments, self._pair_pointers, self._incidence_pointers, self._incidence, self._stresses)
-        bond_energy.return_moments(self._stresses, n, images.mirror, images.parity, images.axis)
-        bond_energy.weigh_moments(self._stresses, kinematics.inverse_shape, body.volumes)
-        common = (forces, self._stresses, self._pair_pointers, self._incidence_pointers, self._incidence)
-        unit = self.law.shear_modulus
-        total = self._all_forces if len(images) else out
-        strange = bond_energy.point_forces(
-            *common, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes, unit, 0, self._node_parts, total
-        )
-        if len(images):
-            strange += bond_energy.point_forces(
-                *common,
-                self._image_pointers,
-                self._image_neighbours,
-                self._image_weighted_bonds,
-                body.all_volumes,
-                unit,
-                n,
-                self._node_parts,
-                total,
-            )
-            bond_energy.return_forces(total, n, images.mirror, images.parity)
+        body, bonds, ghosts, kinematics = self.body, self.body.bonds, self.body.ghosts, self.kinematics
+        n, chunks = len(body), kinematics.chunks
+        pairs = self._pair_pointers, self._incidence_pointers, self._incidence
+        gather = sum_moments[2].bind(moments, *pairs, self._stresses, chunks=chunks)
+        weigh = weigh_moments[2].bind(self._stresses, kinematics.inverse_shape, body.volumes, chunks=chunks)
+        common = forces, self._stresses, *pairs
+        unit, total = self.law.shear_modulus, self._all_forces if len(ghosts) else np.empty_like(body.points)
+        directed = bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
+        own = point_forces[2].bind(*common, *directed, unit, 0, self._node_parts, total, chunks=chunks)
+        directed = self._ghost_pointers, self._ghost_neighbours, self._ghost_weighted_bonds, body.all_volumes
+        others = point_forces[2].bind(*common, *directed, unit, n, self._node_parts, total, chunks=chunks)
+
+        def to_points(out: np.ndarray) -> int:
+            gather()
+            ghosts.fold_moments(self._stresses)
+            weigh()
+            if not len(ghosts):
+                own.give("out", out)
+                return own()
+            strange = own() + others()
+            ghosts.fold_forces(total)
             out[:] = total[:n]
-        return strange
+            return strange
+
+        return to_points
 
     def energy(self) -> float:
         """Stored energy per unit thickness in the state last evaluated."""
@@ -196,32 +207,32 @@ class BondEnergyEvaluation(DomainWatch):
     def pair_forces(self) -> np.ndarray:
         """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2).
 
-        The pair's own part, and what the two ends' S exert along it.  Of a pair with an image, that includes what the energy of the
-        mirrored pair says about the image of this point.
+        The pair's own part, and what the two ends' S exert along it.  Of a pair with a ghost, that includes what the energy of the
+        mirrored pair says about the ghost of this point.
         """
         bonds, body, n = self.body.bonds, self.body, len(self.body)
-        images = body.images
+        ghosts = body.ghosts
         vectors = body.all_points[bonds.second] - body.all_points[bonds.first]
-        stresses = self._stresses.reshape(-1, 2, 2).transpose(0, 2, 1).copy()
-        flip = np.where(images.axis[:, None] == np.arange(2), -1.0, 1.0)
-        stresses[n:] = images.parity[:, :, None] * stresses[images.mirror] * flip[:, None, :]
+        stresses = self._stresses.copy()
+        ghosts.fill_changes(stresses)
+        stresses = stresses.reshape(-1, 2, 2).transpose(0, 2, 1)
         strength = self._strength * self._intact
         forces = self._forces[: self._n_pairs].astype(float)
         outer = np.flatnonzero(bonds.second >= n)
         if len(outer):
-            image = bonds.second[outer] - n
-            forces[self._mirrored_pairs(outer)] -= images.parity[image] * self._forces[outer]
+            ghost = bonds.second[outer] - n
+            forces[self._mirrored_pairs(outer)] -= ghosts.parity[ghost] * self._forces[outer]
         forces += strength[:, None] * np.einsum("bij,bj->bi", stresses[bonds.first] + stresses[bonds.second], vectors)
         return self.law.shear_modulus * forces
 
     def _mirrored_pairs(self, outer: np.ndarray) -> np.ndarray:
-        """For pairs of a point i and the image of a point k: the pairs of k and the image of i in the same plane."""
-        bonds, images, n = self.body.bonds, self.body.images, len(self.body)
-        image = bonds.second[outer].astype(np.int64) - n
-        number = np.full((int(images.plane.max()) + 1, n), -1)
-        number[images.plane, images.mirror] = np.arange(len(images))
-        partner = images.mirror[image].astype(np.int64), n + number[images.plane[image], bonds.first[outer]]
-        total = n + len(images)
+        """For pairs of a point i and the ghost of a point k: the pairs of k and the ghost of i in the same plane."""
+        bonds, ghosts, n = self.body.bonds, self.body.ghosts, len(self.body)
+        ghost = bonds.second[outer].astype(np.int64) - n
+        number = np.full((int(ghosts.plane.max()) + 1, n), -1)
+        number[ghosts.plane, ghosts.source] = np.arange(len(ghosts))
+        partner = ghosts.source[ghost].astype(np.int64), n + number[ghosts.plane[ghost], bonds.first[outer]]
+        total = n + len(ghosts)
         keys = bonds.first[outer].astype(np.int64) * total + bonds.second[outer]
         order = np.argsort(keys)
         return outer[order[np.searchsorted(keys[order], partner[0] * total + partner[1])]]
@@ -284,7 +295,7 @@ class BondEnergyEvaluation(DomainWatch):
     def _weigh_pairs(self, pairs: np.ndarray) -> None:
         """Bring beta up to date after a change at the given pairs, from what is intact and which points have a gradient.
 
-        Of a pair with an image only the point's share counts.
+        Of a pair with a ghost only the point's share counts.
         """
         bonds, body, n = self.body.bonds, self.body, len(self.body)
         supported = self.kinematics.supported.astype(bool)
@@ -297,15 +308,14 @@ class BondEnergyEvaluation(DomainWatch):
         entries = np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
         around = np.unique(bonds.pair_of[entries])
         directed = bonds.pointers, bonds.neighbours, bonds.pair_of
-        reference.bond_shares(touched, *directed, body.all_points, body.volumes, self._counted, body.horizon, self._shares)
+        bond_shares[2](touched, *directed, body.all_points, body.volumes, self._counted, body.horizon, self._shares)
         entries, starts = self.kinematics.pair_entries
         one, other = entries[starts[around]], entries[starts[around + 1] - 1]
         self._weights[around] = self._shares[one] + np.where(other != one, self._shares[other], 0.0)
         self.geometry[around // BLOCK, 3, around % BLOCK] = self._weights[around]
-        bond, volumes = self.kinematics.weighted_bonds[self._image_bonds], body.all_volumes
-        ratio = volumes[self._image_neighbours] / volumes[bonds.neighbours[self._image_bonds]]
-        # In the precision of the points' own: another would have `point_forces` compiled a second time.
-        self._image_weighted_bonds = (-bond * ratio[:, None]).astype(bond.dtype)
+        bond, volumes = self.kinematics.weighted_bonds[self._ghost_bonds], body.all_volumes
+        ratio = volumes[self._ghost_neighbours] / volumes[bonds.neighbours[self._ghost_bonds]]
+        self._ghost_weighted_bonds[:] = -bond * ratio[:, None]
 
     def _diagnose(self) -> str:
         """Say which bond has no energy, and why."""
@@ -327,13 +337,18 @@ class BondEnergyEvaluation(DomainWatch):
                 return at_point(self.body, int(bonds.first[pair]), str(error))
         return "a bond has no energy"
 
-    def gradient_change(self, displacements: np.ndarray, positions: np.ndarray, gradients: np.ndarray) -> None:
-        """Displacements of points and images, and the change of every F under them; the linear part of `Kinematics.update_gradients`."""
-        body, kinematics, images, n = self.body, self.kinematics, self.body.images, len(self.body)
-        positions[:n] = displacements
-        positions[n:] = images.parity * displacements[images.mirror]
-        bonds = body.bonds
-        gradient.deformation_gradients(
-            positions, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, kinematics.inverse_shape, 0.0, gradients
-        )
-        bond_energy.reflect_changes(gradients, n, images.mirror, images.parity, images.axis)
+    def change_pass(self, changes: np.ndarray, gradients: np.ndarray) -> Callable[[np.ndarray], None]:
+        """What forms the changes of all F under displacements of the points, the linear part of `Kinematics.update_gradients`.
+
+        Called with displacements (n, 2), it writes those of points and ghosts to `changes`, and the changes of F to `gradients`.
+        """
+        ghosts, n = self.body.ghosts, len(self.body)
+        form = self.kinematics.gradient_pass(changes, gradients, 0.0)
+
+        def change(displacements: np.ndarray) -> None:
+            changes[:n] = displacements
+            ghosts.fill_displacements(changes)
+            form()
+            ghosts.fill_changes(gradients)
+
+        return change

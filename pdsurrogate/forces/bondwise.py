@@ -11,6 +11,7 @@ from ..kernels import bond_pass, reference
 from ..kernels.blocks import BLOCK, aligned_rows
 from ..kernels.exact import exact_bond_force
 from ..kernels.node_state import ROTATIONS
+from ..kernels.sums import sum_pair_forces
 from ..materials import Law
 from .domain_watch import DomainWatch
 from .kinematics import Kinematics, at_point, locate
@@ -66,8 +67,29 @@ class BondForceEvaluation(DomainWatch):
         chunks = self.kinematics.chunks
         self._buffers = aligned_rows((chunks, bond_pass.BUFFER_ROWS, BLOCK), self.precision)
         self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), self.precision)
-        self._outside = np.zeros(chunks, dtype=np.int64)
         self._forces = aligned_rows((len(self._first), 2), self.precision)
+        self._find_forces = bond_pass.pair_forces.bind(
+            self.kinematics.positions,
+            self.kinematics.records,
+            self._first,
+            self._second,
+            self.geometry,
+            compiled.address,
+            compiled.sizes,
+            compiled.weights,
+            self._exact.address,
+            self.kinematics.response.address,
+            self.kinematics.parameters,
+            self._guard,
+            self._domain,
+            self._buffers,
+            self._work,
+            self.kinematics.scratch,
+            self._forces,
+            chunks=chunks,
+        )
+        sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
+        self._sum_forces = sum_pair_forces[2].bind(*sums, law.shear_modulus, np.empty_like(body.points), chunks=chunks)
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
@@ -92,30 +114,9 @@ class BondForceEvaluation(DomainWatch):
 
     def pass_bonds(self, out: np.ndarray) -> tuple[int, int]:
         """Bond pass and sum in the kinematic state last updated; the pairs outside the domain and the points without a force."""
-        kinematics, bonds = self.kinematics, self.body.bonds
-        outside = bond_pass.pair_forces(
-            kinematics.positions,
-            kinematics.records,
-            self._first,
-            self._second,
-            self.geometry,
-            self._compiled.address,
-            self._compiled.sizes,
-            self._compiled.weights,
-            self._exact.address,
-            kinematics.response.address,
-            kinematics.parameters,
-            self._guard,
-            self._domain,
-            self._buffers,
-            self._work,
-            kinematics.scratch,
-            self._outside,
-            self._forces,
-        )
-        return outside, bond_pass.sum_pair_forces(
-            self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence, self.law.shear_modulus, out
-        )
+        outside = self._find_forces()
+        self._sum_forces.give("out", out)
+        return outside, self._sum_forces()
 
     def _find_geometry(self, pairs: np.ndarray) -> None:
         body, bonds = self.body, self.body.bonds

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numba
 import numpy as np
 
 from ..body import Body
-from ..kernels import gradient, node_state, reference
+from ..kernels import node_state
 from ..kernels.blocks import BLOCK, SCRATCH_ROWS, aligned_rows
+from ..kernels.gradient import deformation_gradients
+from ..kernels.passes import BoundPass
+from ..kernels.reference import shape_rows
 from ..materials import Law, plane_stress
 from .learnt_thickness import LearntThickness
 from .protocol import InvalidState
@@ -62,25 +66,25 @@ class Kinematics:
         factors = body.weigh(np.linalg.norm(vectors, axis=1)) * body.all_volumes[bonds.neighbours]
         self.weighted_bonds = aligned_rows(vectors.shape, precision)
         self.weighted_bonds[:] = vectors * factors[:, None]
-        self.inverse_shape = np.zeros((total, 3))
+        dimension = body.dimension
+        self.inverse_shape = np.zeros((total, dimension * (dimension + 1) // 2))
         self.supported = np.zeros(total, dtype=np.uint8)
         self._find_shapes(np.arange(n, dtype=np.uint32))
-        images = body.images
 
         self.positions = points.copy()
-        self._shift = images.points - images.parity * points[images.mirror]
-        self._shift_at_rest = self._shift.copy()
-        self.gradients = aligned_rows((total, 4))
+        self._plane_displacements = np.zeros((len(body.planes), dimension))
+        self._shifts = body.ghosts.shifts(body.points, self._plane_displacements)
+        self.gradients = aligned_rows((total, dimension * dimension))
+        self._form_gradients = self.gradient_pass(self.positions, self.gradients, 1.0)
         self.volume_ratios = np.ones(total)
         self.records = aligned_rows((total, 4), precision)
         self.scratch = aligned_rows((self.chunks, SCRATCH_ROWS, BLOCK), value=1)
-        self._unsolved = np.zeros(self.chunks, dtype=np.int64)
         self.learnt_thickness: LearntThickness | None = None
 
     def _find_shapes(self, rows: np.ndarray) -> None:
         """Shape tensors of the given points, then of all images."""
         body, bonds = self.body, self.body.bonds
-        reference.shape_rows(
+        shape_rows[body.dimension](
             rows,
             bonds.pointers,
             bonds.neighbours,
@@ -89,7 +93,8 @@ class Kinematics:
             self.inverse_shape,
             self.supported,
         )
-        reference.reflect_shapes(len(body), body.images.mirror, self.inverse_shape, self.supported)
+        body.ghosts.fill_shapes(self.inverse_shape)
+        body.ghosts.fill(self.supported)
         self.unsupported = np.flatnonzero(self.supported[: len(body)] == 0)
 
     def break_bonds(self, pairs: np.ndarray) -> np.ndarray:
@@ -109,7 +114,7 @@ class Kinematics:
         self._find_shapes(touched)
         reached = np.zeros(len(self.body.all_points), dtype=bool)
         reached[touched] = True
-        reached[n:] = reached[self.body.images.mirror]
+        self.body.ghosts.fill(reached)
         outer = self._outer_pairs
         own = [bonds.pair_of[bonds.pointers[i] : bonds.pointers[i + 1]] for i in touched]
         return np.unique(np.concatenate([*own, outer[reached[bonds.second[outer]]]]))
@@ -136,25 +141,44 @@ class Kinematics:
         """Numbers of the pairs with an image."""
         return np.flatnonzero(self.body.bonds.second >= len(self.body)).astype(np.uint32)
 
+    def gradient_pass(self, positions: np.ndarray, gradients: np.ndarray, unsupported: float) -> BoundPass:
+        """The pass that forms the points' deformation gradients from positions; with `unsupported` 0, changes from displacements."""
+        bonds = self.body.bonds
+        arrays = bonds.pointers, bonds.neighbours, self.weighted_bonds, self.inverse_shape
+        return deformation_gradients[self.body.dimension].bind(positions, *arrays, unsupported, gradients, chunks=self.chunks)
+
     def move_plane(self, plane: int, displacement) -> None:
         """Displace a reflection plane: its images follow, odd components about the new place."""
-        images = self.body.images
-        chosen = images.plane == plane
-        self._shift[chosen] = self._shift_at_rest[chosen] + (1 - images.parity[chosen]) * np.asarray(displacement, dtype=float)
+        self._plane_displacements[plane] = displacement
+        self._shifts[:] = self.body.ghosts.shifts(self.body.points, self._plane_displacements)
 
     def place(self, positions: np.ndarray) -> None:
-        """Take new positions of the body's points, and move the images with them; nothing else."""
-        images = self.body.images
-        gradient.place(positions, self.positions, images.mirror, images.parity, self._shift)
+        """Take new positions of the body's points, and move the ghosts with them; nothing else."""
+        self.positions[: len(self.body)] = positions
+        self.body.ghosts.fill_positions(self.positions, self._shifts)
 
     def update_gradients(self, positions: np.ndarray) -> None:
-        """Take new positions of the body's points, and form the deformation gradients of points and images; nothing else."""
+        """Take new positions of the body's points, and form the deformation gradients of points and ghosts; nothing else."""
         self.place(positions)
-        bonds, images = self.body.bonds, self.body.images
-        gradient.deformation_gradients(
-            self.positions, bonds.pointers, bonds.neighbours, self.weighted_bonds, self.inverse_shape, 1.0, self.gradients
+        self._form_gradients()
+        self.body.ghosts.fill_gradients(self.gradients)
+
+    @cached_property
+    def _find_states(self) -> Callable[[], int]:
+        """The pass over the points' states; bound at its first use, when it is known what solves the plane-stress condition."""
+        if self.learnt_thickness is not None:
+            law = self.response.address, self.parameters
+            return self.learnt_thickness.bind(self.gradients, self.volume_ratios, self._rotation, *law, self.records, self.chunks)
+        return node_state.node_states.bind(
+            self.gradients,
+            self.volume_ratios,
+            self._rotation,
+            self.response.address,
+            self.parameters,
+            self.scratch,
+            self.records,
+            chunks=self.chunks,
         )
-        gradient.reflect_gradients(self.gradients, len(self.body), images.mirror, images.parity, images.axis)
 
     def update(self, positions: np.ndarray) -> None:
         """Take new positions of the body's points, and bring everything else up to date.
@@ -165,21 +189,7 @@ class Kinematics:
             Where det F <= 0, the law ends, or numbers are not finite; names the point.
         """
         self.update_gradients(positions)
-        if self.learnt_thickness is not None:
-            law = self.response.address, self.parameters
-            unsolved = self.learnt_thickness.update(self.gradients, self.volume_ratios, self._rotation, *law, self.records, self._unsolved)
-        else:
-            unsolved = node_state.node_states(
-                self.gradients,
-                self.volume_ratios,
-                self._rotation,
-                self.response.address,
-                self.parameters,
-                self.scratch,
-                self.records,
-                self._unsolved,
-            )
-        if unsolved:
+        if self._find_states():
             raise InvalidState(self._diagnose())
 
     def deformation_gradients(self) -> np.ndarray:
@@ -189,7 +199,7 @@ class Kinematics:
     def _diagnose(self) -> str:
         """Say which point has no state, and why.  The volume ratios are reset, so that a later evaluation starts afresh."""
         self.volume_ratios[:] = 1.0
-        owners = np.concatenate([np.arange(len(self.body)), self.body.images.mirror.astype(np.int64)])
+        owners = np.concatenate([np.arange(len(self.body)), self.body.ghosts.source.astype(np.int64)])
 
         def at(number: int, what: str) -> str:
             image = "" if number < len(self.body) else "its image beyond the grip: "

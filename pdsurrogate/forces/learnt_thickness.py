@@ -6,6 +6,7 @@ import numpy as np
 
 from ..kernels import learnt_thickness
 from ..kernels.blocks import BLOCK, aligned_rows
+from ..kernels.passes import BoundPass
 from ..materials import Law
 from .protocol import CompiledBondForce, Domain
 
@@ -38,9 +39,9 @@ class LearntThickness:
         self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), precision)
         self._scratch = aligned_rows((chunks, learnt_thickness.SCRATCH_ROWS, BLOCK), value=1)
 
-    def update(self, gradients, volume_ratios, rotation: int, response: int, parameters, records, unsolved) -> int:
-        """Bring `volume_ratios` and `records` up to date, and count the points without a state; see `kernels.node_state.node_states`."""
-        return learnt_thickness.learnt_node_states(
+    def bind(self, gradients, volume_ratios, rotation: int, response: int, parameters, records, chunks: int) -> BoundPass:
+        """The pass that brings `volume_ratios` and `records` up to date, and counts the points without a state."""
+        return learnt_thickness.learnt_node_states.bind(
             gradients,
             volume_ratios,
             rotation,
@@ -56,5 +57,5 @@ class LearntThickness:
             self._work,
             self._scratch,
             records,
-            unsolved,
+            chunks=chunks,
         )

@@ -39,7 +39,21 @@ class CorrespondenceEvaluation:
         self.body, self.law = body, law
         self.evaluations = 0
         self.kinematics = Kinematics(body, law, "float64", breakable=settings.breakable)
+        kinematics, bonds = self.kinematics, body.bonds
         self._stresses = aligned_rows((len(body.all_points), 4))
+        self._weigh_stresses = correspondence.weighted_stresses[2].bind(
+            kinematics.gradients,
+            kinematics.volume_ratios,
+            kinematics.inverse_shape,
+            law.shear_modulus,
+            kinematics.response.address,
+            kinematics.parameters,
+            kinematics.scratch,
+            self._stresses,
+            chunks=kinematics.chunks,
+        )
+        sums = self._stresses, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
+        self._sum_forces = correspondence.correspondence_forces[2].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
         self._broken = np.zeros(len(body.bonds.first), dtype=bool) if settings.breakable else None
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
@@ -50,20 +64,9 @@ class CorrespondenceEvaluation:
 
     def pass_bonds(self, out: np.ndarray) -> int:
         """Stresses and bond pass in the kinematic state last updated; the number of points without a force."""
-        kinematics, bonds = self.kinematics, self.body.bonds
-        correspondence.weighted_stresses(
-            kinematics.gradients,
-            kinematics.volume_ratios,
-            kinematics.inverse_shape,
-            self.law.shear_modulus,
-            kinematics.response.address,
-            kinematics.parameters,
-            kinematics.scratch,
-            self._stresses,
-        )
-        return correspondence.correspondence_forces(
-            self._stresses, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, self.body.volumes, out
-        )
+        self._weigh_stresses()
+        self._sum_forces.give("out", out)
+        return self._sum_forces()
 
     def break_bonds(self, pairs: np.ndarray) -> None:
         """Take pairs out of the horizons, and with them out of the forces."""

@@ -48,13 +48,9 @@ class Tangent:
         total = len(force.body.all_points)
         self._positions, self._gradients = np.zeros((total, 2)), np.zeros((total, 4))
         self._forces, self._moments = np.zeros((n_blocks * BLOCK, 2)), np.zeros((n_blocks * BLOCK, 4))
-
-    def product(self, displacements: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
-        """The tangent times displacements (n, 2), of the same shape; costs about one force evaluation."""
-        force = self.force
-        out = np.empty_like(displacements) if out is None else out
-        force.gradient_change(displacements, self._positions, self._gradients)
-        bond_energy.pair_tangents(
+        self._change = force.change_pass(self._positions, self._gradients)
+        self._sum = force.sums_of(self._forces, self._moments)
+        self._find_tangents = bond_energy.pair_tangents.bind(
             self._positions,
             self._gradients,
             force._first,
@@ -65,8 +61,15 @@ class Tangent:
             force._sums,
             self._forces,
             self._moments,
+            chunks=force.kinematics.chunks,
         )
-        force._sum_to_points(self._forces, self._moments, out)
+
+    def product(self, displacements: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
+        """The tangent times displacements (n, 2), of the same shape; costs about one force evaluation."""
+        out = np.empty_like(displacements) if out is None else out
+        self._change(displacements)
+        self._find_tangents()
+        self._sum(out)
         np.negative(out, out=out)
         return out
 
@@ -77,7 +80,7 @@ class Tangent:
         eigenvalues; a solver for large ones uses `product`.
         """
         force, body = self.force, self.force.body
-        bonds, images, n = body.bonds, body.images, len(body)
+        bonds, ghosts, n = body.bonds, body.ghosts, len(body)
         total, pairs = len(body.all_points), len(bonds.first)
         vectors = body.all_points[bonds.second] - body.all_points[bonds.first]
         length = np.linalg.norm(vectors, axis=1)
@@ -90,12 +93,11 @@ class Tangent:
             values = np.concatenate([weights[:, b], -np.bincount(owners, weights[:, b], n)])
             rows, columns = np.concatenate([owners, np.arange(n)]), np.concatenate([bonds.neighbours.astype(np.int64), np.arange(n)])
             gradient.append(sparse.csr_array((values, (rows, columns)), shape=(n, total)))
-        identity, each = sparse.identity(n, format="csr"), np.arange(len(images))
-        flip = np.where(images.axis[:, None] == np.arange(2), -1.0, 1.0)
+        identity, each = sparse.identity(n, format="csr"), np.arange(len(ghosts))
 
         def extended(factors):
-            """Values on points, carried to their images times the given factors."""
-            mirror = sparse.csr_array((factors, (each, images.mirror.astype(np.int64))), shape=(len(images), n))
+            """Values on points, carried to their ghosts times the given factors."""
+            mirror = sparse.csr_array((factors, (each, ghosts.source.astype(np.int64))), shape=(len(ghosts), n))
             return sparse.vstack([identity, mirror], format="csr")
 
         one, pair = np.ones(pairs), np.arange(pairs)
@@ -103,11 +105,15 @@ class Tangent:
         ends = sparse.csr_array((one, (pair, bonds.second.astype(np.int64))), shape=(pairs, total))
         along, across = [], []
         for a in range(2):
-            place = extended(images.parity[:, a])
+            place = extended(ghosts.parity[:, a])
             along.append(sparse.diags_array(1 / length) @ (ends - starts) @ place)
             across.append(
                 sum(
-                    sparse.diags_array(m[b] / 2) @ (starts + ends) @ extended(images.parity[:, a] * flip[:, b]) @ gradient[b] @ place
+                    sparse.diags_array(m[b] / 2)
+                    @ (starts + ends)
+                    @ extended(ghosts.parity[:, a] * ghosts.reflection[:, b])
+                    @ gradient[b]
+                    @ place
                     for b in range(2)
                 )
             )

@@ -47,7 +47,7 @@ def correspondence_forces(algebra):
 
     @Pass
     def correspondence_forces(chunk, chunks, stresses, pointers, neighbours, weighted_bonds, volumes, out):
-        """Force on every point: sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j; returns the number of points where it is not finite."""
+        """Force on every point, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j; returns for how many it is not finite."""
         strange = 0
         start, stop = share_of(out.shape[0], chunk, chunks)
         for i in range(start, stop):

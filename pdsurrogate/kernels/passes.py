@@ -17,9 +17,9 @@ from llvmlite import ir
 from numba import prange, types
 from numba.core import cgutils
 from numba.core.ccallback import CFunc
-from numba.extending import intrinsic
+from numba.extending import intrinsic, overload
 
-from .compile import compile_block_function, inlined, kernel, parallel_kernel, plain_function
+from .compile import INLINE_OPTIONS, compile_block_function, inlined, kernel, parallel_kernel, plain_function
 from .keys import code_digest
 from .threads import start_threads
 
@@ -55,6 +55,18 @@ def _run_on_threads(address, arguments, counts):
 def _run_here(address, arguments):
     """Run a pass as one chunk, on the thread that calls."""
     return _call_chunk(address, arguments, 0, 1)
+
+
+def _count(found):
+    """What a pass has counted; 0 where it counts nothing."""
+    return found
+
+
+@overload(_count, jit_options=INLINE_OPTIONS)
+def _count_of(found):
+    if isinstance(found, types.NoneType):
+        return lambda found: 0
+    return lambda found: found
 
 
 def _unpacker(kinds: tuple):
@@ -140,7 +152,7 @@ class Pass:
             digest = code_digest(self.function, unpack, [str(kind) for kind in kinds])
 
             def entry(arguments, chunk, chunks):
-                return function(chunk, chunks, *unpack(arguments))
+                return _count(function(chunk, chunks, *unpack(arguments)))
 
             entry.__qualname__ = self.function.__qualname__
             self._code[kinds] = compile_block_function(entry, CHUNK_FUNCTION, digest)

@@ -116,9 +116,9 @@ def bond_shares(algebra):
 
         A bond's energy is that of the material about its middle.  Shares in proportion to w V_j alone put the energy of a point at an edge
         half a mean bond inside, where it is another: an error of first order in the horizon that lets holes yield.  Shares
-        w V_j exp(-a . x/horizon) have their mean bond at zero, the vector a being the minimum of the convex log sum w V_j exp(-a . x/horizon):
-        the weights of greatest entropy with that mean (Arroyo, Ortiz, Int. J. Numer. Meth. Engng 65 (2006) 2167).  Where no positive weights
-        have it, as at an edge, epsilon/2 |a|^2 beside the logarithm keeps a finite.
+        w V_j exp(-a . x/horizon) have their mean bond at zero, the vector a being the minimum of the convex function
+        log sum w V_j exp(-a . x/horizon): the weights of greatest entropy with that mean (Arroyo, Ortiz, Int. J. Numer. Meth. Engng 65
+        (2006) 2167).  Where no positive weights have it, as at an edge, epsilon/2 |a|^2 beside the logarithm keeps a finite.
 
         Parameters
         ----------

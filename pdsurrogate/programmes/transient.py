@@ -217,7 +217,7 @@ class Transient:
         A point with all its bonds is not touched; there det F <= 0 is an error.
         """
         run = self.run
-        bonds, n, mirror = run.body.bonds, len(run.body), run.body.images.mirror
+        bonds, n, mirror = run.body.bonds, len(run.body), run.body.ghosts.source
         F = run.force.kinematics.gradients[:n]
         collapsed = np.flatnonzero(~(F[:, 0] * F[:, 3] - F[:, 1] * F[:, 2] > LEAST_AREA_RATIO))
         crushed = run.force.collapsed_pairs() if hasattr(run.force, "collapsed_pairs") else collapsed[:0]

@@ -185,8 +185,8 @@ class Loading:
         if self.scene.support == "points":
             low, high = self._held[len(self.scene.holds) :]
             return low.points, high.points
-        images = self.body.images
-        low, high = (images.mirror[images.plane == plane] for plane in range(2))
+        ghosts = self.body.ghosts
+        low, high = (ghosts.source[ghosts.plane == plane] for plane in range(2))
         return low, high
 
     @cached_property
@@ -195,7 +195,7 @@ class Loading:
 
     @cached_property
     def _outer_planes(self) -> np.ndarray:
-        return self.body.images.plane[self.body.bonds.second[self._outer_pairs] - len(self.body)]
+        return self.body.ghosts.plane[self.body.bonds.second[self._outer_pairs] - len(self.body)]
 
     def stretched(self, positions: np.ndarray, before: float, after: float) -> np.ndarray:
         """First guess: positions stretched along the loaded axis between the grips."""

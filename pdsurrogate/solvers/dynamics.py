@@ -103,7 +103,7 @@ class ExplicitDynamics:
         fastest = float(max(self.velocities.max(), -self.velocities.min()))
         step = min(self.time_step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else self.time_step
         scheme = self.forces, self._free, self._mass, self._damping
-        central_difference_step(self.positions, self.velocities, *scheme, step, self.last_step)
+        central_difference_step[self.positions.shape[1]](self.positions, self.velocities, *scheme, step, self.last_step)
         self.last_step = step
         self.steps += 1
 
@@ -133,7 +133,7 @@ class ExplicitDynamics:
         """
         following = self.velocities.copy()
         scheme = self.forces, self._free, self._mass, self._damping, self.last_step, self.last_step
-        central_difference_step(self.positions.copy(), following, *scheme)
+        central_difference_step[self.positions.shape[1]](self.positions.copy(), following, *scheme)
         mean = 0.5 * (self.velocities + following)
         power = self._damping * float(np.einsum("n,nc,nc->", self._mass, mean, mean))
         if self._viscosity > 0:

@@ -92,7 +92,9 @@ class EquilibriumSolver(ABC):
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
         """Largest force density in units of shear modulus / spacing."""
-        return float(greatest_force_density(forces, self.free, self.volumes)) * force.body.spacing / force.law.shear_modulus
+        return (
+            float(greatest_force_density[forces.shape[1]](forces, self.free, self.volumes)) * force.body.spacing / force.law.shear_modulus
+        )
 
     def not_converged(self, residual: float, evaluations: int, tolerance: float) -> NotConverged:
         """The error for a residual that is still too large."""

@@ -36,7 +36,7 @@ class NearestBondStiffness:
     """
 
     def __init__(self, body: Body, shear_modulus: float, free: np.ndarray) -> None:
-        n, bonds, points, images = len(body), body.bonds, body.all_points, body.images
+        n, bonds, points, ghosts = len(body), body.bonds, body.all_points, body.ghosts
         vector = points[bonds.second] - points[bonds.first]
         length = np.linalg.norm(vector, axis=1)
         volumes = body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
@@ -51,10 +51,10 @@ class NearestBondStiffness:
         blocks = np.einsum("b,bi,bj->bij", stiffness, along, along) + SHEAR_SHARE * np.einsum("b,bi,bj->bij", stiffness, across, across)
 
         within = second < n
-        # An image moves with the point it mirrors, each component with its parity.
+        # A ghost moves with the point behind it, each component with its parity.
         mirrored, parity = second.copy(), np.ones((len(second), 2))
-        mirrored[~within] = images.mirror[second[~within] - n]
-        parity[~within] = images.parity[second[~within] - n]
+        mirrored[~within] = ghosts.source[second[~within] - n]
+        parity[~within] = ghosts.parity[second[~within] - n]
         self._degrees = 2 * n
         rows, columns, values = [], [], []
         for i in range(2):
@@ -63,7 +63,7 @@ class NearestBondStiffness:
                 rows += [2 * first + i, 2 * first + i]
                 columns += [2 * first + j, 2 * mirrored + j]
                 values += [block, -block * parity[:, j]]
-                # The second end of a bond within the body; an image's force is not one of the unknowns.
+                # The second end of a bond within the body; a ghost's force is not one of the unknowns.
                 rows += [2 * second[within] + i, 2 * second[within] + i]
                 columns += [2 * second[within] + j, 2 * first[within] + j]
                 values += [block[within], -block[within]]
@@ -78,7 +78,7 @@ class NearestBondStiffness:
         self._factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         # Rigid translations that nothing holds: a uniform force has no place in equilibrium, and is left out rather
         # than divided by the shift.
-        held = (images.parity < 0).any(axis=0)
+        held = (ghosts.parity < 0).any(axis=0)
         self._drifting = [axis for axis in range(2) if not held[axis] and free[:, axis].all()]
 
     def solve(self, forces: np.ndarray) -> np.ndarray:

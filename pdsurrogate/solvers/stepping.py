@@ -81,7 +81,7 @@ class DynamicRelaxation(SteppingSolver):
         velocities, last_forces = np.zeros_like(positions), np.zeros_like(positions)
 
         def step(forces):
-            relaxation_step(positions, velocities, forces, last_forces, self.free, mass, 0.0)
+            relaxation_step[positions.shape[1]](positions, velocities, forces, last_forces, self.free, mass, 0.0)
 
         return step
 
@@ -105,6 +105,8 @@ class DampedExplicit(SteppingSolver):
         velocities = np.zeros_like(positions)
 
         def step(forces):
-            central_difference_step(positions, velocities, forces, self.free, self.volumes, damping, step_length, step_length)
+            central_difference_step[positions.shape[1]](
+                positions, velocities, forces, self.free, self.volumes, damping, step_length, step_length
+            )
 
         return step

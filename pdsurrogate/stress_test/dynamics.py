@@ -36,7 +36,9 @@ class _Motion:
     def advance(self, steps: int) -> None:
         for _ in range(steps):
             self.force(self.positions, self._forces)
-            central_difference_step(self.positions, self.velocities, self._forces, self.free, self.mass, self.damping, self.step, self.step)
+            central_difference_step[self.positions.shape[1]](
+                self.positions, self.velocities, self._forces, self.free, self.mass, self.damping, self.step, self.step
+            )
 
 
 def time_step(subject: Subject) -> Outcome:

@@ -1,0 +1,147 @@
+"""Ghosts: points beyond a body's own whose values follow from those of its points, by a linear map that also has a transpose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .kernels import ghosts as kernels
+
+
+@dataclass(frozen=True)
+class ReflectionPlane:
+    """A plane across which a body is continued by its images.
+
+    Parameters
+    ----------
+    axis : int
+        The coordinate held by the plane: 0 for x1, 1 for x2, 2 for x3.
+    position : float
+        Its value on the plane.
+    side : int
+        -1 where the body lies at larger values (a left or lower edge), +1 where it lies at smaller ones.
+    parity : tuple of int
+        How each displacement component is reflected: evenly (+1) or oddly (-1).  Odd in all is a clamped grip; odd in the normal one
+        alone, a symmetry plane or a roller (docs/theory.md, section 6).
+    """
+
+    axis: int
+    position: float
+    side: int
+    parity: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Ghosts:
+    """The ghosts of a body, behind its own points in every array that holds both.
+
+    An image in a plane moves with the point it mirrors: each displacement component is carried over evenly or oddly about the displacement
+    of its plane, and its surroundings are those of the point, reflected.  An image of an image has the products of both.  A point that
+    another part of a divided body owns would be a ghost with all parities and reflections +1.
+
+    Attributes
+    ----------
+    source : ndarray of uint32, shape (m,)
+        The body's point behind each ghost.
+    points : ndarray, shape (m, d)
+        Reference positions.
+    parity : ndarray, shape (m, d)
+        +1 or -1 for each displacement component.
+    reflection : ndarray, shape (m, d)
+        +1 or -1 for each direction of the surroundings.
+    plane : ndarray of int64, shape (m,)
+        Number of the plane across which the ghost lies, in the order in which they were given; of an image of an image, that of the last
+        reflection.
+    lever : ndarray, shape (m, planes, d)
+        Displacement of each ghost by the displacement of each plane, component by component.
+    """
+
+    source: np.ndarray
+    points: np.ndarray
+    parity: np.ndarray
+    reflection: np.ndarray
+    plane: np.ndarray
+    lever: np.ndarray
+
+    @classmethod
+    def reflected(cls, points: np.ndarray, planes: tuple[ReflectionPlane, ...], horizon: float) -> Ghosts:
+        """Images in planes, and images of images where planes meet, as far as they lie within a horizon of their planes.
+
+        Raises
+        ------
+        ValueError
+            If points lie beyond a plane.
+        """
+        n, dimension = points.shape
+        source, places = np.arange(n), points
+        parity, reflection = np.ones((n, dimension)), np.ones((n, dimension))
+        number, lever = np.full(n, -1), np.zeros((n, len(planes), dimension))
+        axes = np.full(n, -1)
+        for added, plane in enumerate(planes):
+            inward = -plane.side * (places[:, plane.axis] - plane.position)
+            if inward[:n].min() < 0:
+                raise ValueError(f"points lie beyond the plane x{plane.axis + 1} = {plane.position:g} in which they would be reflected")
+            # Across two parallel planes a body as long as a horizon has no images of images that are near.
+            near = np.flatnonzero((inward <= horizon * (1 + 1e-9)) & (axes != plane.axis))
+            images, own = places[near].copy(), np.asarray(plane.parity, float)
+            images[:, plane.axis] = 2 * plane.position - images[:, plane.axis]
+            flip = np.where(np.arange(dimension) == plane.axis, -1.0, 1.0)
+            carried = own * lever[near]
+            carried[:, added] += 1 - own
+            source, places = np.concatenate([source, source[near]]), np.concatenate([places, images])
+            parity, reflection = np.concatenate([parity, own * parity[near]]), np.concatenate([reflection, flip * reflection[near]])
+            number, lever = np.concatenate([number, np.full(len(near), added)]), np.concatenate([lever, carried])
+            axes = np.concatenate([axes, np.full(len(near), plane.axis)])
+        return cls(
+            source[n:].astype(np.uint32),
+            np.ascontiguousarray(places[n:]),
+            np.ascontiguousarray(parity[n:]),
+            np.ascontiguousarray(reflection[n:]),
+            number[n:].astype(np.int64),
+            np.ascontiguousarray(lever[n:]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.source)
+
+    def shifts(self, points: np.ndarray, displacements: np.ndarray) -> np.ndarray:
+        """What `fill_positions` adds, shape (m, d), with the planes displaced by (planes, d); `points` are the body's own at rest."""
+        at_rest = self.points - self.parity * points[self.source]
+        return at_rest + np.einsum("mpd,pd->md", self.lever, displacements)
+
+    def fill_positions(self, positions: np.ndarray, shifts: np.ndarray) -> None:
+        """Place the ghosts: shift + P y_source."""
+        kernels.fill_vectors(positions, self.source, self.parity, shifts)
+
+    def fill_displacements(self, displacements: np.ndarray) -> None:
+        """Displacements of the ghosts, P u_source: those of the planes are not changed by them."""
+        kernels.fill_vectors(displacements, self.source, self.parity, np.zeros_like(self.parity))
+
+    def fold_forces(self, forces: np.ndarray) -> None:
+        """Hand the forces on ghosts to their sources, the transpose of `fill_displacements`."""
+        kernels.fold_vectors(forces, self.source, self.parity)
+
+    def fill_gradients(self, gradients: np.ndarray) -> None:
+        """Deformation gradients of the ghosts, I + P (F_source - I) S.
+
+        On a body that is symmetric about the plane this equals (20) over the ghost's own horizon, at none of its cost.
+        """
+        kernels.fill_matrices(gradients, self.source, self.parity, self.reflection, 1.0)
+
+    def fill_changes(self, changes: np.ndarray) -> None:
+        """Changes of the deformation gradients, P dF_source S."""
+        kernels.fill_matrices(changes, self.source, self.parity, self.reflection, 0.0)
+
+    def fold_moments(self, moments: np.ndarray) -> None:
+        """Hand derivatives by the ghosts' gradients to their sources and clear them, the transpose of `fill_changes`."""
+        kernels.fold_matrices(moments, self.source, self.parity, self.reflection)
+
+    def fill_shapes(self, shapes: np.ndarray) -> None:
+        """Shape tensors or their inverses, S K_source S."""
+        kernels.fill_symmetric(shapes, self.source, self.reflection)
+
+    def fill(self, values: np.ndarray) -> None:
+        """Values without a direction."""
+        if len(self):
+            values[-len(self) :] = values[self.source]
