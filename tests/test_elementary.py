@@ -8,7 +8,7 @@ from pdsurrogate.kernels.compile import inlined, kernel
 
 
 def apply(function, x):
-    function = inlined(function)[0]
+    function = inlined(function)
 
     @kernel
     def loop(x, y):
@@ -21,7 +21,7 @@ def apply(function, x):
 
 
 def apply_to_both(function, x, y):
-    function = inlined(function)[0]
+    function = inlined(function)
 
     @kernel
     def loop(x, y, out):

@@ -20,7 +20,7 @@ def wavy(points, size=0.03):
 @pytest.mark.parametrize("make", [sheet, disc_with_hole, gripped_sheet])
 def test_deformation_gradients_against_the_sum(make):
     body = make()
-    kinematics = Kinematics(body, NeoHookean(), "polar", "float64")
+    kinematics = Kinematics(body, NeoHookean(), "float64")
     kinematics.update(body.points + 0.1 * (wavy(body.points) - body.points))
     bonds, x, y = body.bonds, body.all_points, kinematics.positions
     for i in range(len(body)):
@@ -37,7 +37,7 @@ def test_gradients_of_images_equal_the_sum_over_their_own_horizon():
     """`reflect_gradients` against a body in which the far side is really there."""
     for parity in ((-1, 1), (-1, -1)):
         half = gripped_sheet(parity)
-        kinematics = Kinematics(half, NeoHookean(), "polar", "float64")
+        kinematics = Kinematics(half, NeoHookean(), "float64")
         displacement = 0.05 * np.sin(3 * half.points) * half.points[:, ::-1]
         kinematics.update(half.points + displacement)
         images = half.images
@@ -59,7 +59,7 @@ def test_gradients_of_images_equal_the_sum_over_their_own_horizon():
 
 def test_node_states_solve_plane_stress(random):
     body, law = jittered(random), NeoHookean(1, 50)
-    kinematics = Kinematics(body, law, "polar", "float64")
+    kinematics = Kinematics(body, law, "float64")
     kinematics.update(wavy(body.points))
     F = kinematics.deformation_gradients()
     trace, J = plane_stress.invariants(F)
@@ -76,7 +76,7 @@ def test_plane_stress_from_far_starts():
     body = sheet()
     for F in (np.diag([4.0, 4.0]), np.diag([0.3, 0.4]), np.diag([6.0, 0.3]), np.array([[1, 3.0], [0, 1]])):
         for law in (NeoHookean(1, 10), NeoHookean(1, 1e4)):
-            kinematics = Kinematics(body, law, "polar", "float64")
+            kinematics = Kinematics(body, law, "float64")
             kinematics.update(body.points @ F.T)
             expected = plane_stress.volume_ratio(law, *plane_stress.invariants(F))
             np.testing.assert_allclose(kinematics.volume_ratios, expected, rtol=1e-11)
@@ -126,7 +126,7 @@ def test_compiled_code_is_cached_and_compilation_is_announced():
     from pdsurrogate.kernels import gradient
 
     body = sheet()
-    Kinematics(body, NeoHookean(), "polar", "float64").update(body.points)
+    Kinematics(body, NeoHookean(), "float64").update(body.points)
     again = kernel(gradient.place.py_func)
     announced = []
     with compilation_clock(lambda: announced.append(1)) as clock:
