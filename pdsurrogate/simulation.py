@@ -19,7 +19,7 @@ from .results import Result
 from .results.checkpoint import CheckpointError
 from .results.folder import check_room, make_room
 from .scenes import Scene
-from .solvers import Diverging, NotConverged
+from .solvers import Diverging, NotConverged, Unstable
 
 __all__ = ["Progress", "SimulationFailed", "SimulationInterrupted", "simulate"]
 
@@ -38,8 +38,9 @@ class SimulationInterrupted(SimulationFailed):
 
 ADVICE = {
     NotConverged: "allow more solver.most_evaluations, take a smaller solver.largest_increment, or another solver.method",
-    Diverging: "take a smaller solver.largest_increment",
-    InvalidState: "take a smaller solver.largest_increment or a finer spacing; or the material itself does not reach this far",
+    Diverging: "take another solver.method",
+    Unstable: "push it less far, or follow it in dynamics",
+    InvalidState: "take a finer spacing; or the material itself does not reach this far",
 }
 """What to change, by what went wrong between levels in equilibrium."""
 
@@ -120,8 +121,10 @@ def simulate(
         except Interrupted as error:
             message = f"stretch {run.stretch:g}: {error}"
             raise SimulationInterrupted(message, _result(run, clock.seconds, began, message)) from None
-        except (NotConverged, Diverging, InvalidState, OutsideDomain) as error:
+        except (NotConverged, Diverging, Unstable, InvalidState, OutsideDomain) as error:
             advice = DYNAMICS_ADVICE if run.steps else ADVICE.get(type(error))
+            if isinstance(error, NotConverged | Unstable) and run.force.precision == "float32":
+                advice += "; or take precision=float64, whose rounding leaves less of a residual and disturbs less"
             message = f"stretch {run.target:g}: {error}" + (f"; {advice}" if advice else "")
             raise SimulationFailed(message, _result(run, clock.seconds, began, message)) from error
         return _result(run, clock.seconds, began, None)

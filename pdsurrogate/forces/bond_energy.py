@@ -325,7 +325,9 @@ class BondEnergyEvaluation(DomainWatch):
                 ExactEnergyDensity().energy_derivatives(self.law, trace[[pair]], J[[pair]])
             except ValueError as error:
                 return at_point(self.body, int(bonds.first[pair]), str(error))
-        return "a bond has no energy"
+        worst = int(np.where(alive, trace, -np.inf).argmax())
+        what = f"one of the bonds has no energy; of the most strained one, tr C = {trace[worst]:.4g} and det F = {J[worst]:.4g}"
+        return at_point(self.body, int(bonds.first[worst]), what)
 
     def gradient_change(self, displacements: np.ndarray, positions: np.ndarray, gradients: np.ndarray) -> None:
         """Displacements of points and images, and the change of every F under them; the linear part of `Kinematics.update_gradients`."""
