@@ -158,7 +158,7 @@ def test_what_cannot_be_read_is_never_another_model(working_folder, damage):
     else:
         (folder / ("card.json" if damage == "no card" else "surrogate.joblib")).unlink()
     for load in (lambda: surrogate_for(LAW), lambda: load_surrogate("neo-hookean"), lambda: pd.simulate("uniaxial")):
-        with pytest.raises(ArtifactError, match="neo-hookean/2: cannot read the card|not valid JSON|surrogate.joblib: cannot be read"):
+        with pytest.raises(ArtifactError, match=r"neo-hookean/2: cannot read the card|not valid JSON|surrogate\.joblib: cannot be read"):
             load()
     assert load_surrogate("neo-hookean@1").name == "neo-hookean@1"
 

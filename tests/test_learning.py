@@ -367,10 +367,13 @@ def test_errors_are_reported_for_ranges_that_are_mostly_compression():
     assert report["on_surface"]["max"] < 1e-13
     assert [row["strain"][1] for row in report["by_strain"]] == [0.02, 0.05, 0.1, 0.2, 0.5]
     first, second = stretches_of_strain(np.random.default_rng(0), (0.2, 0.5), 0.5, 1.1, 500)
-    assert ((0.5 <= first) & (first <= 0.8)).all()  # no extension by a fifth is in the range
-    assert ((0.5 <= second) & (second <= 1.1)).all()
+    assert ((first >= 0.5) & (first <= 0.8)).all()  # no extension by a fifth is in the range
+    assert ((second >= 0.5) & (second <= 1.1)).all()
 
 
 def test_a_law_that_ends_within_the_range_says_so():
-    with pytest.raises(ValueError, match=r"no plane-stress state|ends before all states of stretches from 0.5 to 2.9; it has those from"):
-        pd.wide_design(pd.Gent(chain_limit=20), 2000, (0.5, 2.9))
+    """Training stopped at "Input y contains NaN"."""
+    law = pd.Gent(chain_limit=20)
+    with pytest.raises(ValueError, match=r"gent ends before all states of stretches from 0.6 to 4; it has those from 0.67\d* to 2.8\d*"):
+        pd.wide_design(law, 300, (0.6, 4.0))
+    assert len(pd.wide_design(law, 300, pd.reachable_stretches(law, (0.6, 4.0)))) == 300

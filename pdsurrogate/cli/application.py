@@ -19,6 +19,9 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+MOST_COLUMNS = 10_000
+"""More characters than the narrowest form of any table has in a line."""
+
 out = Console()
 err = Console(stderr=True)
 
@@ -34,6 +37,9 @@ def show(table: Table) -> None:
             continue
         cells = [Measurement.get(out, out.options, cell) for cell in (column.header, *column.cells)]
         column.min_width = max(cell.minimum for cell in cells)
+    needed = Measurement.get(out, out.options.update(width=MOST_COLUMNS), table).minimum
+    if needed > out.width:
+        table.width = needed
     out.print(table, crop=False)
 
 
