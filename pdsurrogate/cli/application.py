@@ -60,7 +60,8 @@ def writing(folder) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        err.print(f"[red]pdsurrogate:[/] could not write {escape(str(folder))}: {error.strerror or error}", soft_wrap=True)
+        where = escape(str(folder or error.filename))
+        err.print(f"[red]pdsurrogate:[/] could not write {where}: {error.strerror or error}", soft_wrap=True)
         raise typer.Exit(1) from None
 
 
