@@ -1,18 +1,22 @@
 """Section 6.2 end to end, and what a scene does and does not bring along."""
 
+import pickle
 import re
 import subprocess
 import sys
+from importlib import resources
 
 import numba
 import numpy as np
 import pytest
 from conftest import SHIPPED
+from sklearn.linear_model import LinearRegression
 from typer.testing import CliRunner
 
 import pdsurrogate as pd
 from pdsurrogate.cli import app
 from pdsurrogate.discretisation import build_body
+from pdsurrogate.learning.force_model import force_model_of
 from pdsurrogate.programmes.run import Run, Silent
 from pdsurrogate.scenes import SceneError
 from pdsurrogate.simulation import SimulationFailed, simulate
@@ -436,6 +440,55 @@ def test_pieces_that_are_held_have_an_answer():
 def test_material_and_surrogate_must_fit():
     with pytest.raises(SceneError, match="correction=tensor"):
         run("neo-hookean-paper", "correction=tensor")
+
+
+FAST = {"spacing": 0.1, "stretches": [1.2]}
+
+
+def test_scenes_by_name_and_file(tmp_path):
+    """``pd.simulate("uniaxial")`` ended in an AttributeError."""
+    path = tmp_path / "small.toml"
+    built_in = (resources.files("pdsurrogate.scenes") / "uniaxial.toml").read_text("utf-8")
+    path.write_text(re.sub(r"(?m)^(spacing|stretches) *=.*$", lambda line: f"{line[1]} = {FAST[line[1]]}", built_in))
+    stress = [pd.simulate(scene).levels[-1]["nominal_stress"] for scene in (path, str(path), pd.load_scene("uniaxial", FAST))]
+    assert stress[0] == stress[1] == stress[2]
+    with pytest.raises(SceneError, match="unknown scene 'uniaxal'"):
+        pd.simulate("uniaxal")
+    with pytest.raises(TypeError, match="scene must be a Scene, or the name or file of one, not 3"):
+        pd.simulate(3)
+
+
+def test_fitted_pipelines_are_taken():
+    """``pd.simulate(scene, pipeline)`` ended in an AttributeError."""
+    scene, law = pd.load_scene("uniaxial", FAST), pd.NeoHookean()
+    samples, energies = pd.wide_design(law, 3000, (0.8, 1.5), random_state=0), pd.energy_design(law, 500, (0.8, 1.5))
+    bond = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(2)).fit(samples.X, samples.y)
+    energy = pd.energy_pipeline(pd.SobolevRegressor(8, max_iter=300, random_state=0)).fit(energies.X, energies.y)
+    for pipeline in (bond, energy):
+        result = pd.simulate(scene, pipeline)
+        assert result.summary["force"] == "fitted pipeline"
+        assert abs(result.levels[-1]["nominal_stress_error"]) < 1e-3
+    # Its domain are the states that it was fitted to: the box of stretches, and as far beyond as bonds off the surface are moved.
+    domain = force_model_of(bond, law).domain
+    assert 0.8 * np.exp(-0.3) < domain.least_stretch < 0.8
+    assert 1.5 < domain.greatest_stretch < 1.5 * np.exp(0.3)
+    assert force_model_of(energy, law).domain.greatest_stretch == pytest.approx(1.5, rel=1e-2)
+    assert pd.simulate(pd.load_scene("uniaxial", FAST, stretches=[2.0]), bond).summary["fallback_fraction"] > 0.5
+
+
+def test_what_is_no_force_says_what_is_taken():
+    scene, law = pd.load_scene("uniaxial", FAST), pd.NeoHookean()
+    samples = pd.wide_design(law, 300, random_state=0)
+    pipeline = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(2))
+    with pytest.raises(ValueError, match="not fitted"):
+        pd.simulate(scene, pipeline)
+    with pytest.raises(ValueError, match="a LinearRegression is no force model: a fitted bond_force_pipeline or energy_pipeline"):
+        pd.simulate(scene, LinearRegression().fit(samples.X, samples.y))
+    with pytest.raises(ValueError, match="a pipeline read from a file does not say which stretches"):
+        pd.simulate(scene, pickle.loads(pickle.dumps(pipeline.fit(samples.X, samples.y))))
+    for force in (3, pd.AnalyticBondForce, samples):
+        with pytest.raises(TypeError, match="force must be a force model, the name of one, an artefact"):
+            pd.simulate(scene, force)
 
 
 def test_a_simulation_needs_neither_scikit_learn_nor_torch():
