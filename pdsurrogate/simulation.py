@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -18,8 +19,11 @@ from .programmes.run import Progress, Run, Silent
 from .results import Result
 from .results.checkpoint import CheckpointError
 from .results.folder import check_room, make_room
-from .scenes import Scene
-from .solvers import Diverging, NotConverged
+from .scenes import Scene, load_scene
+from .solvers import Diverging, NotConverged, Unstable
+
+if TYPE_CHECKING:
+    from sklearn.base import BaseEstimator
 
 __all__ = ["Progress", "SimulationFailed", "SimulationInterrupted", "simulate"]
 
@@ -38,8 +42,9 @@ class SimulationInterrupted(SimulationFailed):
 
 ADVICE = {
     NotConverged: "allow more solver.most_evaluations, take a smaller solver.largest_increment, or another solver.method",
-    Diverging: "take a smaller solver.largest_increment",
-    InvalidState: "take a smaller solver.largest_increment or a finer spacing; or the material itself does not reach this far",
+    Diverging: "take another solver.method",
+    Unstable: "push it less far, or follow it in dynamics",
+    InvalidState: "take a finer spacing; or the material itself does not reach this far",
 }
 """What to change, by what went wrong between levels in equilibrium."""
 
@@ -47,8 +52,8 @@ DYNAMICS_ADVICE = "take a smaller dynamics.safety, more dynamics.viscosity or da
 
 
 def simulate(
-    scene: Scene,
-    force: str | Path | ForceModel | None = None,
+    scene: Scene | str | Path,
+    force: str | Path | ForceModel | BaseEstimator | None = None,
     *,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -60,11 +65,12 @@ def simulate(
 
     Parameters
     ----------
-    scene : Scene
-        See `pdsurrogate.load_scene`.
-    force : str, path or ForceModel, optional
-        A force model, the name of one ("analytic", "nosb"), or an artefact: NAME, NAME@VERSION or a path.  By default the surrogate of
-        the scene's law, see `pdsurrogate.artifacts.surrogate_for`.
+    scene : Scene, str or path
+        A scene, or the name or file of one, see `pdsurrogate.load_scene`.
+    force : str, path, ForceModel or fitted pipeline, optional
+        A force model, the name of one ("analytic", "nosb"), an artefact: NAME, NAME@VERSION or a path; or a fitted
+        `pdsurrogate.bond_force_pipeline` or `pdsurrogate.energy_pipeline`, taken to describe the scene's material.  By default the
+        surrogate of the scene's law, see `pdsurrogate.artifacts.surrogate_for`.
     threads : int, optional
         Threads of the kernels, by default as many as pay for the body, at most all that numba was started with.  The result does not
         depend on it.
@@ -84,6 +90,12 @@ def simulate(
 
     Raises
     ------
+    TypeError
+        If the scene or the force is none of these.
+    ArtifactError
+        If the force cannot be found or read.
+    ValueError
+        If a pipeline is not fitted, or the kernels do not evaluate its function.
     SceneError
         If the scene and the force model do not fit, or the body cannot be built.
     CheckpointError
@@ -96,10 +108,11 @@ def simulate(
         If a level does not converge, or the deformation leaves the states that the material has; the part that was reached is kept.
     """
     began = time.perf_counter()
-    if force is None:
-        model = artifacts.surrogate_for(scene.material.build())
-    else:
-        model = artifacts.load_surrogate(force) if isinstance(force, str | Path) else force
+    if isinstance(scene, str | Path):
+        scene = load_scene(scene)
+    elif not isinstance(scene, Scene):
+        raise TypeError(f"scene must be a Scene, or the name or file of one, not {scene!r}")
+    model = _model_of(force, scene)
     progress = progress or Silent()
     if resume and folder is None:
         raise ValueError("a run is resumed from the folder of its results: give it")
@@ -120,11 +133,33 @@ def simulate(
         except Interrupted as error:
             message = f"stretch {run.stretch:g}: {error}"
             raise SimulationInterrupted(message, _result(run, clock.seconds, began, message)) from None
-        except (NotConverged, Diverging, InvalidState, OutsideDomain) as error:
+        except (NotConverged, Diverging, Unstable, InvalidState, OutsideDomain) as error:
             advice = DYNAMICS_ADVICE if run.steps else ADVICE.get(type(error))
+            if isinstance(error, NotConverged | Unstable) and run.force.precision == "float32":
+                advice += "; or take precision=float64, whose rounding leaves less of a residual and disturbs less"
             message = f"stretch {run.target:g}: {error}" + (f"; {advice}" if advice else "")
             raise SimulationFailed(message, _result(run, clock.seconds, began, message)) from error
         return _result(run, clock.seconds, began, None)
+
+
+def _model_of(force, scene: Scene) -> ForceModel:
+    """The force model that is meant by the `force` of `simulate`."""
+    if force is None:
+        return artifacts.surrogate_for(scene.material.build())
+    if isinstance(force, str | Path):
+        return artifacts.load_surrogate(force)
+    if not isinstance(force, type):
+        if hasattr(force, "bind"):
+            return force
+        if hasattr(force, "predict"):
+            # Imported here: only those who have a pipeline have scikit-learn loaded.
+            from .learning.force_model import force_model_of
+
+            return force_model_of(force, scene.material.build())
+    raise TypeError(
+        "force must be a force model, the name of one, an artefact (NAME, NAME@VERSION or a path), or a fitted bond_force_pipeline or "
+        f"energy_pipeline, not {force!r}"
+    )
 
 
 def _go(run: Run, resume: bool) -> None:

@@ -1,5 +1,6 @@
 """Artefacts: what is written, what is refused, and that nothing in a file runs."""
 
+import dataclasses
 import hashlib
 import io
 import json
@@ -17,7 +18,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pdsurrogate as pd
-from pdsurrogate.artifacts import ArtifactError, find_artifact, list_artifacts, load_card, load_pipeline, load_surrogate
+from pdsurrogate.artifacts import (
+    ArtifactError,
+    find_artifact,
+    list_artifacts,
+    load_card,
+    load_pipeline,
+    load_surrogate,
+    save_artifact,
+    surrogate_for,
+)
 from pdsurrogate.artifacts.plain import UnsafePayload, dump_plain, load_plain
 
 LAW = pd.NeoHookean()
@@ -107,6 +117,63 @@ def test_finding(stored, fitted, monkeypatch):
         find_artifact("robber")
     with pytest.raises(ArtifactError, match="unknown force 'rubber@7'"):
         find_artifact("rubber@7")
+
+
+@pytest.fixture
+def working_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PDSURROGATE_ARTIFACTS", raising=False)
+    return tmp_path
+
+
+def test_a_folder_of_results_is_no_artefact(working_folder):
+    """``pdsurrogate run pure-shear --out neo-hookean`` twice: the second run silently took the analytic force."""
+    (working_folder / "neo-hookean").mkdir()
+    (working_folder / "neo-hookean" / "summary.json").write_text("{}")
+    assert surrogate_for(LAW).name == "neo-hookean@1"
+    assert load_surrogate("neo-hookean").name == "neo-hookean@1"
+    for path in ("./neo-hookean", "neo-hookean/", working_folder / "neo-hookean"):
+        with pytest.raises(ArtifactError, match="no artefact there"):
+            load_surrogate(path)
+
+
+def test_a_folder_that_holds_a_card_is_a_path(working_folder, fitted):
+    model, samples = fitted
+    pd.store(model, samples, LAW, working_folder, "mine", "1", "in the working folder")
+    assert load_surrogate("mine").name == "mine@1"
+    shutil.copytree("mine/1", "neo-hookean")
+    with pytest.raises(ArtifactError, match=r"is the artefact .*artifacts/neo-hookean/1 by its name, and the folder neo-hookean holds"):
+        load_surrogate("neo-hookean")
+    assert load_surrogate("./neo-hookean").name == "mine@1"
+    assert load_surrogate("neo-hookean@1").name == surrogate_for(LAW).name == "neo-hookean@1"
+
+
+@pytest.mark.parametrize("damage", ["no card", "bad card", "no payload"])
+def test_what_cannot_be_read_is_never_another_model(working_folder, damage):
+    """A damaged ``artifacts/neo-hookean/2`` was passed over: version 1 or the analytic force ran in its place."""
+    folder = working_folder / "artifacts" / "neo-hookean" / "2"
+    shutil.copytree(SHIPPED / "neo-hookean" / "1", folder)
+    if damage == "bad card":
+        (folder / "card.json").write_text("{")
+    else:
+        (folder / ("card.json" if damage == "no card" else "surrogate.joblib")).unlink()
+    for load in (lambda: surrogate_for(LAW), lambda: load_surrogate("neo-hookean"), lambda: pd.simulate("uniaxial")):
+        with pytest.raises(ArtifactError, match=r"neo-hookean/2: cannot read the card|not valid JSON|surrogate\.joblib: cannot be read"):
+            load()
+    assert load_surrogate("neo-hookean@1").name == "neo-hookean@1"
+
+
+def test_a_missing_folder_of_artefacts_is_named(working_folder, monkeypatch):
+    monkeypatch.setenv("PDSURROGATE_ARTIFACTS", "nowhere")
+    with pytest.raises(ArtifactError, match="PDSURROGATE_ARTIFACTS is 'nowhere', which is not a folder"):
+        surrogate_for(LAW)
+
+
+def test_materials_that_an_artefact_does_not_describe_are_told_apart_in_full_digits():
+    with pytest.raises(ValueError, match=r"with chain_limit = 120\.0, not 120\.00001; fit"):
+        load_surrogate("gent").check_material(pd.Gent(chain_limit=120.00001))
+    with pytest.raises(ValueError, match=r"describes ogden with exponent_1, .*modulus_3, not with exponent_1, modulus_1; fit"):
+        load_surrogate("ogden").check_material(pd.Ogden(moduli=(1.0,), exponents=(2.0,)))
 
 
 def test_shipped_artifacts_are_small_and_complete():
@@ -357,5 +424,28 @@ def test_saving_leaves_nothing_behind_when_it_fails(fitted, tmp_path, monkeypatc
     with pytest.raises(OSError, match="No space left"):
         pd.store(model, samples, LAW, tmp_path, "rubber", "1", "x")
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
-    assert not (tmp_path / "rubber" / "1").exists()
-    shutil.rmtree(tmp_path / "rubber")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_network_that_the_kernels_do_not_evaluate_leaves_nothing(fitted, tmp_path):
+    """``pd.store`` of three hidden layers raised, and left a listed version that could not be loaded."""
+    _, samples = fitted
+    network = pd.LevenbergMarquardtRegressor((3, 3, 3), "algebraic", max_iter=2, random_state=0)
+    with pytest.warns(UserWarning, match="one to 2 hidden layers, this one has 3; .* not stored or simulated"):
+        model = pd.bond_force_pipeline("symmetric", network)  # before the training
+    model.fit(samples.X, samples.y)
+    with pytest.raises(ValueError, match="one to 2 hidden layers, this one has 3"):
+        pd.store(model, samples, LAW, tmp_path, "deep", "1", "three hidden layers")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_cannot_be_read_again_is_not_kept(stored):
+    card = load_card(stored).model_dump()
+    for key in ("format", "schema_version", "payloads"):
+        del card[key]
+    force = load_surrogate(stored)
+    deep = dataclasses.replace(force, layers=(*force.layers[:-1], (np.eye(8), np.zeros(8)), (np.eye(8), np.zeros(8)), force.layers[-1]))
+    before = sorted(stored.parents[1].rglob("*"))
+    with pytest.raises(ArtifactError, match="one to 2 hidden layers"):
+        save_artifact(stored.parents[1], {**card, "version": "2"}, deep)
+    assert sorted(stored.parents[1].rglob("*")) == before

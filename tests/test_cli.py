@@ -8,9 +8,10 @@ import sys
 
 import pytest
 from conftest import SHIPPED
+from rich.table import Table
 from typer.testing import CliRunner
 
-from pdsurrogate.cli import app
+from pdsurrogate.cli import app, application
 
 FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
 
@@ -63,7 +64,25 @@ def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
         (["fit", "x", "--law", "granite"], "unknown law 'granite'"),
         (["fit", "x", "--set", "shear_modulus=0"], "shear_modulus must be positive"),
         (["fit", "x", "--features", "all"], "unknown features 'all'"),
-        (["fit", "x", "--least", "2", "--greatest", "1"], "0 < low < high"),
+        (["fit", "x", "--least", "2", "--greatest", "1"], "0 < least < 1 < greatest, finite, not 2 and 1"),
+        (["fit", "x", "--least", "0"], "0 < least < 1 < greatest, finite, not 0 and 4"),
+        (["fit", "x", "--least", "nan"], "0 < least < 1 < greatest, finite, not nan and 4"),
+        (["evaluate", "analytic", "--greatest", "0.9"], "0 < least < 1 < greatest, finite, not 0.5 and 0.9"),
+        (["evaluate", "bond-energy", "--least", "1.5"], "0 < least < 1 < greatest, finite, not 1.5 and 4"),
+        (["fit", "x", "--data", "none.csv", "--units", "8,8,8"], "networks of one to 2 hidden layers, this one has 3"),
+        (["fit", "x", "--data", "none.csv", "--features", "symmetric"], "polynomials in two features (isochoric)"),
+        (["fit", "x", "--units", "4", "--activation", "sine"], "no activation 'sine'; there are algebraic"),
+        (["fit", "x", "--units", "0"], "every hidden layer needs at least one unit"),
+        (["fit", "x", "--units", "4", "--degree", "3"], "--degree is of a polynomial, --units of a network"),
+        (["fit", "x", "--activation", "tanh"], "give its --units"),
+        (["fit", "x", "--folds", "1"], "--folds must be 0, or from 2 to the number of samples"),
+        (["fit", "x", "--set", "law=ogden"], "not by --set law=ogden"),
+        (["fit", "x", "--data", "none.csv", "--version", "1/2"], "version '1/2' is not allowed"),
+        (["evaluate", "analytic", "--law", "granite"], "pdsurrogate: unknown law 'granite'; there are arruda-boyce, full-network, gent"),
+        (["evaluate", "bond-energy", "--law", "granite"], "pdsurrogate: unknown law 'granite'; there are arruda-boyce"),
+        (["evaluate", "neo-hookean@"], "unknown force 'neo-hookean@'"),
+        (["artifacts", "x" * 300], "cannot be read: File name too long"),
+        (["run", "uniaxial", "--force", "./nothing"], "./nothing: no artefact there: the folder of one holds card.json"),
     ],
 )
 def test_bad_input_is_one_clear_line_and_status_2(arguments, message, tmp_path, monkeypatch):
@@ -74,6 +93,72 @@ def test_bad_input_is_one_clear_line_and_status_2(arguments, message, tmp_path, 
     assert message in error
     assert len([line for line in error.splitlines() if "Compiling" not in line]) == 1
     assert "Traceback" not in done.output
+
+
+def test_a_run_takes_the_same_force_beside_its_own_output(tmp_path, monkeypatch):
+    """``pdsurrogate run pure-shear --out neo-hookean`` twice in one folder: the second run took the analytic force."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "neo-hookean").mkdir()
+    (tmp_path / "neo-hookean" / "summary.json").write_text("{}")
+    done = invoke("run", "uniaxial", *FAST)
+    assert "force neo-hookean@1" in done.output
+
+
+def test_ranges_that_are_mostly_compression(tmp_path):
+    """``evaluate`` and, after the training, ``fit`` with ``--greatest 1.1`` ended in "high - low < 0"."""
+    for command in (
+        ["evaluate", "analytic", "--samples", 200],
+        ["evaluate", "bond-energy", "--samples", 200],
+        ["fit", "x", "--samples", 300, "--folds", 0, "--degree", 3, "--out", tmp_path],
+    ):
+        done = invoke(*command, "--greatest", 1.1)
+        assert done.exit_code == 0, done.output
+        assert "strain 0.2 to 0.5" in done.output
+
+
+def test_a_bound_left_out_is_as_far_as_the_law_goes(tmp_path):
+    options = ["--law", "gent", "--set", "chain_limit=20", "--samples", 300, "--folds", 0, "--degree", 6, "--out", tmp_path]
+    done = invoke("fit", "x", *options, "--least", 0.6)
+    assert done.exit_code == 0, done.output
+    assert "stretches 0.6 to 2.89" in " ".join(done.output.split())
+
+
+def test_data_that_no_law_describes_make_no_artefact(tmp_path):
+    data = tmp_path / "negative.csv"
+    data.write_text("mode,stretch,nominal_stress\n" + "".join(f"uniaxial,{1 + k / 10},{-k}\n" for k in range(1, 9)))
+    done = invoke("fit", "x", "--data", data, "--law", "gent", "--out", tmp_path / "a")
+    assert done.exit_code == 2
+    assert "describes no mode" in done.stderr
+    data.write_text("mode,stretch,nominal_stress\nuniaxial,1.5,0\nuniaxial,2,0\n")
+    done = invoke("identify", data, "--law", "gent")
+    assert done.exit_code == 2
+    assert "the stresses of uniaxial are all zero" in done.stderr
+
+
+@pytest.mark.parametrize("width", [20, 60, 80])
+def test_tables_cut_nothing_off(width, monkeypatch):
+    """In a terminal of 80 columns figures were cut (``384.793…``)."""
+    monkeypatch.setattr(application.out, "width", width)
+    figures = ["-384.79312", "1234567.12345", "+0.00012", "6.02214e+23"]
+    table = Table(title="figures")
+    for _ in range(3):
+        for title in ("stretch", "greatest lateral (cm)", "error (%)", "a sentence of many words that may break"):
+            table.add_column(title)
+    table.add_row(*figures * 3)
+    with application.out.capture() as captured:
+        application.show(table)
+    for commands in (["materials"], ["artifacts"], ["run", "uniaxial", *FAST], ["evaluate", "analytic", "--samples", "200"]):
+        done = invoke(*commands)
+        assert done.exit_code == 0
+        assert "…" not in done.output
+    for figure in figures:
+        assert captured.get().count(figure) == 3
+    if width == 80:
+        long = Table("what it is")
+        long.add_row("many words " * 30)
+        with application.out.capture() as captured:
+            application.show(long)
+        assert max(map(len, captured.get().splitlines())) <= width
 
 
 def test_output_that_cannot_be_written_is_refused_before_work(tmp_path):
@@ -194,7 +279,9 @@ def test_bad_identifications_exit_with_2(tmp_path):
 def test_lists():
     assert "uniaxial" in invoke("scenes").output
     assert "neo-hookean@1" in invoke("artifacts").output
-    assert "analytic" in invoke("evaluate", "--help").output
+    usage = invoke("evaluate", "--help").output
+    assert "analytic, bond-energy, or an artefact" in " ".join(usage.replace("│", " ").split())
+    assert "nosb" not in usage  # which has nothing to evaluate
 
 
 def test_a_second_run_compiles_nothing(tmp_path):

@@ -17,7 +17,8 @@ from pdsurrogate.programmes import transient
 from pdsurrogate.programmes.run import Run, Silent
 from pdsurrogate.results.checkpoint import NAME, CheckpointError
 from pdsurrogate.simulation import simulate
-from pdsurrogate.solvers import ExplicitDynamics
+from pdsurrogate.solvers import Diverging, ExplicitDynamics
+from pdsurrogate.solvers.conditions import Loading
 
 LAW = pd.NeoHookean()
 
@@ -332,11 +333,12 @@ UNDAMPED = {
 }
 
 
-@pytest.mark.parametrize("check", ["inversion", "energy"])
+@pytest.mark.parametrize("check", ["inversion", "energy", "grip"])
 def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, monkeypatch, check):
     """BA-NOSB is not conservative (a wave at its edges grows by 2 % a step): undamped, the run must fail and say what to change.
 
-    Either the energy is found to be more than was put in, or a point is turned inside out; the state before is kept.
+    Either the energy is found to be more than was put in, or a point is turned inside out or passes through a grip; the state before
+    is kept.
     """
     if check == "inversion":
         monkeypatch.setattr(transient, "MOST_ENERGY", np.inf)
@@ -344,12 +346,15 @@ def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, mon
         monkeypatch.setattr(transient, "STEPS_PER_ROW", 1)
         # A point is turned inside out before half as much again has been gained.
         monkeypatch.setattr(transient, "MOST_ENERGY", 1.02)
-    with pytest.raises(pd.SimulationFailed, match="runs away" if check == "energy" else "time .*:") as caught:
+    if check != "grip":
+        monkeypatch.setattr(Loading, "check_inside", lambda *state: None)
+    message = {"inversion": "time .*:", "energy": "runs away", "grip": r"time .*: point \d+ at .* beyond the (bottom|top) grip"}[check]
+    with pytest.raises(pd.SimulationFailed, match=message) as caught:
         simulate(pd.load_scene("tear", UNDAMPED), "ba-nosb", folder=tmp_path)
     assert "dynamics.safety" in str(caught.value)
     assert caught.value.result.summary["n_steps"] < 1000
     states = caught.value.result.states
-    assert len(states) == 2 if check == "inversion" else len(states) >= 1
+    assert len(states) == 2 if check != "energy" else len(states) >= 1
     for _, fields in states:
         assert all(np.isfinite(values).all() for values in fields.values())
 
@@ -381,3 +386,15 @@ def test_a_step_beyond_the_critical_one_is_refused():
     for safety in (1.1, 2.0, 0.0, float("nan")):
         with pytest.raises(pd.SceneError, match=r"dynamics\.safety"):
             small(**{"dynamics.safety": safety})
+
+
+def test_dynamics_without_a_time_step_are_refused():
+    """Nothing free to move made the step infinite and the positions NaN; a density of 1e-300 made a run that never ends."""
+    body = sheet(0.1, 2.0, 0.4)
+    force = AnalyticBondForce(LAW).bind(body, LAW, ForceSettings())
+    still = np.zeros_like(body.points)
+    integrator = ExplicitDynamics(force, lambda positions, ahead: None, body.points.copy(), still, still, body.volumes, 0.0, 0.0, 0.5)
+    with pytest.raises(Diverging, match="there is no time step"):
+        integrator.begin()
+    with pytest.raises(pd.SimulationFailed, match=r"more than 1e\+09 of them; check the units of dynamics\.density"):
+        simulate(small(**{"dynamics.density": 1e-40}), "analytic")

@@ -8,11 +8,14 @@ from scipy.optimize import minimize
 
 import pdsurrogate as pd
 from pdsurrogate.artifacts import load_surrogate
+from pdsurrogate.body import ReflectionPlane
 from pdsurrogate.forces import FORCES, EnergyNetwork, ForceSettings, OutsideDomain
 from pdsurrogate.forces.energy_density import ExactEnergyDensity
 from pdsurrogate.forces.protocol import OutsideDomainWarning
-from pdsurrogate.materials import LAWS, Gent, NeoHookean, Ogden, plane_stress
+from pdsurrogate.materials import LAWS, Gent, NeoHookean, Ogden, homogeneous, plane_stress
 from pdsurrogate.results import measures
+from pdsurrogate.solvers.preconditioner import NearestBondStiffness
+from pdsurrogate.solvers.stability import NEGATIVE, least_curvature
 from pdsurrogate.stress_test.deformations import wavy
 
 LAW = NeoHookean(2.0, 200.0)
@@ -188,6 +191,27 @@ def test_no_zero_energy_mode(name, state):
     assert np.abs(np.sort(np.abs(values))[: 3 if rest else 2]).max() < 1e-9 * values[-1]
     modes = rigid_free(matrix, body.points @ F.T)
     assert modes[0] >= 5e-3 * modes[-1]
+
+
+@pytest.mark.parametrize(("stretch", "stable"), [(0.95, True), (0.85, False), (1.5, True)])
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_the_least_curvature_has_the_sign_of_the_least_eigenvalue(precision, stretch, stable):
+    """A sheet of 3 x 1 between rollers, in its homogeneous state: stable to a strain of about (pi/3)^2/12."""
+    body = sheet(0.1, 3.0, 1.0, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1)), ReflectionPlane(0, 3.0, 1, (-1, 1))))
+    positions = body.points * [stretch, homogeneous.uniaxial(LAW, stretch).lateral_stretch]
+    force, double = (bound("neo-hookean-energy", body, ForceSettings(precision=name)) for name in (precision, "float64"))
+    for one in (force, double):
+        one.move_plane(1, [3.0 * (stretch - 1), 0.0])
+    values = np.linalg.eigvalsh(double.tangent(positions).matrix().toarray())
+    free = np.ones_like(positions)
+    found = least_curvature(force, positions, free, NearestBondStiffness(body, LAW.shear_modulus, free))
+    if stable:
+        # The translation that nothing holds is an exact zero.
+        assert values[0] > -1e-9 * values[-1]
+        assert found > NEGATIVE
+    else:
+        assert values[0] < -1e-6 * values[-1]
+        assert found < NEGATIVE
 
 
 def rigid_free(matrix, positions):

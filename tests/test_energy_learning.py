@@ -9,7 +9,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 import pdsurrogate as pd
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.learning import energy as learning
-from pdsurrogate.solvers import SOLVERS, Diverging
+from pdsurrogate.solvers import SOLVERS
 
 LAW = pd.NeoHookean()
 
@@ -92,6 +92,16 @@ def test_surrogate_is_the_pipeline(fitted, tmp_path):
     assert pd.load_pipeline(path, trust=True).predict(samples.X[:3]).shape == (3, 3)
 
 
+def test_only_an_energy_pipeline_becomes_an_energy(fitted, tmp_path):
+    _, samples = fitted
+    with pytest.raises(ValueError, match="by a SobolevRegressor or TorchSobolevRegressor, not by a ChebyshevRegressor"):
+        pd.energy_pipeline(pd.ChebyshevRegressor(3))
+    free = pd.energy_pipeline(pd.SobolevRegressor(3, max_iter=2, random_state=0)).set_params(regressor__regressor__flat=())
+    with pytest.raises(ValueError, match=r"has anchor \(0.0, 0.0\) and flat \(0,\), not \(0.0, 0.0\) and \(\)"):
+        pd.store_energy(free.fit(samples.X, samples.y), samples, LAW, tmp_path, "free", "1", "stress at rest")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_second_derivatives_of_the_network(fitted):
     model, samples = fitted
     surrogate, (trace, J), h = pd.energy_surrogate_of(model, LAW, samples), samples.X[:200].T, 1e-6
@@ -118,7 +128,7 @@ def test_bad_invariants_are_named(fitted, X, message):
 
 
 def test_bad_ranges_are_named():
-    with pytest.raises(ValueError, match="stretch range"):
+    with pytest.raises(ValueError, match="0 < least < 1 < greatest"):
         pd.energy_design(LAW, 100, (1.2, 3.0))
 
 
@@ -149,7 +159,7 @@ def test_energy_of_a_level_is_the_work_done():
 
 def test_a_force_without_an_energy_cannot_be_minimised():
     scene = pd.load_scene("uniaxial", {"solver.method": "minimiser"}, **SCENE)
-    with pytest.raises((Diverging, pd.SimulationFailed, pd.SceneError), match="no energy"):
+    with pytest.raises(pd.SceneError, match=r"solver\.method=minimiser needs a force that has an energy.*analytic has none"):
         pd.simulate(scene, "analytic")
 
 

@@ -79,8 +79,9 @@ def test_a_kill_leaves_whole_artefacts_or_none(tmp_path, monkeypatch):
                 path.unlink()
             folder.rmdir()
     # What a kill left beside them is not taken for an artefact.
-    leftover = tmp_path / "killed" / ".7-left"
+    leftover = tmp_path / ".killed-7-left"
     leftover.mkdir(parents=True, exist_ok=True)
+    (tmp_path / "killed").mkdir(exist_ok=True)
     for path in (SHIPPED / "neo-hookean" / "1").iterdir():
         (leftover / path.name).write_bytes(path.read_bytes())
     monkeypatch.setenv("PDSURROGATE_ARTIFACTS", str(tmp_path))
@@ -148,7 +149,36 @@ def test_a_full_disk_is_reported_by_fit(tmp_path, monkeypatch):
     monkeypatch.setattr("joblib.dump", fail)
     done = CliRunner().invoke(app, ["fit", "mine", "--samples", "300", "--units", "3", "--iterations", "3", "--out", str(tmp_path / "a")])
     assert_one_clear_line(done, "could not write", "No space left")
-    assert not list((tmp_path / "a" / "mine").iterdir())
+    assert not list((tmp_path / "a").iterdir())
+
+
+def test_a_full_disk_is_reported_by_identify(tmp_path, monkeypatch):
+    """``identify --out`` on a full disk ended in a traceback."""
+    full_disk(monkeypatch)
+    done = CliRunner().invoke(app, ["identify", "treloar", "--law", "yeoh", "--out", str(tmp_path / "out")])
+    assert_one_clear_line(done, "could not write", "No space left")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_full_disk_is_reported_by_compare(tmp_path, monkeypatch):
+    from pdsurrogate.reports import compare, presentation
+
+    monkeypatch.setattr(compare, "compare", lambda *arguments: {"machine": {"processor": "any", "threads": 1}, "models": []})
+    monkeypatch.setattr(presentation, "table", lambda report: (["model"], [["none"]]))
+    monkeypatch.setattr(presentation, "caution", lambda models: None)
+    monkeypatch.setattr(presentation, "as_csv", lambda report: "model\n")
+    full_disk(monkeypatch)
+    done = CliRunner().invoke(app, ["compare", "--out", str(tmp_path / "out")])
+    assert_one_clear_line(done, "could not write", "No space left")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
+@pytest.mark.parametrize("command", [["materials"], ["artifacts", "gent"]])
+def test_standard_output_on_a_full_disk(command):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([sys.executable, "-m", "pdsurrogate", *command], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 1
+    assert done.stderr == "pdsurrogate: standard output: No space left on device\n"
 
 
 def test_a_version_that_exists_is_told_from_a_disk_that_fails(tmp_path, monkeypatch):

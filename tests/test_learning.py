@@ -20,7 +20,7 @@ from pdsurrogate.kernels.feature_sets import FEATURE_SETS
 from pdsurrogate.learning import surrogate_of, validation
 from pdsurrogate.learning.fitting import domain_of
 from pdsurrogate.learning.pipeline import feature_transformer, outputs_of_force
-from pdsurrogate.learning.sampling import force_factor, states_of_strain
+from pdsurrogate.learning.sampling import force_factor, states_of_strain, stretches_of_strain
 from pdsurrogate.materials import plane_stress
 
 LAW = pd.NeoHookean()
@@ -105,9 +105,9 @@ def test_wide_design_covers_what_it_says():
     np.testing.assert_allclose(AnalyticBondForce(LAW).bond_force(*on.X.T), on.y, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("bad", [(1.0, 0.5), (0, 2), (0.5, np.inf), (-1, 2)])
+@pytest.mark.parametrize("bad", [(1.0, 0.5), (0, 2), (0.5, np.inf), (-1, 2), (np.nan, 2), (1.5, 3), (0.5, 0.9)])
 def test_bad_stretch_ranges_are_refused(bad):
-    with pytest.raises(ValueError, match="0 < low < high"):
+    with pytest.raises(ValueError, match="0 < least < 1 < greatest"):
         pd.wide_design(LAW, 100, bad)
 
 
@@ -299,7 +299,8 @@ def test_isochoric_features_lose_nothing():
     np.testing.assert_allclose(surrogate.bond_force(*fresh.X.T), fresh.y, rtol=1e-9, atol=1e-9)
     for dtype in (np.float32, np.float64):
         assert (kernel_tractions(surrogate, LAW, dtype, 1.0, 0.0, 0.5, 1.0, 1.0) == 0).all()
-    other = pd.bond_force_pipeline("symmetric", pd.ChebyshevRegressor(2)).fit(samples.X, samples.y)
+    with pytest.warns(UserWarning, match="polynomials in two features"):
+        other = pd.bond_force_pipeline("symmetric", pd.ChebyshevRegressor(2)).fit(samples.X, samples.y)
     with pytest.raises(ValueError, match="polynomials in two features"):
         surrogate_of(other, LAW, domain_of(samples))
 
@@ -331,8 +332,42 @@ def test_only_the_pipeline_can_be_exported():
     from sklearn.linear_model import LinearRegression
 
     samples = pd.wide_design(LAW, 300)
-    with pytest.raises(ValueError, match="fitted bond_force_pipeline"):
+    with pytest.raises(ValueError, match="only a bond_force_pipeline"):
         surrogate_of(LinearRegression().fit(samples.X, samples.y), LAW, domain_of(samples))
-    linear = pd.bond_force_pipeline("symmetric", LinearRegression()).fit(samples.X, samples.y)
+    with pytest.warns(UserWarning, match="no layers to export"):
+        linear = pd.bond_force_pipeline("symmetric", LinearRegression()).fit(samples.X, samples.y)
     with pytest.raises(ValueError, match="no layers to export"):
         surrogate_of(linear, LAW, domain_of(samples))
+    with pytest.raises(ValueError, match="not fitted"):
+        surrogate_of(pd.bond_force_pipeline(), LAW, domain_of(samples))
+
+
+@pytest.mark.parametrize("regressor", [pd.ChebyshevRegressor(4), pd.LevenbergMarquardtRegressor((4,), max_iter=5, random_state=0)])
+@pytest.mark.parametrize("scaler", [{"with_mean": False}, {"with_std": False}], ids=str)
+def test_a_scaler_that_does_half_is_exported_as_it_is(regressor, scaler):
+    """``StandardScaler(with_mean=False)`` keeps a mean that it does not use; the surrogate took it off."""
+    samples = pd.wide_design(LAW, 600, random_state=0)
+    model = pd.bond_force_pipeline("isochoric", regressor)
+    for step in ("scaling", "regressor__transformer"):
+        model.set_params(**{f"regressor__{step}__{key}": value for key, value in scaler.items()})
+    model.fit(samples.X, samples.y)
+    surrogate = surrogate_of(model, LAW, domain_of(samples))
+    np.testing.assert_allclose(surrogate.bond_force(*samples.X.T), model.predict(samples.X), rtol=1e-10, atol=1e-12)
+
+
+def test_errors_are_reported_for_ranges_that_are_mostly_compression():
+    """``evaluate analytic --greatest 1.1`` ended in "high - low < 0"."""
+    report = pd.evaluate(AnalyticBondForce(LAW).bond_force, LAW, (0.5, 1.1), 200)
+    assert report["on_surface"]["max"] < 1e-13
+    assert [row["strain"][1] for row in report["by_strain"]] == [0.02, 0.05, 0.1, 0.2, 0.5]
+    first, second = stretches_of_strain(np.random.default_rng(0), (0.2, 0.5), 0.5, 1.1, 500)
+    assert ((first >= 0.5) & (first <= 0.8)).all()  # no extension by a fifth is in the range
+    assert ((second >= 0.5) & (second <= 1.1)).all()
+
+
+def test_a_law_that_ends_within_the_range_says_so():
+    """Training stopped at "Input y contains NaN"."""
+    law = pd.Gent(chain_limit=20)
+    with pytest.raises(ValueError, match=r"gent ends before all states of stretches from 0.6 to 4; it has those from 0.67\d* to 2.8\d*"):
+        pd.wide_design(law, 300, (0.6, 4.0))
+    assert len(pd.wide_design(law, 300, pd.reachable_stretches(law, (0.6, 4.0)))) == 300

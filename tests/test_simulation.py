@@ -1,18 +1,26 @@
 """Section 6.2 end to end, and what a scene does and does not bring along."""
 
+import pickle
+import re
 import subprocess
 import sys
+from importlib import resources
 
 import numba
 import numpy as np
 import pytest
 from conftest import SHIPPED
+from sklearn.linear_model import LinearRegression
+from typer.testing import CliRunner
 
 import pdsurrogate as pd
+from pdsurrogate.cli import app
 from pdsurrogate.discretisation import build_body
+from pdsurrogate.learning.force_model import force_model_of
 from pdsurrogate.programmes.run import Run, Silent
 from pdsurrogate.scenes import SceneError
 from pdsurrogate.simulation import SimulationFailed, simulate
+from pdsurrogate.solvers import SOLVERS, Diverging, Increments, QuasiNewton
 
 VERTICAL = [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "normal", "travel": 1.0}]
 
@@ -165,6 +173,107 @@ def test_the_default_method_falls_back_on_relaxation():
     assert level["method"] == "relaxation"
     with pytest.raises(SimulationFailed, match="stretch 1"):
         run("nosb", "support=points", "stretches=1.5", "solver.method=quasi-newton")
+
+
+def test_a_buckled_sheet_is_not_taken_for_the_compressed_one():
+    """`run uniaxial --set stretches=0.5 --set spacing=0.2` gave 15 % of the stress and `converged: true`.  Rounding starts the buckle."""
+    scene = pd.load_scene("uniaxial", {"spacing": 0.2, "stretches": [0.5]})
+    with pytest.raises(
+        SimulationFailed, match=r"the body buckles between the stretches 0\.5.*; equilibrium was followed to stretch 0\.5"
+    ) as caught:
+        simulate(scene, "neo-hookean")
+    result = caught.value.result
+    assert not result.summary["converged"]
+    failed = [row for row in result.history if "failure" in row]
+    shares = {
+        round((1 - 0.5) / abs(row["increment"] - before), 6) for row, before in zip(failed, accepted_before(result.history), strict=True)
+    }
+    assert shares == {1, 2, 4, 8, 16, 32, 64}
+    exact = simulate(scene, "analytic").levels[0]
+    assert abs(exact["nominal_stress_error"]) < 1e-5
+
+
+def accepted_before(history):
+    """The stretch that every failed increment started from: the last increment that others followed."""
+    reached, current = 1.0, None
+    for row in history:
+        if current is not None and row["increment"] != current:
+            reached, current = current, None
+        if "failure" in row:
+            yield reached
+            current = None
+        else:
+            current = row["increment"]
+
+
+@pytest.mark.slow
+def test_the_sheet_that_buckled_through_its_own_grips():
+    """`run uniaxial --set stretches=0.15 --set spacing=0.1` gave 1 % of the stress and status 0: 41,000 evaluations until it gives up."""
+    done = CliRunner().invoke(app, ["run", "uniaxial", "--set", "stretches=0.15", "--set", "spacing=0.1"])
+    assert done.exit_code == 1
+    assert "stretch 0.15: the body buckles" in " ".join(done.stderr.split())
+
+
+def test_points_beyond_a_grip_are_no_equilibrium():
+    """NOSB folds a compressed sheet through its grips; every force is zero there, and the run said `converged: true`."""
+    scene = pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": [0.8, 0.5], "solver.most_evaluations": 11_000})
+    with pytest.raises(SimulationFailed, match=r"point \d+ at \(.*\): it lies .* beyond the (left|right) grip") as caught:
+        simulate(scene, "nosb")
+    assert [level["stretch"] for level in caught.value.result.levels] == [0.8]
+
+
+@pytest.mark.parametrize("force", ["bond-energy", "neo-hookean-energy"])
+def test_an_energy_buckles_where_euler_says(force):
+    """A sheet of length l and height h between rollers buckles at a strain of (pi h/l)^2/12, less some percent for its shear."""
+    with pytest.raises(SimulationFailed, match="is not stable: along one displacement") as caught:
+        simulate(pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": [0.5]}), force)
+    found = re.search(r"followed to stretch ([0-9.]+), and not further with increments down to ([0-9.]+)", str(caught.value))
+    reached, increment = map(float, found.groups())
+    euler = np.pi**2 / 9 / 12
+    # The share of shear in a column's compliance: E/(k G) times the Euler strain, k = 5/6.
+    assert 1 - euler - increment < reached < 1 - euler / (1 + 3.6 * euler)
+
+
+class Picky(QuasiNewton):
+    """Fails where the body is to grow by more than a tenth at once."""
+
+    length = 3.0
+
+    def solve(self, force, positions, *settings):
+        before, self.length = self.length, np.ptp(positions[:, 0])
+        if abs(self.length - before) > 0.3:
+            self.length = before
+            raise Diverging("too much at once")
+        return super().solve(force, positions, *settings)
+
+
+def test_increments_are_shortened_after_a_failure_and_grow_again(monkeypatch):
+    scene = pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.3, 1.35], "solver.method": "quasi-newton"})
+    whole = simulate(scene, "analytic")
+    assert not any("failure" in row for row in whole.history)
+    assert list(dict.fromkeys(row["increment"] for row in whole.history)) == [1.3, 1.35]
+    monkeypatch.setitem(SOLVERS, "quasi-newton", Picky)
+    found = simulate(scene, "analytic")
+    assert [row["increment"] for row in found.history if "failure" in row] == pytest.approx([1.3, 1.15, 1.3])
+    taken = list(dict.fromkeys(row["increment"] for row in found.history if "failure" not in row))
+    assert taken == pytest.approx([1.075, 1.15, 1.225, 1.3, 1.35])
+    for level, expected in zip(found.levels, whole.levels, strict=True):
+        assert level["nominal_stress"] == pytest.approx(expected["nominal_stress"], rel=1e-5)
+
+
+def test_increments_come_back_to_the_planned_values():
+    increments, values = Increments(1.0, 2.0, 0.4), []
+    assert increments.size == pytest.approx(1 / 3)
+    for halvings in (0, 2, 0, 0, 1, 0):
+        for _ in range(halvings):
+            assert increments.shorten()
+        values.append(increments.target)
+        increments.accept()
+    assert values[0] == np.linspace(1, 2, 4)[1]
+    np.testing.assert_allclose(np.diff(values) * 12, [1, 1, 2, 2, 2], atol=1e-12)
+    assert increments.finished
+    shares = Increments(1.0, 2.0, 1.0)
+    assert [shares.shorten() for _ in range(7)] == [True] * 6 + [False]
 
 
 def test_bond_associated_stress_is_within_its_known_error():
@@ -331,6 +440,55 @@ def test_pieces_that_are_held_have_an_answer():
 def test_material_and_surrogate_must_fit():
     with pytest.raises(SceneError, match="correction=tensor"):
         run("neo-hookean-paper", "correction=tensor")
+
+
+FAST = {"spacing": 0.1, "stretches": [1.2]}
+
+
+def test_scenes_by_name_and_file(tmp_path):
+    """``pd.simulate("uniaxial")`` ended in an AttributeError."""
+    path = tmp_path / "small.toml"
+    built_in = (resources.files("pdsurrogate.scenes") / "uniaxial.toml").read_text("utf-8")
+    path.write_text(re.sub(r"(?m)^(spacing|stretches) *=.*$", lambda line: f"{line[1]} = {FAST[line[1]]}", built_in))
+    stress = [pd.simulate(scene).levels[-1]["nominal_stress"] for scene in (path, str(path), pd.load_scene("uniaxial", FAST))]
+    assert stress[0] == stress[1] == stress[2]
+    with pytest.raises(SceneError, match="unknown scene 'uniaxal'"):
+        pd.simulate("uniaxal")
+    with pytest.raises(TypeError, match="scene must be a Scene, or the name or file of one, not 3"):
+        pd.simulate(3)
+
+
+def test_fitted_pipelines_are_taken():
+    """``pd.simulate(scene, pipeline)`` ended in an AttributeError."""
+    scene, law = pd.load_scene("uniaxial", FAST), pd.NeoHookean()
+    samples, energies = pd.wide_design(law, 3000, (0.8, 1.5), random_state=0), pd.energy_design(law, 500, (0.8, 1.5))
+    bond = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(2)).fit(samples.X, samples.y)
+    energy = pd.energy_pipeline(pd.SobolevRegressor(8, max_iter=300, random_state=0)).fit(energies.X, energies.y)
+    for pipeline in (bond, energy):
+        result = pd.simulate(scene, pipeline)
+        assert result.summary["force"] == "fitted pipeline"
+        assert abs(result.levels[-1]["nominal_stress_error"]) < 1e-3
+    # Its domain are the states that it was fitted to: the box of stretches, and as far beyond as bonds off the surface are moved.
+    domain = force_model_of(bond, law).domain
+    assert 0.8 * np.exp(-0.3) < domain.least_stretch < 0.8
+    assert 1.5 < domain.greatest_stretch < 1.5 * np.exp(0.3)
+    assert force_model_of(energy, law).domain.greatest_stretch == pytest.approx(1.5, rel=1e-2)
+    assert pd.simulate(pd.load_scene("uniaxial", FAST, stretches=[2.0]), bond).summary["fallback_fraction"] > 0.5
+
+
+def test_what_is_no_force_says_what_is_taken():
+    scene, law = pd.load_scene("uniaxial", FAST), pd.NeoHookean()
+    samples = pd.wide_design(law, 300, random_state=0)
+    pipeline = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(2))
+    with pytest.raises(ValueError, match="not fitted"):
+        pd.simulate(scene, pipeline)
+    with pytest.raises(ValueError, match="a LinearRegression is no force model: a fitted bond_force_pipeline or energy_pipeline"):
+        pd.simulate(scene, LinearRegression().fit(samples.X, samples.y))
+    with pytest.raises(ValueError, match="a pipeline read from a file does not say which stretches"):
+        pd.simulate(scene, pickle.loads(pickle.dumps(pipeline.fit(samples.X, samples.y))))
+    for force in (3, pd.AnalyticBondForce, samples):
+        with pytest.raises(TypeError, match="force must be a force model, the name of one, an artefact"):
+            pd.simulate(scene, force)
 
 
 def test_a_simulation_needs_neither_scikit_learn_nor_torch():

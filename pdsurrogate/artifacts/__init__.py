@@ -1,7 +1,17 @@
 """Versioned artefacts: cards, digests, safe reading and atomic writing."""
 
 from .card import SCHEMA_VERSION, Card
-from .store import ArtifactError, find_artifact, list_artifacts, load_card, load_pipeline, load_surrogate, save_artifact, surrogate_for
+from .store import (
+    ArtifactError,
+    find_artifact,
+    list_artifacts,
+    load_card,
+    load_pipeline,
+    load_surrogate,
+    new_artifact,
+    save_artifact,
+    surrogate_for,
+)
 
 __all__ = [
     "SCHEMA_VERSION",
@@ -12,6 +22,7 @@ __all__ = [
     "load_card",
     "load_pipeline",
     "load_surrogate",
+    "new_artifact",
     "save_artifact",
     "surrogate_for",
 ]

@@ -9,6 +9,8 @@ import os
 import re
 import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import joblib
@@ -28,62 +30,114 @@ class ArtifactError(ValueError):
     """An artefact that cannot be found, read or written; the message says why."""
 
 
+@contextmanager
+def _reading() -> Iterator[None]:
+    """Turn errors of reading folders into one that names what cannot be read."""
+    try:
+        yield
+    except OSError as error:
+        raise ArtifactError(f"{error.filename}: cannot be read: {error.strerror}") from None
+
+
 def search_path() -> list[Path]:
     """Folders in which artefacts are looked up by name, first match first.
 
     ``PDSURROGATE_ARTIFACTS`` if set, ``artifacts`` in the working folder, and those shipped with the package.
     """
     package = Path(__file__).resolve().parents[1]
-    folders = [Path("artifacts"), package / "_artifacts", package.parent / "artifacts"]
-    if os.environ.get("PDSURROGATE_ARTIFACTS"):
-        folders.insert(0, Path(os.environ["PDSURROGATE_ARTIFACTS"]))
-    return [folder for folder in folders if folder.is_dir()]
+    folders = [folder for folder in (Path("artifacts"), package / "_artifacts", package.parent / "artifacts") if folder.is_dir()]
+    chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
+    if chosen:
+        if not Path(chosen).is_dir():
+            raise ArtifactError(
+                f"PDSURROGATE_ARTIFACTS is {chosen!r}, which is not a folder: set it to a folder of artefacts, or not at all"
+            )
+        folders.insert(0, Path(chosen))
+    return folders
 
 
+@_reading()
 def list_artifacts() -> list[Path]:
     """Folders of all artefacts on the search path, by name and rising version."""
     found: dict[tuple[str, str], Path] = {}
     for root in search_path():
-        for card in sorted(root.glob(f"*/*/{CARD}")):
-            # What an interrupted writing leaves has a name that is no version.
-            if re.match(VERSION_PATTERN, card.parent.name):
-                found.setdefault((card.parent.parent.name, card.parent.name), card.parent)
+        for folder in _subfolders(root):
+            for version in _versions(folder):
+                if (version / CARD).is_file():
+                    found.setdefault((folder.name, version.name), version)
     return [found[key] for key in sorted(found, key=lambda key: (key[0], _version_key(key[1])))]
 
 
+@_reading()
 def find_artifact(reference: str | Path) -> Path:
     """Folder of an artefact.
 
     Parameters
     ----------
     reference : str or path
-        ``NAME`` (its highest version), ``NAME@VERSION``, or the path of an artefact's folder or of a folder of its versions.
+        ``NAME`` (its highest version) or ``NAME@VERSION``, looked up on the search path; or the path of an artefact's folder or of a folder
+        of its versions.  Text is a path if it has a separator or begins with a dot, or if it is a folder that holds a card; other folders
+        of the same name, such as one of results, are none of its meanings.
 
     Raises
     ------
     ArtifactError
-        If there is none; lists what there is.
+        If there is none, and lists what there is; or if the text means an artefact by name and another one as a folder.
     """
     text = str(reference)
-    path = Path(reference)
-    if isinstance(reference, Path) or os.sep in text or path.is_dir():
-        if (path / CARD).is_file():
-            return path
-        versions = [card.parent for card in path.glob(f"*/{CARD}") if re.match(VERSION_PATTERN, card.parent.name)]
-        if versions:
-            return max(versions, key=lambda folder: _version_key(folder.name))
-        raise ArtifactError(f"{text}: no artefact there: the folder of one holds {CARD}")
-    name, _, version = text.partition("@")
-    candidates = [folder for folder in list_artifacts() if folder.parent.name == name and version in ("", folder.name)]
-    if not candidates:
+    if isinstance(reference, Path) or text.startswith(".") or os.sep in text or (os.altsep or os.sep) in text:
+        folder = _in_folder(Path(reference))
+        if folder is None:
+            raise ArtifactError(f"{text}: no artefact there: the folder of one holds {CARD}")
+        return folder
+    here, named = _in_folder(Path(text)), _by_name(text)
+    if here and named and here.resolve() != named.resolve():
+        raise ArtifactError(f"{text!r} is the artefact {named} by its name, and the folder {here} holds another: give the path of either")
+    if here is None and named is None:
         known = ", ".join(f"{folder.parent.name}@{folder.name}" for folder in list_artifacts()) or "none"
         raise ArtifactError(f"unknown force {text!r}: force models are {', '.join(FORCES)}; artefacts are {known}")
-    return candidates[-1]
+    return here or named
+
+
+def _in_folder(path: Path) -> Path | None:
+    """The artefact in a folder, or its highest version where the folder holds versions."""
+    if (path / CARD).is_file():
+        return path
+    held = [folder for folder in _versions(path) if (folder / CARD).is_file()] if path.is_dir() else []
+    return held[-1] if held else None
+
+
+def _by_name(text: str) -> Path | None:
+    """The artefact NAME or NAME@VERSION on the search path; whether it can be read is not asked, so that no other takes its place."""
+    name, separator, version = text.partition("@")
+    if not re.fullmatch(NAME_PATTERN, name):
+        return None
+    found: dict[str, Path] = {}
+    for root in search_path():
+        if (root / name).is_dir():
+            for folder in _versions(root / name):
+                found.setdefault(folder.name, folder)
+    candidates = [found[key] for key in sorted(found, key=_version_key) if not separator or version == key]
+    return candidates[-1] if candidates else None
+
+
+def _versions(folder: Path) -> list[Path]:
+    """Folders whose names are versions, in rising order; what an interrupted writing leaves has a name that is none."""
+    return sorted(
+        (inner for inner in _subfolders(folder) if re.fullmatch(VERSION_PATTERN, inner.name)), key=lambda inner: _version_key(inner.name)
+    )
+
+
+def _subfolders(folder: Path) -> list[Path]:
+    return sorted(inner for inner in folder.iterdir() if inner.is_dir())
 
 
 def load_card(reference: str | Path) -> Card:
     """The card of an artefact; nothing else is read."""
-    folder = find_artifact(reference)
+    return _card_of(find_artifact(reference))
+
+
+def _card_of(folder: Path) -> Card:
     try:
         with (folder / CARD).open("rb") as file:
             data = file.read(2**20 + 1)
@@ -113,10 +167,14 @@ def load_surrogate(reference: str | Path) -> ForceModel:
     """
     if isinstance(reference, str) and reference in FORCES:
         return FORCES[reference]()
-    card = load_card(reference)
+    return _surrogate_in(find_artifact(reference))
+
+
+def _surrogate_in(folder: Path) -> ForceModel:
+    card = _card_of(folder)
     if card.kind not in KINDS:
         raise ArtifactError(f"{card.name}@{card.version}: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
-    data = _checked_payload(reference, card, SURROGATE)
+    data = _checked_payload(folder, card, SURROGATE)
     try:
         model = KINDS[card.kind].from_payload(
             f"{card.name}@{card.version}", load_plain(data), card.domain.build(), card.material.law, card.material.shape
@@ -129,20 +187,29 @@ def load_surrogate(reference: str | Path) -> ForceModel:
     return model
 
 
+@_reading()
 def surrogate_for(law: Law) -> ForceModel:
     """The force model to take for a material where none is asked for.
 
-    The artefact that carries the law's name, if there is one and it describes this material; else the analytic bond force, which
-    serves every law.
+    The artefact that carries the law's name on the search path, if there is one and it describes this material; else the analytic bond
+    force, which serves every law.
 
     Parameters
     ----------
     law : Law
+
+    Raises
+    ------
+    ArtifactError
+        If that artefact cannot be read.
     """
+    folder = _by_name(law.name)
+    if folder is None:
+        return load_surrogate("analytic")
+    model = _surrogate_in(folder)
     try:
-        model = load_surrogate(law.name)
         model.check_material(law)
-    except (ArtifactError, ValueError):
+    except ValueError:  # another material of the same law
         return load_surrogate("analytic")
     return model
 
@@ -161,8 +228,25 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
     """
     if trust is not True:
         raise ArtifactError("loading a pipeline runs code from its file; say trust=True if you trust whoever made the artefact")
-    card = load_card(reference)
-    return joblib.load(io.BytesIO(_checked_payload(reference, card, PIPELINE)))
+    folder = find_artifact(reference)
+    return joblib.load(io.BytesIO(_checked_payload(folder, _card_of(folder), PIPELINE)))
+
+
+def new_artifact(folder: str | Path, name: str, version: str) -> Path:
+    """Where a new artefact goes, ``folder/NAME/VERSION``.
+
+    Raises
+    ------
+    ArtifactError
+        If it exists already (versions are immutable), or name or version are not allowed.
+    """
+    for key, value, pattern in (("name", name, NAME_PATTERN), ("version", version, VERSION_PATTERN)):
+        if not re.fullmatch(pattern, str(value)):
+            raise ArtifactError(f"{key} {value!r} is not allowed: it must match {pattern}")
+    target = Path(folder) / name / version
+    if target.exists():
+        raise ArtifactError(f"{name}@{version} exists already in {folder}; versions never change, choose another")
+    return target
 
 
 def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce | EnergyNetwork, pipeline=None) -> Path:
@@ -186,16 +270,12 @@ def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce | E
     Raises
     ------
     ArtifactError
-        If the version exists already (versions are immutable), or name or version are not allowed.
+        If the version exists already (versions are immutable), name or version are not allowed, or what was written cannot be read again:
+        a model that the kernels do not evaluate.  Nothing is left on disk then.
     """
-    for key, pattern in (("name", NAME_PATTERN), ("version", VERSION_PATTERN)):
-        if not re.match(pattern, str(card[key])):
-            raise ArtifactError(f"{key} {card[key]!r} is not allowed: it must match {pattern}")
-    target = Path(folder) / card["name"] / card["version"]
-    if target.exists():
-        raise ArtifactError(f"{card['name']}@{card['version']} exists already in {folder}; versions never change, choose another")
-    target.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{card['version']}-", dir=target.parent))
+    target = new_artifact(folder, card["name"], card["version"])
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{card['name']}-{card['version']}-", dir=folder))
     try:
         dump_plain(surrogate.payload(), temporary / SURROGATE)
         contents = {SURROGATE: "the surrogate's constants: plain containers and arrays, all that a simulation needs"}
@@ -205,7 +285,9 @@ def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce | E
         payloads = {name: _describe(temporary / name, what) for name, what in contents.items()}
         full = Card(format=FORMAT, schema_version=SCHEMA_VERSION, **card, payloads=payloads)
         (temporary / CARD).write_text(full.to_json(), encoding="utf-8")
+        _surrogate_in(temporary)
         temporary.chmod(0o755)
+        target.parent.mkdir(exist_ok=True)
         try:
             os.rename(temporary, target)
         except OSError as error:
@@ -222,14 +304,14 @@ def _describe(path: Path, contains: str) -> dict:
     return {"contains": contains, "sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}
 
 
-def _checked_payload(reference: str | Path, card: Card, name: str) -> bytes:
+def _checked_payload(folder: Path, card: Card, name: str) -> bytes:
     """Bytes of a payload whose size and digest are those of the card."""
     where = f"{card.name}@{card.version}: {name}"
     if name not in card.payloads:
         raise ArtifactError(f"{where}: the artefact has none")
     stated = card.payloads[name]
     try:
-        path = find_artifact(reference) / name
+        path = folder / name
         # The size first: a card may state any, and reading makes room for as much.
         data = path.read_bytes() if path.stat().st_size == stated.bytes else b""
     except OSError as error:
@@ -240,4 +322,4 @@ def _checked_payload(reference: str | Path, card: Card, name: str) -> bytes:
 
 
 def _version_key(version: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in version.split(".")) if re.match(VERSION_PATTERN, version) else (-1,)
+    return tuple(int(part) for part in version.split("."))

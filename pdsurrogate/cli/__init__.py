@@ -4,10 +4,19 @@ Exit status 0: done; 1: the run failed, what was reached is saved; 2: bad input,
 130: interrupted, a checkpoint is left.
 """
 
+import os
+import sys
+
 from . import comparing, materials, running, stress_test, toolkit  # noqa: F401  (each adds its commands)
-from .application import app
+from .application import app, err
 
 
 def main() -> None:
     """Entry point."""
-    app()
+    try:
+        app()
+    except OSError as error:  # standard output on a full disk; what commands write to folders they name themselves
+        err.print(f"[red]pdsurrogate:[/] {error.filename or 'standard output'}: {error.strerror}", soft_wrap=True)
+        # What is left in the buffer is not tried again at the end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 import typer
 from rich.console import Console
 from rich.markup import escape
+from rich.measure import Measurement
+from rich.table import Table
 
 app = typer.Typer(
     name="pdsurrogate",
@@ -17,8 +19,28 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+MOST_COLUMNS = 10_000
+"""More characters than the narrowest form of any table has in a line."""
+
 out = Console()
 err = Console(stderr=True)
+
+
+def show(table: Table) -> None:
+    """Print a table with all its words and figures whole.
+
+    Columns break between words where the terminal is narrow, and where that is not enough the table is wider than it.  Only those with
+    ``overflow="fold"``, for paths, break anywhere.
+    """
+    for column in table.columns:
+        if column.overflow == "fold":
+            continue
+        cells = [Measurement.get(out, out.options, cell) for cell in (column.header, *column.cells)]
+        column.min_width = max(cell.minimum for cell in cells)
+    needed = Measurement.get(out, out.options.update(width=MOST_COLUMNS), table).minimum
+    if needed > out.width:
+        table.width = needed
+    out.print(table, crop=False)
 
 
 @contextmanager
@@ -27,7 +49,8 @@ def bad_input(*kinds: type[Exception]) -> Iterator[None]:
     try:
         yield
     except kinds as error:
-        err.print(f"[red]pdsurrogate:[/] {escape(' '.join(str(error).split()))}", soft_wrap=True)
+        text = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
+        err.print(f"[red]pdsurrogate:[/] {escape(' '.join(text.split()))}", soft_wrap=True)
         raise typer.Exit(2) from None
 
 
@@ -37,7 +60,8 @@ def writing(folder) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        err.print(f"[red]pdsurrogate:[/] could not write {escape(str(folder))}: {error.strerror or error}", soft_wrap=True)
+        where = escape(str(folder or error.filename))
+        err.print(f"[red]pdsurrogate:[/] could not write {where}: {error.strerror or error}", soft_wrap=True)
         raise typer.Exit(1) from None
 
 
@@ -60,14 +84,24 @@ def said_aloud() -> Iterator[None]:
         yield
 
 
-def law_of(name: str, changes: list[str] | None):
+def law_of(name: str, changes: list[str] | None = None):
     """A law by name with parameters given as KEY=VALUE."""
+    from ..scenes.reading import parse_change
+
+    given = dict(parse_change(item) for item in changes or [])
+    if "law" in given:
+        raise ValueError(f"the law is given by its own option, not by --set law={given['law']}")
+    return described_law({"law": name, **given})
+
+
+def described_law(description: dict):
+    """The law of a description, as a scene or a card states it."""
     from pydantic import ValidationError
 
     from ..scenes import MaterialSpec
-    from ..scenes.reading import explain, parse_change
+    from ..scenes.reading import explain
 
     try:
-        return MaterialSpec.model_validate({"law": name, **dict(parse_change(item) for item in changes or [])}).build()
+        return MaterialSpec.model_validate(description).build()
     except ValidationError as error:
         raise ValueError(explain(error)) from None

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
-from .application import app, bad_input, err, law_of, out, writing
+from .application import app, bad_input, err, law_of, out, show, writing
 
 
 @app.command()
@@ -39,7 +38,7 @@ def compare(
         table.add_column(title, justify="right" if number else "left")
     for row in rows:
         table.add_row(*row)
-    Console(width=max(out.width, 190)).print(table)
+    show(table)
     if caution := presentation.caution(report["models"]):
         err.print(caution, soft_wrap=True)
     if folder is not None:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from .application import app, bad_input, err, out
+from .application import app, bad_input, err, out, show, writing
 
 DATA_HELP = "Test data: treloar, kawabata, or a CSV with mode, stretch and nominal_stress."
 
@@ -31,7 +31,7 @@ def materials() -> None:
             bounds = f"{low:g} to {high:g}" if high is not None else "positive" if field.name.endswith("modulus") else ""
             table.add_row(law.name if number == 0 else "", field.name, shown, bounds, law.reference if number == 0 else "")
         table.add_section()
-    out.print(table)
+    show(table)
 
 
 def identified(data: Path, law: str, terms: int, stretch: float | None):
@@ -56,7 +56,7 @@ def print_identified(found: dict) -> None:
         error = found["standard_errors"][name]
         shown = "at its bound" if name in found["at_bound"] else "not told by the data" if error is None else f"{error:.2g}"
         table.add_row(name, f"{value:.5g}", shown)
-    out.print(table)
+    show(table)
     out.print(", ".join(f"R^2 {mode} {value:.4f}" for mode, value in found["r_squared"].items()))
 
 
@@ -96,8 +96,9 @@ def identify(
         for row in held_out:
             scores = ", ".join(f"{mode} {value:.3f}" for mode, value in row["held_out"].items())
             table.add_row(row["law"], ", ".join(row["fitted_to"]), scores, f"{row['relative_rms']:.3f}")
-        out.print(table)
+        show(table)
     if folder is not None:
-        write_json(folder / "identify.json", {"laws": found})
-        figures.save(figure(models, rows), folder / "identify.png")
+        with writing(folder):
+            write_json(folder / "identify.json", {"laws": found})
+            figures.save(figure(models, rows), folder / "identify.png")
         out.print(f"Results in {folder}", soft_wrap=True)

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from .application import app, bad_input, err, out, said_aloud, writing
+from .application import app, bad_input, err, out, said_aloud, show, writing
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells give it: 128 and the number of the signal."""
@@ -191,7 +191,7 @@ def _print_levels(result) -> None:
                 cells += ["" if reference is None else f"{reference:.5f}", "" if error is None else f"{100 * error:+.4f}"]
         table.add_row(*cells)
     if summary["levels"]:
-        out.print(table)
+        show(table)
         _print_grip(summary)
     if "crack" in summary:
         _print_crack(summary)
@@ -227,4 +227,4 @@ def scenes() -> None:
     table.add_column("what it is")
     for name in scene_names():
         table.add_row(name, load_scene(name).title)
-    out.print(table)
+    show(table)

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from .application import app, bad_input, err, out, writing
+from .application import app, bad_input, err, out, show, writing
 
 
 @app.command("stress-test")
@@ -34,10 +33,10 @@ def stress_test(
     header, rows = report_module.table(report)
     printed = Table(title="Hard cases", title_justify="left", show_lines=True)
     for title in header:
-        printed.add_column(title, overflow="fold")
+        printed.add_column(title)
     for row in rows:
         printed.add_row(*(f"[yellow]{escape(cell)}[/]" if cell.startswith("WEAK") else escape(cell) for cell in row))
-    Console(width=max(out.width, 60 + 24 * len(report["models"]))).print(printed)
+    show(printed)
     for name, what in report["weaknesses"].items():
         out.print(f"[yellow]{name}[/]: {escape(what)}", soft_wrap=True)
     for model in report["models"]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -11,10 +12,10 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .application import app, bad_input, err, law_of, out, writing
+from .application import app, bad_input, described_law, err, law_of, out, show, writing
 from .materials import DATA_HELP, identified, print_identified
 
-Reference = Annotated[str, typer.Argument(metavar="REF", help="analytic, nosb, or an artefact: NAME, NAME@VERSION or a path.")]
+Reference = Annotated[str, typer.Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")]
 
 
 @app.command()
@@ -28,41 +29,35 @@ def fit(
     features: Annotated[
         str | None, typer.Option(help="isochoric (for polynomials), symmetric (for networks), or the paper's five (paper).")
     ] = None,
-    degree: Annotated[str, typer.Option(help="Degrees of a polynomial in the two isochoric features.")] = "12,6",
+    degree: Annotated[str | None, typer.Option(help="Degrees of a polynomial in the two isochoric features; 12,6 by default.")] = None,
     units: Annotated[str | None, typer.Option(help="Hidden units of a network instead; two layers with a comma between.")] = None,
-    activation: Annotated[str, typer.Option(help="Of a network: algebraic, logistic, tanh, relu or softplus.")] = "algebraic",
+    activation: Annotated[str | None, typer.Option(help="Of a network: algebraic (the default), logistic, tanh, relu or softplus.")] = None,
     samples: Annotated[int, typer.Option(help="Training samples.", min=200)] = 8000,
-    least: Annotated[float | None, typer.Option(help="Least principal stretch trained on; 0.5, or as far as the law goes.")] = None,
-    greatest: Annotated[float | None, typer.Option(help="Greatest principal stretch trained on; 4, or as far as the law goes.")] = None,
-    iterations: Annotated[int, typer.Option(help="Most iterations of the training of a network.", min=1)] = 1000,
+    least: Annotated[
+        float | None, typer.Option(help="Least principal stretch trained on, below 1; 0.5, or as far as the law goes.")
+    ] = None,
+    greatest: Annotated[
+        float | None, typer.Option(help="Greatest principal stretch trained on, above 1; 4, or as far as the law goes.")
+    ] = None,
+    iterations: Annotated[int | None, typer.Option(help="Most iterations of the training of a network; 1000 by default.", min=1)] = None,
     folds: Annotated[int, typer.Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5,
     seed: Annotated[int, typer.Option(help="Seed of samples, split and first weights.", min=0)] = 0,
     folder: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of artefacts.")] = Path("artifacts"),
 ) -> None:
     """Fit a surrogate of a law's bond force, cross-validate it, and store it as an artefact."""
-    from ..artifacts import ArtifactError, load_card
+    from ..artifacts import ArtifactError, load_card, new_artifact
     from ..identification import report
-    from ..learning import (
-        ChebyshevRegressor,
-        LevenbergMarquardtRegressor,
-        bond_force_pipeline,
-        cross_validate,
-        reachable_stretches,
-        store,
-        wide_design,
-    )
+    from ..learning import cross_validate, reachable_stretches, store, wide_design
+    from ..learning.sampling import checked_range
     from ..results.files import check_writable
     from ..scenes import SceneError
 
-    if folds == 1:
-        err.print("[red]pdsurrogate:[/] --folds must be 0 or at least 2")
-        raise typer.Exit(2)
-    if (folder / name / version).exists():
-        err.print(
-            f"[red]pdsurrogate:[/] {name}@{version} exists already in {folder}; versions never change, choose another", soft_wrap=True
-        )
-        raise typer.Exit(2)
     with bad_input(SceneError, ArtifactError, ValueError, OSError):
+        if folds == 1 or folds > samples:
+            raise ValueError(f"--folds must be 0, or from 2 to the number of samples, not {folds}")
+        new_artifact(folder, name, version)
+        box = checked_range((0.5 if least is None else least, 4.0 if greatest is None else greatest))
+        pipeline, what = _pipeline(features, degree, units, activation, iterations, seed)
         check_writable(folder)
         found = None
         if data is not None:
@@ -72,35 +67,55 @@ def fit(
                 model, rows = identified(data, law, terms, None)
             material, found = model.law_, report(model, rows)
             print_identified(found)
+            if found["r_squared"] and max(found["r_squared"].values()) <= 0:
+                raise ValueError(
+                    f"{law} describes no mode of {data} better than its mean stress does: choose another law, or mend the data"
+                )
         else:
             material = law_of(law, change)
-        reach = (least or 0.5, greatest or 4.0)
-        if least is None and greatest is None:
-            reach = reachable_stretches(material)
-        design = wide_design(material, samples, reach, random_state=seed)
-        if units is None:
-            degrees = _numbers(degree, "--degree")
-            regressor, what = ChebyshevRegressor(degrees if len(degrees) > 1 else degrees[0]), f"polynomial of degree {degree}"
-        else:
-            hidden = _numbers(units, "--units")
-            regressor = LevenbergMarquardtRegressor(hidden, activation, max_iter=iterations, n_iter_no_change=100, random_state=seed)
-            what = f"{units} units"
-        chosen = features or ("isochoric" if units is None else "symmetric")
-        model = bond_force_pipeline(chosen, regressor)
+        reach = reachable_stretches(material, box)
+        design = wide_design(
+            material, samples, (reach[0] if least is None else least, reach[1] if greatest is None else greatest), random_state=seed
+        )
         with err.status("Fitting"):
-            model.fit(design.X, design.y)
+            pipeline.fit(design.X, design.y)
         table = []
         if folds:
             with err.status(f"Cross-validating, {folds} folds"):
-                table = cross_validate(model, design, folds, seed)
-        description = f"Bond force of {law}, {chosen} features, {what}"
+                table = cross_validate(pipeline, design, folds, seed)
+        description = f"Bond force of {law}, {what}"
         with writing(folder):
-            path = store(model, design, material, folder, name, version, description, table, identification=found)
+            path = store(pipeline, design, material, folder, name, version, description, table, identification=found)
         card = load_card(path)
     _print_errors(card.errors["box"])
     for row in card.training["cross_validation"]:
         out.print(f"fold {row['fold']}: relative RMS error {row['rms']:.2e} on samples left out")
     out.print(f"Wrote {path}", soft_wrap=True)
+
+
+def _pipeline(features, degree, units, activation, iterations, seed):
+    """The pipeline that the options of `fit` ask for, and what it is in words."""
+    from ..learning import ChebyshevRegressor, LevenbergMarquardtRegressor, bond_force_pipeline
+    from ..learning.pipeline import parts_of
+
+    if units is None:
+        if activation is not None or iterations is not None:
+            raise ValueError("--activation and --iterations are of a network: give its --units")
+        degrees = _numbers(degree or "12,6", "--degree")
+        regressor = ChebyshevRegressor(degrees if len(degrees) > 1 else degrees[0])
+        chosen, what = features or "isochoric", f"polynomial of degree {degree or '12,6'}"
+    else:
+        if degree is not None:
+            raise ValueError("--degree is of a polynomial, --units of a network: choose one")
+        hidden = _numbers(units, "--units")
+        options = {"max_iter": iterations or 1000, "n_iter_no_change": 100, "random_state": seed}
+        regressor = LevenbergMarquardtRegressor(hidden, activation or "algebraic", **options)
+        chosen, what = features or "symmetric", f"{units} units"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what it warns of is an error here
+        pipeline = bond_force_pipeline(chosen, regressor)
+    parts_of(pipeline)
+    return pipeline, f"{chosen} features, {what}"
 
 
 def _numbers(text: str, option: str) -> tuple[int, ...]:
@@ -113,18 +128,17 @@ def _numbers(text: str, option: str) -> tuple[int, ...]:
 @app.command()
 def evaluate(
     reference: Reference,
-    least: Annotated[float | None, typer.Option(help="Least principal stretch; the artefact's own domain by default.")] = None,
-    greatest: Annotated[float | None, typer.Option(help="Greatest principal stretch.")] = None,
+    least: Annotated[float | None, typer.Option(help="Least principal stretch, below 1; the artefact's own domain by default.")] = None,
+    greatest: Annotated[float | None, typer.Option(help="Greatest principal stretch, above 1.")] = None,
     samples: Annotated[int, typer.Option(help="States in each set.", min=100)] = 20_000,
     seed: Annotated[int, typer.Option(help="Seed of the states.", min=0)] = 2_000_003,
     law: Annotated[str | None, typer.Option(help="Law to compare with; the artefact's own by default.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
     """Compare a bond force with the exact one: on and off the plane-stress surface, by strain, at rest, and its stiffness."""
-    from ..artifacts import ArtifactError, load_card, load_surrogate
+    from ..artifacts import ArtifactError, load_surrogate
     from ..forces import FORCES, EnergySurrogate, ForceSurrogate
     from ..learning import evaluate as report_of
-    from ..scenes import MaterialSpec
 
     with bad_input(ArtifactError, ValueError):
         model = load_surrogate(reference)
@@ -133,17 +147,10 @@ def evaluate(
             return
         if not isinstance(model, ForceSurrogate):
             raise ValueError(f"{reference} has no bond force of its own to evaluate")
+        material = _compared_with(reference, model, law)
         if reference in FORCES:
-            material = MaterialSpec(law=law or "neo-hookean").build()
             model.law = material
-        else:
-            material = MaterialSpec.model_validate(law or load_card(reference).material.trained_with).build()
-            model.check_material(material)
-        domain = model.domain
-        stretches = (
-            least if least is not None else domain.least_stretch if domain else 0.5,
-            greatest if greatest is not None else domain.greatest_stretch if domain else 4.0,
-        )
+        stretches = _range(model, least, greatest)
         report = report_of(model.bond_force, material, stretches, samples, seed)
     if as_json:
         sys.stdout.write(json.dumps(report, indent=2) + "\n")
@@ -151,19 +158,33 @@ def evaluate(
         _print_errors(report)
 
 
-def _evaluate_energy(reference, model, law, stretches, samples, seed, as_json) -> None:
-    """Compare a plane-stress energy with the exact one."""
+def _compared_with(reference: str, model, law: str | None):
+    """The law by name; else the one of the artefact's card, or Neo-Hookean rubber for a force model that serves every law."""
     from ..artifacts import load_card
     from ..forces import FORCES
-    from ..learning import evaluate_energy
-    from ..scenes import MaterialSpec
 
-    stated = law or ("neo-hookean" if reference in FORCES else load_card(reference).material.trained_with)
-    material = MaterialSpec.model_validate(stated).build()
+    if law is not None:
+        material = law_of(law)
+    else:
+        material = law_of("neo-hookean") if reference in FORCES else described_law(load_card(reference).material.trained_with)
     model.check_material(material)
-    domain = model.domain
-    low = stretches[0] if stretches[0] is not None else domain.least_stretch if domain else 0.5
-    high = stretches[1] if stretches[1] is not None else domain.greatest_stretch if domain else 4.0
+    return material
+
+
+def _range(model, least: float | None, greatest: float | None) -> tuple[float, float]:
+    """Principal stretches as given, else those of the model's domain."""
+    from ..learning.sampling import checked_range
+
+    low, high = (model.domain.least_stretch, model.domain.greatest_stretch) if model.domain else (0.5, 4.0)
+    return checked_range((low if least is None else least, high if greatest is None else greatest))
+
+
+def _evaluate_energy(reference, model, law, stretches, samples, seed, as_json) -> None:
+    """Compare a plane-stress energy with the exact one."""
+    from ..learning import evaluate_energy
+
+    material = _compared_with(reference, model, law)
+    low, high = _range(model, *stretches)
     report = evaluate_energy(model, material, (low, high), samples, seed)
     if as_json:
         sys.stdout.write(json.dumps(report, indent=2) + "\n")
@@ -174,7 +195,7 @@ def _evaluate_energy(reference, model, law, stretches, samples, seed, as_json) -
     rows = [("all", report["on_surface"]), *((f"strain {row['strain'][0]:g} to {row['strain'][1]:g}", row) for row in report["by_strain"])]
     for title, row in rows:
         table.add_row(title, f"{row['rms']:.1e}", f"{row['max']:.1e}", f"{row['energy_rms']:.1e}")
-    out.print(table)
+    show(table)
     out.print(
         f"at rest {report['at_rest']:.1e}; least acoustic stiffness {report['least_acoustic']:.3g} "
         f"(exact: {report['least_acoustic_exact']:.3g}); least curvature by log-stretches {report['least_curvature']:.3g} "
@@ -191,7 +212,7 @@ def _print_errors(report: dict) -> None:
     rows += [(f"strain {row['strain'][0]:g} to {row['strain'][1]:g}", row) for row in report["by_strain"]]
     for title, row in rows:
         table.add_row(title, f"{row['rms']:.1e}", f"{row['max']:.1e}")
-    out.print(table)
+    show(table)
     out.print(
         f"force at rest {report['at_rest']:.1e}; least stiffness slope {report['least_slope']:.3g} "
         f"(exact: {report['least_slope_exact']:.3g})"
@@ -211,7 +232,7 @@ def artifacts(
         return
     table = Table(title="Artefacts", title_justify="left")
     for title in ("artefact", "law", "features", "RMS error", "where"):
-        table.add_column(title)
+        table.add_column(title, overflow="fold" if title == "where" else "ellipsis")
     for folder in list_artifacts():
         try:
             card = load_card(folder)
@@ -226,4 +247,4 @@ def artifacts(
             "" if error is None else f"{error:.1e}",
             str(folder),
         )
-    out.print(table)
+    show(table)

@@ -6,6 +6,7 @@ from .bond_energy import BondEnergyForce
 from .energy_density import EnergySurrogate
 from .learnt import LearntBondForce
 from .learnt_energy import EnergyNetwork
+from .model import BindableForce
 from .network import NetworkForce
 from .nosb import CorrespondenceForce
 from .polynomial import PolynomialForce
@@ -18,6 +19,7 @@ FORCES = {model.name: model for model in (AnalyticBondForce, BondAssociatedForce
 __all__ = [
     "FORCES",
     "AnalyticBondForce",
+    "BindableForce",
     "BondAssociatedForce",
     "BondEnergyForce",
     "CorrespondenceForce",

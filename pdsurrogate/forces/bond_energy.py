@@ -335,7 +335,9 @@ class BondEnergyEvaluation(DomainWatch):
                 ExactEnergyDensity().energy_derivatives(self.law, trace[[pair]], J[[pair]])
             except ValueError as error:
                 return at_point(self.body, int(bonds.first[pair]), str(error))
-        return "a bond has no energy"
+        worst = int(np.where(alive, trace, -np.inf).argmax())
+        what = f"one of the bonds has no energy; of the most strained one, tr C = {trace[worst]:.4g} and det F = {J[worst]:.4g}"
+        return at_point(self.body, int(bonds.first[worst]), what)
 
     def change_pass(self, changes: np.ndarray, gradients: np.ndarray) -> Callable[[np.ndarray], None]:
         """What forms the changes of all F under displacements of the points, the linear part of `Kinematics.update_gradients`.

@@ -160,10 +160,15 @@ def check_described(model, law: Law, shape: Mapping[str, float], exact: str) -> 
     """
     if law.name != model.law:
         raise ValueError(f"{model.name} describes the law {model.law}, not {law.name}; force={exact} serves every law")
+    if set(shape) != set(model.shape):
+        raise ValueError(
+            f"{model.name} describes {model.law} with {', '.join(sorted(model.shape)) or 'no parameters'}, "
+            f"not with {', '.join(sorted(shape)) or 'none'}; fit another, or use force={exact}, which serves every law"
+        )
     for key, value in shape.items():
         if not np.isclose(value, model.shape[key], rtol=1e-9, atol=0):
             raise ValueError(
-                f"{model.name} describes {model.law} with {key} = {model.shape[key]:g}, not {value:g}; "
+                f"{model.name} describes {model.law} with {key} = {float(model.shape[key])!r}, not {float(value)!r}; "
                 f"fit another, or use force={exact}, which serves every law"
             )
 

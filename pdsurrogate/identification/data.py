@@ -74,8 +74,12 @@ class TestData:
         for mode in self.modes:
             rows = self.mode == mode
             stress = self.nominal_stress[rows]
-            spread = (self.weight[rows] * (stress - np.average(stress, weights=self.weight[rows])) ** 2).sum()
-            weights[rows] /= spread if spread > 0 else (self.weight[rows] * stress**2).sum()
+            with np.errstate(over="ignore", invalid="ignore"):  # checked below
+                spread = (self.weight[rows] * (stress - np.average(stress, weights=self.weight[rows])) ** 2).sum()
+            size = spread if spread > 0 else (self.weight[rows] * stress**2).sum()
+            if not 0 < size < np.inf:
+                raise ValueError(f"{self.name}: the stresses of {mode} are all zero, or too large to be squared")
+            weights[rows] /= size
         return weights
 
     def r_squared(self, predicted: np.ndarray) -> dict[str, float]:

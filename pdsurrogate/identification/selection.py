@@ -35,7 +35,9 @@ def held_out_modes(models: Iterable[LawRegressor], data: TestData, fitted_to: It
         for train in splits:
             known, unseen = data.of(*train), data.of(*(mode for mode in modes if mode not in train))
             if not len(known) or not len(unseen):
-                raise ValueError(f"{data.name}: nothing is fitted or nothing held out with {', '.join(train)} of {', '.join(modes)}")
+                raise ValueError(
+                    f"{data.name}: nothing is fitted or nothing held out: fitted to {', '.join(train) or 'no mode'}, of {', '.join(modes)}"
+                )
             fitted = clone(model).fit(known.stretches, known.nominal_stress, known.balanced_weights())
             predicted = fitted.predict(unseen.stretches)
             rows.append(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,23 +10,28 @@ from sklearn.base import clone
 from sklearn.model_selection import KFold
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer
+from sklearn.utils.validation import check_is_fitted
 
-from ..artifacts import load_surrogate, save_artifact
+from ..artifacts import save_artifact
 from ..forces import Domain, EnergyNetwork
 from ..forces.energy_density import EnergySurrogate
 from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
 from ..materials import Law, plane_stress
 from .fitting import versions
-from .sampling import log_stretches
+from .sampling import checked_range, log_stretches, stretches_of_strain
 from .sobolev import SobolevNetwork, SobolevRegressor
 from .target import InputAwareTargetRegressor
-from .validation import STRAIN_BINS
+from .validation import strain_bins
 
 INVARIANTS = ("tr C", "J")
 """Columns of X: tr C and det F, in the plane."""
 
 ENERGY_TARGETS = ("psi", "dpsi/dtr C", "dpsi/dJ")
 """Columns of y, in units of the shear modulus."""
+
+
+ANCHOR, FLAT = (0.0, 0.0), (0,)
+"""Features at rest, where the energy is zero, and those by which its derivative is."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +71,7 @@ def energy_design(
     law: Law, n_samples: int = 2000, stretch_range: tuple[float, float] = (0.5, 5.0), near_rest: float = 0.25, random_state: int = 0
 ) -> EnergySamples:
     """States even in log-stretch, a share of them near rest with strains from 0.1 % to 30 %, even in the logarithm of the strain."""
-    low, high = (float(value) for value in stretch_range)
-    if not (np.isfinite(high) and 0 < low < 1 < high):
-        raise ValueError(f"a stretch range for an energy needs 0 < low < 1 < high, not {stretch_range}")
+    low, high = checked_range(stretch_range)
     logs = log_stretches(np.random.default_rng(random_state), n_samples, low, high, near_rest)
     design = {
         "name": "energy",
@@ -92,8 +94,12 @@ def energy_pipeline(regressor: SobolevNetwork | None = None) -> InputAwareTarget
     regressor : SobolevNetwork, optional
         `SobolevRegressor` with 12 units by default; its `anchor`, `flat` and `size` are set here.
     """
+    if regressor is not None and not isinstance(regressor, SobolevNetwork):
+        raise ValueError(
+            f"an energy is learnt with its derivatives, by a SobolevRegressor or TorchSobolevRegressor, not by a {type(regressor).__name__}"
+        )
     inner = SobolevRegressor(random_state=0) if regressor is None else clone(regressor)
-    inner.set_params(anchor=(0.0, 0.0), flat=(0,), size=rubber_energy_size)
+    inner.set_params(anchor=ANCHOR, flat=FLAT, size=rubber_energy_size)
     features = FunctionTransformer(log_invariants, feature_names_out=_names, check_inverse=False)
     return InputAwareTargetRegressor(
         Pipeline([("features", features), ("regressor", inner)]), func=derivatives_by_features, inverse_func=derivatives_by_invariants
@@ -125,28 +131,53 @@ def derivatives_by_invariants(X, z) -> np.ndarray:
     return np.stack([z[:, 0], z[:, 2] / trace, (z[:, 1] - z[:, 2]) / J], axis=1)
 
 
+def network_of(model: InputAwareTargetRegressor) -> SobolevNetwork:
+    """The network of an `energy_pipeline`, fitted or not.
+
+    Raises
+    ------
+    ValueError
+        If the pipeline is not of that make, so that it cannot become an energy surrogate.
+    """
+    pipeline = getattr(model, "regressor_", getattr(model, "regressor", None))
+    if (
+        not isinstance(model, InputAwareTargetRegressor)
+        or not isinstance(pipeline, Pipeline)
+        or not isinstance(pipeline[-1], SobolevNetwork)
+        or model.func is not derivatives_by_features
+        or getattr(pipeline[0], "func", None) is not log_invariants
+    ):
+        raise ValueError("only an energy_pipeline, which ends in a SobolevNetwork, can become an energy surrogate")
+    network = pipeline[-1]
+    if (network.anchor, network.flat) != (ANCHOR, FLAT):
+        raise ValueError(f"the network of an energy has anchor {ANCHOR} and flat {FLAT}, not {network.anchor} and {network.flat}")
+    return network
+
+
 def energy_surrogate_of(model: InputAwareTargetRegressor, law: Law, samples: EnergySamples, name: str = "unsaved") -> EnergyNetwork:
     """The surrogate of a fitted `energy_pipeline`: the same function, as plain arrays.
 
     Raises
     ------
     ValueError
-        If the pipeline is not of that make.
+        If the pipeline is not of that make, or not fitted.
     """
-    pipeline = getattr(model, "regressor_", None)
-    if not isinstance(pipeline, Pipeline) or not isinstance(pipeline[-1], SobolevNetwork):
-        raise ValueError("only a fitted energy_pipeline, which ends in a SobolevNetwork, can become an energy surrogate")
-    network = pipeline[-1]
-    low, high = samples.design["stretch_range"]
+    return energy_network(model, law, samples.design["stretch_range"], samples.X, name)
+
+
+def energy_network(model: InputAwareTargetRegressor, law: Law, stretch_range, X: np.ndarray, name: str = "unsaved") -> EnergyNetwork:
+    """The same from the range of principal stretches and the training states (columns `INVARIANTS`)."""
+    network = network_of(model)
+    check_is_fitted(model)
     # J3^2 = J^2 C33 of the training states, for the card.
-    bulk = plane_stress.volume_ratio(law, *samples.X.T) ** 2
+    bulk = plane_stress.volume_ratio(law, *X.T) ** 2
     return EnergyNetwork(
         name,
         network.activation,
         np.ascontiguousarray(network.hidden_weights_),
         network.hidden_biases_.copy(),
         network.output_weights_.copy(),
-        Domain(low, high, float(bulk.min()), float(bulk.max())),
+        Domain(*stretch_range, float(bulk.min()), float(bulk.max())),
         law.name,
         energy_shape(law),
     )
@@ -210,16 +241,11 @@ def evaluate_energy(
 
     bins = []
     random = np.random.default_rng(random_state + 1)
-    for strains in pairwise(STRAIN_BINS):
-        if strains[0] >= high - 1:
-            continue
-        greatest = np.exp(random.uniform(*np.log((strains[0], min(strains[1], high - 1))), max(n_samples // 10, 100)))
-        compressive = (random.random(greatest.size) < 0.5) & (1 - greatest >= low)
-        other = random.uniform(np.maximum(1 - greatest, low), np.minimum(1 + greatest, high))
-        stretches = np.stack([np.where(compressive, 1 - greatest, 1 + greatest), other], axis=1)
+    for strains in strain_bins(low, high):
+        stretches = np.stack(stretches_of_strain(random, strains, low, high, max(n_samples // 10, 100)), axis=1)
         bins.append({"strain": list(strains), **errors(EnergySamples.of(law, stretches, {}))})
     rest = model.energy_derivatives(law, np.array([2.0]), np.array([1.0]))
-    least, exact = _stability(model.energy_derivatives(law, *samples.X.T), samples), None
+    least = _stability(model.energy_derivatives(law, *samples.X.T), samples)
     exact = _stability(_exact(law, samples), samples)
     return {
         "stretch_range": [low, high],
@@ -320,9 +346,7 @@ def store_energy(
         "errors": {"box": evaluate_energy(surrogate, law), "stretches 0.8 to 4": evaluate_energy(surrogate, law, (0.8, 4.0))},
         "made_with": versions(),
     }
-    path = save_artifact(folder, card, surrogate, model)
-    load_surrogate(path)  # what was written can be read
-    return path
+    return save_artifact(folder, card, surrogate, model)
 
 
 def _invariants(X):

@@ -12,11 +12,12 @@ from joblib import Parallel, delayed
 from sklearn.base import clone
 from sklearn.model_selection import KFold
 
-from ..artifacts import load_surrogate, save_artifact
+from ..artifacts import save_artifact
 from ..body import WEIGHT_FUNCTIONS
 from ..forces import Domain
 from ..materials import Law
-from .export import surrogate_of
+from .export import shift_and_scale, surrogate_of
+from .pipeline import parts_of
 from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples, reachable_stretches
 from .validation import evaluate, relative_errors
 
@@ -81,9 +82,9 @@ def store(
         Of the artefact.
     """
     surrogate = surrogate_of(model, law, domain_of(samples), f"{name}@{version}")
-    pipeline = model.regressor_
-    regressor = pipeline["regressor"].regressor_
-    scaling, target = pipeline["scaling"], pipeline["regressor"].transformer_
+    parts = parts_of(model)
+    regressor = parts.regressor
+    (mean, scale), (target_mean, target_scale) = shift_and_scale(parts.scaling), shift_and_scale(parts.target)
     low, high = samples.design["stretch_range"]
     errors = {"box": evaluate(surrogate.bond_force, law, (low, high))}
     if low > 0.5 and reachable_stretches(law) == (0.5, 4.0):
@@ -103,10 +104,10 @@ def store(
             "units": "dimensionless; rotation in radians; length in horizons; force in w l mu / kappa",
         },
         "scaling": {
-            "feature_mean": scaling.mean_.tolist(),
-            "feature_scale": scaling.scale_.tolist(),
-            "output_mean": target.mean_.tolist(),
-            "output_scale": target.scale_.tolist(),
+            "feature_mean": mean.tolist(),
+            "feature_scale": scale.tolist(),
+            "output_mean": target_mean.tolist(),
+            "output_scale": target_scale.tolist(),
             "folded": "into the constants of the payload",
         },
         "training": {
@@ -126,9 +127,7 @@ def store(
         "errors": errors,
         "made_with": versions(),
     }
-    path = save_artifact(folder, card, surrogate, model)
-    load_surrogate(path)  # what was written can be read
-    return path
+    return save_artifact(folder, card, surrogate, model)
 
 
 def versions() -> dict[str, str]:

@@ -125,6 +125,9 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         self._validate_params()
         if self.validation_fraction + self.test_fraction >= 1:
             raise ValueError("validation_fraction and test_fraction leave nothing to train on")
+        sizes = np.atleast_1d(self.hidden_layer_sizes).astype(int)
+        if (sizes < 1).any():
+            raise ValueError(f"every hidden layer needs at least one unit, hidden_layer_sizes is {self.hidden_layer_sizes}")
         X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
         y = np.asarray(y, dtype=np.float64)
         self._single_output = y.ndim == 1
@@ -134,7 +137,6 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         order = random.permutation(len(X))
         n_validation, n_test = (int(fraction * len(X)) for fraction in (self.validation_fraction, self.test_fraction))
         validation, test, train = np.split(order, [n_validation, n_validation + n_test])
-        sizes = np.atleast_1d(self.hidden_layer_sizes).astype(int)
         network = _Network([X.shape[1], *sizes, Y.shape[1]], ACTIVATIONS[self.activation])
         # One thread: matrices this small gain nothing from more, and the result does not depend on how many there are.
         with threadpool_limits(1, user_api="blas"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -9,7 +11,10 @@ from sklearn.compose import TransformedTargetRegressor
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
+from ..kernels.activations import ACTIVATIONS
 from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.network import MOST_HIDDEN
+from .chebyshev import ChebyshevRegressor
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .sampling import COLUMNS, force_factor
 from .target import InputAwareTargetRegressor
@@ -42,6 +47,11 @@ def bond_force_pipeline(
     Returns
     -------
     InputAwareTargetRegressor
+
+    Warns
+    -----
+    UserWarning
+        If it could not become a surrogate once it is fitted, see `parts_of`.
     """
     if features not in FEATURE_SETS:
         raise ValueError(f"unknown features {features!r}; there are {', '.join(FEATURE_SETS)}")
@@ -53,13 +63,80 @@ def bond_force_pipeline(
         ("scaling", StandardScaler()),
         ("regressor", TransformedTargetRegressor(inner, transformer=StandardScaler())),
     ]
-    return InputAwareTargetRegressor(
+    model = InputAwareTargetRegressor(
         Pipeline(steps),
         func=partial(outputs_of_force, features=features, factor=factor),
         inverse_func=partial(force_of_outputs, features=features, factor=factor),
         anchor=(AT_REST[0], AT_REST[1], horizon, *AT_REST[3:]) if anchored is not None else None,
         anchored_outputs=(anchored,) if anchored is not None else (),
     )
+    try:
+        parts_of(model)
+    except ValueError as error:
+        warnings.warn(f"{error}; this pipeline can be fitted and evaluated, but not stored or simulated", stacklevel=2)
+    return model
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Steps of a bond-force pipeline, fitted or not."""
+
+    feature_set: str
+    scaling: StandardScaler
+    regressor: object
+    target: StandardScaler
+
+
+def parts_of(model) -> Parts:
+    """The steps of a bond-force pipeline that can become a surrogate: whose function the kernels evaluate.
+
+    Takes fitted pipelines and those that are not fitted yet, so that it is known before a training.
+
+    Raises
+    ------
+    ValueError
+        If it cannot become one; says what is taken.
+    """
+    pipeline = getattr(model, "regressor_", getattr(model, "regressor", None))
+    if (
+        not isinstance(model, InputAwareTargetRegressor)
+        or not isinstance(pipeline, Pipeline)
+        or list(pipeline.named_steps) != ["features", "scaling", "regressor"]
+    ):
+        raise ValueError("only a bond_force_pipeline, with steps features, scaling and regressor, can become a surrogate")
+    features, scaling, last = pipeline.named_steps.values()
+    if not isinstance(features, FunctionTransformer) or features.func is not feature_values:
+        raise ValueError("the pipeline's features must be those of bond_force_pipeline")
+    feature_set = features.kw_args["features"]
+    if getattr(model.func, "func", None) is not outputs_of_force or model.func.keywords["features"] != feature_set:
+        raise ValueError("the pipeline's target must be the one of bond_force_pipeline, of the same features")
+    if not isinstance(scaling, StandardScaler) or not isinstance(last, TransformedTargetRegressor):
+        raise ValueError("the pipeline's scaling must be a StandardScaler and its regressor a TransformedTargetRegressor")
+    regressor, target = getattr(last, "regressor_", last.regressor), getattr(last, "transformer_", last.transformer)
+    if not isinstance(target, StandardScaler):
+        raise ValueError("the scaling of the target must be a StandardScaler")
+    if isinstance(regressor, ChebyshevRegressor):
+        count = len(FEATURE_SETS[feature_set].names)
+        if count != 2:
+            raise ValueError(f"the kernels evaluate polynomials in two features (isochoric), the {feature_set} ones are {count}")
+    else:
+        _check_network(regressor)
+    return Parts(feature_set, scaling, regressor, target)
+
+
+def _check_network(regressor) -> None:
+    """Check what a network is known by: its layers when it is fitted, its parameters before."""
+    fitted = [key for key in ("coefs_", "intercepts_") if hasattr(regressor, key)]
+    if not hasattr(regressor, "activation") or len(fitted) == 1 or (not fitted and not hasattr(regressor, "hidden_layer_sizes")):
+        raise ValueError(
+            f"{type(regressor).__name__} has no layers to export (coefs_, intercepts_, activation): "
+            "take a ChebyshevRegressor, LevenbergMarquardtRegressor, TorchMLPRegressor or scikit-learn's MLPRegressor"
+        )
+    if regressor.activation not in ACTIVATIONS:
+        raise ValueError(f"the kernels have no activation {regressor.activation!r}; there are {', '.join(ACTIVATIONS)}")
+    hidden = len(regressor.coefs_) - 1 if fitted else np.size(regressor.hidden_layer_sizes)
+    if not 1 <= hidden <= MOST_HIDDEN:
+        raise ValueError(f"the kernels evaluate networks of one to {MOST_HIDDEN} hidden layers, this one has {hidden}")
 
 
 def feature_transformer(features: str, horizon: float = 1.0) -> FunctionTransformer:

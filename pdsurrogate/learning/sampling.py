@@ -78,7 +78,7 @@ def algorithm_1(
     -------
     BondSamples
     """
-    low, high = _checked_range(stretch_range)
+    low, high = checked_range(stretch_range)
     random = np.random.default_rng(random_state)
     pairs = max(1, round(n_samples / (LENGTHS * ORIENTATIONS)))
     stretches = np.repeat(np.exp(log_stretches(random, pairs, low, high, near_rest=0.0)), LENGTHS * ORIENTATIONS, axis=0)
@@ -133,7 +133,7 @@ def wide_design(
     BondSamples
         Nondimensional, horizon 1.
     """
-    low, high = _checked_range(stretch_range)
+    low, high = checked_range(stretch_range)
     random = np.random.default_rng(random_state)
     logs = log_stretches(random, n_samples, low, high, near_rest)
     angle = random.uniform(0, 2 * np.pi, n_samples)
@@ -143,6 +143,11 @@ def wide_design(
     perturbed = random.random(n_samples) < off_surface
     U_nn, U_nm, C33 = perturb(U_nn, U_nm, C33, np.abs(logs).max(axis=1) * perturbed, random)
     X, y = _bond_force(law, U_nn, U_nm, J, C33, 1 - length)
+    if not np.isfinite(y).all():
+        least, greatest = reachable_stretches(law, (low, high))
+        raise ValueError(
+            f"{law.name} ends before all states of stretches from {low:g} to {high:g}; it has those from {least:.4g} to {greatest:.4g}"
+        )
     design = {
         "name": "wide",
         "n_samples": n_samples,
@@ -188,7 +193,7 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0
     A law that locks ends within any range; both bounds are then drawn in, evenly in their logarithms, until the perturbed
     corners of the box are short of the limit.
     """
-    low, high = np.log(_checked_range(stretch_range))
+    low, high = np.log(checked_range(stretch_range))
     # The bond perturbation stretches one direction at a held area; rotation adds a little, hence the margin.
     stretch, thickness = 1.3 * PERTURBATION["log_stretch"], 1.1 * PERTURBATION["log_C33"]
 
@@ -219,15 +224,25 @@ def states_of_strain(
     law: Law, strains: tuple[float, float], stretch_range: tuple[float, float], n_samples: int, random_state: int
 ) -> BondSamples:
     """On-surface states whose greatest principal strain |lambda - 1| lies in a bin, even in its logarithm; for error reports."""
-    low, high = _checked_range(stretch_range)
+    low, high = checked_range(stretch_range)
     random = np.random.default_rng(random_state)
-    greatest = np.exp(random.uniform(*np.log(strains), n_samples))
-    compressive = random.random(n_samples) < 0.5
-    first = np.where(compressive & (1 - greatest >= low), 1 - greatest, 1 + greatest)
-    second = random.uniform(np.maximum(1 - greatest, low), np.minimum(1 + greatest, high))
+    first, second = stretches_of_strain(random, strains, low, high, n_samples)
     U_nn, U_nm, J, C33 = _on_surface(law, first, second, random.uniform(0, 2 * np.pi, n_samples))
     X, y = _bond_force(law, U_nn, U_nm, J, C33, 1 - random.uniform(0, 1, n_samples))
     return BondSamples(X, y, {"name": "strain bin", "strains": list(strains), "n_samples": n_samples, "random_state": random_state})
+
+
+def stretches_of_strain(
+    random: np.random.Generator, strains: tuple[float, float], low: float, high: float, n_samples: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Principal stretches in a range whose greatest strain |lambda - 1|, that of the first, lies in a bin, even in its logarithm.
+
+    It is a compression or an extension, whichever of them the range has.
+    """
+    greatest = np.minimum(np.exp(random.uniform(*np.log(strains), n_samples)), strains[1])
+    compressive = (random.random(n_samples) < 0.5) | (1 + greatest > high)
+    first = np.where(compressive & (1 - greatest >= low), 1 - greatest, 1 + greatest)
+    return first, random.uniform(np.maximum(1 - greatest, low), np.minimum(1 + greatest, high))
 
 
 def force_factor(length, horizon: float, weight: str, shear_modulus: float):
@@ -236,10 +251,17 @@ def force_factor(length, horizon: float, weight: str, shear_modulus: float):
     return function.function(length, horizon) * length * shear_modulus / (function.moment * horizon**4)
 
 
-def _checked_range(stretch_range):
+def checked_range(stretch_range) -> tuple[float, float]:
+    """A range of principal stretches, which the undeformed state lies within: forces, domains and errors all start from there.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
     low, high = (float(value) for value in stretch_range)
-    if not (np.isfinite(high) and 0 < low < high):
-        raise ValueError(f"a stretch range needs 0 < low < high, not {stretch_range}")
+    if not (np.isfinite(high) and 0 < low < 1 < high):
+        raise ValueError(f"a range of principal stretches needs 0 < least < 1 < greatest, finite, not {low:g} and {high:g}")
     return low, high
 
 

@@ -68,6 +68,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         if (self.func is None) != (self.inverse_func is None):
             raise ValueError("func and inverse_func are given together or not at all")
         X, y = validate_data(self, X, y, multi_output=True, y_numeric=True)
+        self._trained_on = np.array(X, dtype=float)
         z = y if self.func is None else np.asarray(self.func(X, y))
         if not np.isfinite(z).all():
             first = np.flatnonzero(~np.isfinite(z).reshape(len(X), -1).all(axis=1))[0]
@@ -80,6 +81,10 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
             chosen = list(self.anchored_outputs)
             self.offsets_[chosen] = at_anchor[chosen]
         return self
+
+    def __getstate__(self):
+        # The inputs tell where a fitted model holds (`force_model_of`) as long as it is in memory; a file of it comes with a card.
+        return {key: value for key, value in super().__getstate__().items() if key != "_trained_on"}
 
     def predict(self, X):
         """Predict the target, shape as in training."""

@@ -66,11 +66,7 @@ def evaluate(
     on = wide_design(law, n_samples, stretch_range, near_rest=0.25, off_surface=0, random_state=random_state)
     off = wide_design(law, n_samples, stretch_range, near_rest=0, off_surface=1, random_state=random_state + 1)
     bins = []
-    least = abs(1 - stretch_range[0])
-    for number, strains in enumerate(pairwise(STRAIN_BINS)):
-        if strains[0] >= max(stretch_range[1] - 1, least):
-            continue
-        strains = (strains[0], min(strains[1], stretch_range[1] - 1))
+    for number, strains in enumerate(strain_bins(*stretch_range)):
         samples = states_of_strain(law, strains, stretch_range, max(n_samples // 10, 100), random_state + 2 + number)
         bins.append({"strain": list(strains), **relative_errors(force, samples)})
     states = np.vstack([on.X, off.X])
@@ -86,6 +82,12 @@ def evaluate(
         "least_slope": float(stiffness_slopes(force, states).min()),
         "least_slope_exact": float(stiffness_slopes(exact, states).min()),
     }
+
+
+def strain_bins(low: float, high: float) -> list[tuple[float, float]]:
+    """Those bins of greatest principal strain that a range of stretches reaches into, the last one as far as it goes."""
+    reach = max(high - 1, 1 - low)
+    return [(least, min(greatest, reach)) for least, greatest in pairwise(STRAIN_BINS) if least < reach]
 
 
 def stiffness_slopes(force: Callable, states: np.ndarray) -> np.ndarray:

@@ -33,6 +33,9 @@ SECONDS_BETWEEN_CHECKPOINTS = 60.0
 MOST_ENERGY = 1.5
 """Motion and damping may take this share of the energy put in; more comes from an unstable step, or from a force that has no energy."""
 
+MOST_STEPS = 1e9
+"""A run of more steps, weeks even on the smallest body, is a slip in the units of the density or of the rate."""
+
 LEAST_AREA_RATIO = 0.1
 """det F in the plane below which a point that has lost bonds counts as failed: intact rubber in a tear stays above 0.5."""
 
@@ -121,6 +124,12 @@ class Transient:
         ahead = run.loading.stretched(run.positions, run.stretch, run.stretch + 1e-6)
         velocities[:] = (ahead - run.positions) / 1e-6 * self.spec.stretch_rate * run.loading.free
         self.integrator.begin()
+        duration, step = (self.spec.stretch - run.stretch) / self.spec.stretch_rate, self.integrator.time_step
+        if duration > MOST_STEPS * step:
+            raise Diverging(
+                f"the dynamics take {duration:.3g} {run.scene.units.time} in steps of {step:.3g}, more than {MOST_STEPS:.0e} of them; "
+                "check the units of dynamics.density and dynamics.stretch_rate"
+            )
         self._row(first=True)
 
     def resume(self, checkpoint: Checkpoint) -> None:
@@ -146,6 +155,8 @@ class Transient:
         while account.outputs < spec.outputs:
             try:
                 self._step()
+                if integrator.steps % STEPS_PER_ROW == 0:
+                    self._check_inside()
             except InvalidState as error:
                 self._save_last_state()
                 raise InvalidState(f"time {account.time:.4g}: {error}") from None
@@ -175,7 +186,12 @@ class Transient:
         recorded = run.states.moments[-1].time if len(run.states) else -np.inf
         if self.account.time > recorded + 0.5 * integrator.last_step:
             with suppress(InvalidState):
+                self._check_inside()
                 self._output()
+
+    def _check_inside(self) -> None:
+        """Raise InvalidState if a point has passed through a grip."""
+        self.run.loading.check_inside(self.run.stretch, self.run.force, self.run.positions)
 
     def _step(self) -> None:
         run, account, integrator = self.run, self.account, self.integrator

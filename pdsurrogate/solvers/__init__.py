@@ -1,7 +1,8 @@
 """Solvers: they know forces by their protocol alone."""
 
 from .dynamics import ExplicitDynamics
-from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged
+from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, Unstable
+from .increments import Increments
 from .minimiser import EnergyMinimiser
 from .quasi_newton import Automatic, QuasiNewton
 from .stability import FrequencyEstimate
@@ -20,6 +21,8 @@ __all__ = [
     "EquilibriumSolver",
     "ExplicitDynamics",
     "FrequencyEstimate",
+    "Increments",
     "NotConverged",
     "QuasiNewton",
+    "Unstable",
 ]

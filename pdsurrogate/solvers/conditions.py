@@ -10,7 +10,8 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from ..body import Body, ReflectionPlane
-from ..forces import InternalForce
+from ..forces import InternalForce, InvalidState
+from ..forces.kinematics import at_point
 from ..scenes.model import EDGES, Hold, Scene
 
 
@@ -152,6 +153,27 @@ class Loading:
         if self.scene.support == "reflected":
             for number, grip in enumerate(self.scene.grips):
                 force.move_plane(number, self._travel(grip) * elongation)
+
+    def check_inside(self, stretch: float, force: InternalForce, positions: np.ndarray) -> None:
+        """Check that no point is on the far side of a plane in which the body is reflected, where its own image belongs.
+
+        Points without support are left out: nothing moves them.
+
+        Raises
+        ------
+        InvalidState
+            Names the point that is farthest beyond, and the grip.
+        """
+        if self.scene.support != "reflected":
+            return
+        supported = force.kinematics.supported[: len(self.body)] != 0
+        for plane, grip in zip(self.body.planes, self.scene.grips, strict=True):
+            place = plane.position + self._travel(grip)[plane.axis] * (stretch - 1) * self.length
+            beyond = np.where(supported, plane.side * (positions[:, plane.axis] - place), 0.0)
+            worst = int(beyond.argmax())
+            if beyond[worst] > 1e-6 * self.body.spacing:
+                what = f"it lies {beyond[worst]:.3g} beyond the {grip.edge} grip, on the side of its own image"
+                raise InvalidState(at_point(self.body, worst, what))
 
     def reactions(self, force: InternalForce) -> np.ndarray:
         """Force of every grip on the body in the state last evaluated, per unit thickness, shape (2, 2): grips, components."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..forces import InternalForce
 from ..kernels.relaxation import central_difference_step
+from .equilibrium import Diverging
 from .stability import FrequencyEstimate
 
 FREQUENCY_MARGIN = 1.03
@@ -77,7 +78,13 @@ class ExplicitDynamics:
         self.steps = 0
 
     def begin(self) -> None:
-        """Find the time step and the forces at the start."""
+        """Find the time step and the forces at the start.
+
+        Raises
+        ------
+        Diverging
+            If there is no time step.
+        """
         self._estimate()
         self.last_step = self.time_step
         self._evaluate()
@@ -85,6 +92,8 @@ class ExplicitDynamics:
     def _estimate(self) -> None:
         self._hold(self.positions, 0.0)
         frequency = FREQUENCY_MARGIN * np.sqrt(self.frequency(self.force, self.positions))
+        if not 0 < frequency < np.inf:
+            raise Diverging(f"there is no time step: the highest frequency of the body is {frequency:.3g}")
         # Damping ratio of the highest mode, which the viscosity makes less stable in an explicit scheme.
         ratio = 0.5 * self._viscosity * frequency
         self.time_step = min(self.time_step, self._safety * 2 / frequency * (np.sqrt(1 + ratio * ratio) - ratio))

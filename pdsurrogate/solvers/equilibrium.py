@@ -27,6 +27,10 @@ class Diverging(RuntimeError):
     """The iteration blows up."""
 
 
+class Unstable(RuntimeError):
+    """An equilibrium that was found, but is not stable or not a continuation of the one before."""
+
+
 @dataclass(frozen=True)
 class Equilibrium:
     """What a solver reached.
@@ -61,6 +65,8 @@ class EquilibriumSolver(ABC):
     """
 
     name: str
+    needs_energy = False
+    """Whether it works only with forces that have an energy."""
     gave_up = False
     """Whether a quicker method has been found to fail on this body: all that a solver remembers from one call to the next."""
 

@@ -22,6 +22,7 @@ class EnergyMinimiser(QuasiNewton):
     """
 
     name = "minimiser"
+    needs_energy = True
 
     # Each step lowers the energy: there is no need to give up early.
     PATIENCE = 2_000
@@ -30,8 +31,6 @@ class EnergyMinimiser(QuasiNewton):
     ROUNDING: ClassVar = {"float32": 1e-5, "float64": 1e-14}
 
     def _advance(self, force, positions, step, forces, trial):
-        if not hasattr(force, "energy"):
-            raise Diverging(f"{type(force).__name__} has no energy to minimise; use another solver")
         slope, before = -inner(forces, step), force.energy()
         if slope >= 0:
             # Rounding has spoilt the curvature that was gathered: the preconditioned force itself is downhill.

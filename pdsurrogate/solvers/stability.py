@@ -1,10 +1,13 @@
-"""The highest frequency of a discretised body: what limits an explicit step."""
+"""The highest frequency of a discretised body, which limits an explicit step, and the least curvature of its energy."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import eigvalsh_tridiagonal
 
 from ..forces import InternalForce
+from ..kernels.relaxation import greatest_strain
+from .preconditioner import NearestBondStiffness
 
 
 class FrequencyEstimate:
@@ -34,6 +37,8 @@ class FrequencyEstimate:
 
     def __call__(self, force: InternalForce, positions: np.ndarray) -> float:
         """Greatest eigenvalue of M^-1 K at the given positions (square of the highest frequency)."""
+        if not self.vector.any():
+            return 0.0
         probe = 1e-6 * force.body.spacing
         at_rest, moved = np.empty_like(positions), np.empty_like(positions)
         force(positions, at_rest)
@@ -47,3 +52,59 @@ class FrequencyEstimate:
             self.vector = image
         self.fresh = False
         return float(value)
+
+
+PROBE = 1e-3
+"""Strain of the differences that give the tangent: their error is its square, and rounding in single precision a ten-thousandth."""
+
+MOST_PRODUCTS = 25
+"""Steps of Lanczos' method; the preconditioned spectrum of a stable body is some tenths to a few, and what lies below is found in ten."""
+
+NEGATIVE = -0.01
+"""Least curvature, over that of the body at rest, that is told from zero."""
+
+
+def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarray, stiffness: NearestBondStiffness) -> float:
+    """An upper bound of the least curvature of the energy over that of the body at rest, which is near the truth where it is negative.
+
+    Lanczos' method on P^-1 K, with K v from force differences and P the stiffness of the nearest bonds, stopped at the first negative
+    value: a Ritz value is the curvature along some displacement, so that a negative one proves that the state is not stable.
+
+    Parameters
+    ----------
+    force : InternalForce
+        With an energy.
+    positions : ndarray, shape (n, 2)
+    free : ndarray, shape (n, 2)
+        1 where a component may move.
+    stiffness : NearestBondStiffness
+    """
+    bonds, points = force.body.bonds, force.body.points
+    ahead, behind = np.empty_like(positions), np.empty_like(positions)
+    # K-conjugate bases: displacements q and the forces p = P q, with q_i . p_j = 1 if i = j, else 0.
+    displacements, duals, diagonal, off_diagonal = [], [], [], []
+    p = np.random.default_rng(0).standard_normal(positions.shape) * free
+    least = np.inf
+    for _ in range(MOST_PRODUCTS):
+        q = stiffness.solve(p) * free
+        norm = np.sqrt(max(np.einsum("ij,ij->", p, q), 0.0))
+        if diagonal:
+            if not norm > 1e-10 * max(map(abs, diagonal)):
+                break
+            off_diagonal.append(norm)
+        elif norm == 0:
+            break
+        p, q = p / norm, q / norm
+        displacements.append(q)
+        duals.append(p)
+        probe = PROBE / max(greatest_strain(q, points, bonds.first, bonds.second), 1e-300)
+        force(positions + probe * q, ahead)
+        force(positions - probe * q, behind)
+        p = (behind - ahead) / (2 * probe) * free
+        diagonal.append(float(np.einsum("ij,ij->", q, p)))
+        least = float(eigvalsh_tridiagonal(diagonal, off_diagonal, select="i", select_range=(0, 0))[0])
+        if least < NEGATIVE:
+            break
+        for displacement, dual in zip(displacements, duals, strict=True):
+            p -= np.einsum("ij,ij->", displacement, p) * dual
+    return least

@@ -1,0 +1,57 @@
+"""A fitted pipeline as a force model, without an artefact in between."""
+
+from __future__ import annotations
+
+import numpy as np
+from sklearn.utils.validation import check_is_fitted
+
+from ..forces import Domain, EnergyNetwork, LearntBondForce
+from ..materials import Law
+from .energy import derivatives_by_features, energy_network
+from .export import surrogate_of
+from .sampling import COLUMNS
+from .target import InputAwareTargetRegressor
+
+NAME = "fitted pipeline"
+
+
+def force_model_of(model: InputAwareTargetRegressor, law: Law) -> LearntBondForce | EnergyNetwork:
+    """The force model of a fitted `bond_force_pipeline` or `energy_pipeline`.
+
+    Its domain are the states that it was fitted to.  A pipeline does not know its material: `law` is taken for it.
+
+    Parameters
+    ----------
+    model : InputAwareTargetRegressor
+    law : Law
+
+    Raises
+    ------
+    ValueError
+        If the pipeline cannot become a surrogate, is not fitted, or was read from a file, which does not say what it was fitted to.
+    """
+    if not isinstance(model, InputAwareTargetRegressor):
+        raise ValueError(
+            f"a {type(model).__name__} is no force model: a fitted bond_force_pipeline or energy_pipeline is taken, or an artefact of one"
+        )
+    check_is_fitted(model)
+    if not hasattr(model, "_trained_on"):
+        raise ValueError(
+            "a pipeline read from a file does not say which stretches it was fitted to: give the artefact instead, or fit it here"
+        )
+    X = model._trained_on
+    if model.func is derivatives_by_features:
+        low, high = _range_of(*X.T)
+        return energy_network(model, law, (low, high), X, NAME)
+    stretch, rotation, J, C33 = (X[:, COLUMNS.index(name)] for name in ("stretch", "rotation", "J", "C33"))
+    # Of the stretch tensor U that a bond's stretch and rotation and the area ratio define.
+    U_nn, U_nm = stretch * np.cos(rotation), stretch * np.sin(rotation)
+    low, high = _range_of(U_nn**2 + 2 * U_nm**2 + ((J + U_nm**2) / U_nn) ** 2, J)
+    bulk = J * J * C33
+    return surrogate_of(model, law, Domain(low, high, float(bulk.min()), float(bulk.max())), NAME)
+
+
+def _range_of(trace, J) -> tuple[float, float]:
+    """Least and greatest principal stretch of states with tr C and J."""
+    total, difference = np.sqrt(trace + 2 * J), np.sqrt(np.maximum(trace - 2 * J, 0))
+    return float((total - difference).min() / 2), float((total + difference).max() / 2)

@@ -1,0 +1,101 @@
+"""Whether an equilibrium that a solver found is the one that was looked for: stable, and a continuation of the last one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from ..forces import InternalForce
+from .conditions import Loading
+from .equilibrium import Unstable
+from .preconditioner import NearestBondStiffness
+from .stability import NEGATIVE, least_curvature
+
+JUMP = 0.25
+"""Distance of the points from the extrapolation, over the growth of the body's extent.  Contraction across the load, stress about holes and
+cracks give some hundredths; a sheet that buckles several tenths to ten, and more the shorter the increment."""
+
+LEAST_JUMP = 0.1
+"""The same in spacings: less is what a finer tolerance changes."""
+
+
+class Branch:
+    """Watches over the equilibria along a loading.
+
+    Only bodies that their grips push are looked at closely: under tension the stress itself keeps a body from buckling.
+
+    Parameters
+    ----------
+    loading : Loading
+    force : InternalForce
+    energy : float
+        Stored in the equilibrium that the loading starts from; force maps have none.
+    """
+
+    def __init__(self, loading: Loading, force: InternalForce, energy: float) -> None:
+        self._loading, self._force, self._energy = loading, force, energy
+        self._stiffness: NearestBondStiffness | None = None
+
+    def check(self, before: float, stretch: float, guess: np.ndarray, positions: np.ndarray) -> None:
+        """Check an equilibrium in which the force was last evaluated; the next one is taken to follow it.
+
+        Parameters
+        ----------
+        before, stretch : float
+            Of the last equilibrium, and of this one.
+        guess : ndarray, shape (n, 2)
+            Extrapolation from the last equilibrium.
+        positions : ndarray, shape (n, 2)
+
+        Raises
+        ------
+        InvalidState
+            If a point lies beyond a plane of reflection.
+        Unstable
+            If the body jumped away from the extrapolation while its grips pushed it, or its energy is not the least nearby.
+        """
+        loading, force = self._loading, self._force
+        loading.check_inside(stretch, force, positions)
+        growth = abs(stretch - before) * np.ptp(force.body.points, axis=0).max()
+        moved = np.sqrt(np.square(positions - guess).mean())
+        if moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing) and self._pull(positions) < 0:
+            raise Unstable(
+                f"the body buckles between the stretches {before:.4g} and {stretch:.4g}: while its length changed by {growth:.3g}, "
+                f"its points moved by {moved:.3g} in the mean from where the states before lead"
+            )
+        if not hasattr(force, "energy"):
+            return
+        energy = force.energy()
+        if (energy - self._energy) * (stretch - before) < 0:
+            self._check_stability(stretch, positions)
+        self._energy = energy
+
+    def _check_stability(self, stretch: float, positions: np.ndarray) -> None:
+        loading, force = self._loading, self._force
+        if self._stiffness is None:
+            self._stiffness = NearestBondStiffness(force.body, force.law.shear_modulus, loading.free)
+        with self._unchanged():
+            curvature = least_curvature(force, positions, loading.free, self._stiffness)
+            force(positions, np.empty_like(positions))
+        if curvature < NEGATIVE:
+            raise Unstable(
+                f"the equilibrium at stretch {stretch:.4g} is not stable: along one displacement the energy has "
+                f"{curvature:.2g} times the curvature that it has at rest, so that the body buckles"
+            )
+
+    def _pull(self, positions: np.ndarray) -> float:
+        """Force of the grips along the load; negative where they push."""
+        with self._unchanged():
+            self._force(positions, np.empty_like(positions))
+        return float((self._loading.reactions(self._force) * self._loading.travels()).sum())
+
+    @contextmanager
+    def _unchanged(self) -> Iterator[None]:
+        """Context after which the force goes on as if it had not been evaluated in it."""
+        arrays = self._force.state_arrays()
+        held = {key: array.copy() for key, array in arrays.items()}
+        yield
+        for key, array in arrays.items():
+            array[:] = held[key]

@@ -1,0 +1,68 @@
+"""Increments of a loading parameter: as planned where that works, halved after a failure, doubled again after successes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+LEAST_SHARE = 1 / 64
+"""Of a planned increment: a solution that shorter ones do not find is taken not to be there."""
+
+
+class Increments:
+    """The way of a loading parameter from one value to another.
+
+    Planned are equal increments of at most a given size.  Shares of them are powers of one half, and a share is doubled only where the
+    sum of those taken is a multiple of the double: after a failure the way comes back to the planned values.
+
+    Parameters
+    ----------
+    start, end : float
+    largest : float
+        Bound of the planned increments.
+
+    Attributes
+    ----------
+    share : float
+        The present increment over the planned one.
+    """
+
+    def __init__(self, start: float, end: float, largest: float) -> None:
+        self._count = max(1, int(np.ceil(abs(end - start) / largest - 1e-9)))
+        self._planned = np.linspace(start, end, self._count + 1)
+        # In planned increments; a sum of powers of one half, so exact.
+        self._done, self.share = 0.0, 1.0
+
+    @property
+    def finished(self) -> bool:
+        """Whether the end has been reached."""
+        return self._done == self._count
+
+    @property
+    def ends(self) -> bool:
+        """Whether the present increment leads to the end."""
+        return self._done + self.share == self._count
+
+    @property
+    def target(self) -> float:
+        """Where the present increment leads."""
+        number, part = divmod(self._done + self.share, 1.0)
+        first = self._planned[int(number)]
+        return float(first + part * (self._planned[int(number) + 1] - first) if part else first)
+
+    @property
+    def size(self) -> float:
+        """Of the present increment."""
+        return float(abs(self._planned[-1] - self._planned[0]) * self.share / self._count)
+
+    def accept(self) -> None:
+        """Go on from the target, with an increment twice as long where that is planned."""
+        self._done += self.share
+        if self.share < 1 and (self._done / (2 * self.share)).is_integer():
+            self.share *= 2
+
+    def shorten(self) -> bool:
+        """Halve the increment; False where it would become too short."""
+        if self.share <= LEAST_SHARE:
+            return False
+        self.share /= 2
+        return True
