@@ -1,4 +1,4 @@
-"""Bodies, bonds and images."""
+"""Bodies, bonds and ghosts."""
 
 import numpy as np
 import pytest
@@ -35,12 +35,12 @@ def test_the_papers_sheet_has_the_papers_bonds():
 
 def test_images_mirror_the_points_near_a_plane():
     body = Body.rectangle(1, 1, 0.1, 0.25, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1)), ReflectionPlane(0, 1.0, 1, (-1, -1))))
-    images = body.images
-    assert len(images) == 2 * 3 * 10  # three columns on either side lie within the horizon of the edge
-    mirrored = body.points[images.mirror]
-    position = np.where(images.plane == 0, 0.0, 1.0)
-    np.testing.assert_allclose(images.points[:, 0] + mirrored[:, 0], 2 * position)
-    np.testing.assert_allclose(images.points[:, 1], mirrored[:, 1])
+    ghosts = body.ghosts
+    assert len(ghosts) == 2 * 3 * 10  # three columns on either side lie within the horizon of the edge
+    mirrored = body.points[ghosts.source]
+    position = np.where(ghosts.plane == 0, 0.0, 1.0)
+    np.testing.assert_allclose(ghosts.points[:, 0] + mirrored[:, 0], 2 * position)
+    np.testing.assert_allclose(ghosts.points[:, 1], mirrored[:, 1])
     bonds = body.bonds
     assert (bonds.first < len(body)).all()
     assert bonds.n_directed < len(bonds.neighbours)
@@ -60,7 +60,7 @@ def test_kappa_is_the_shape_tensor_of_a_full_horizon(name):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"points": np.zeros((3, 3))}, "shape"),
+        ({"points": np.zeros((3, 4))}, "shape"),
         ({"points": np.array([[0.0, 0.0], [np.nan, 1.0]]), "volumes": np.ones(2)}, "point 1 has a position that is not finite"),
         ({"volumes": np.array([1.0, -1.0, 1.0])}, "volumes must be positive"),
         ({"volumes": np.ones(2)}, "volumes must have shape"),

@@ -44,7 +44,7 @@ BODIES = {
 
 def deformed(body, amount=1.0):
     """An inhomogeneous deformation; gentle between grips that stay where they are."""
-    return body.points + (0.05 if len(body.images) else 1.0) * amount * (wavy(body.points) - body.points)
+    return body.points + (0.05 if len(body.ghosts) else 1.0) * amount * (wavy(body.points) - body.points)
 
 
 def bound(name, body, settings=DOUBLE, law=LAW):

@@ -91,7 +91,7 @@ def test_the_nearest_cells_fill_a_body_that_the_spacing_does_not_divide():
     np.testing.assert_allclose(body.volumes, 33 / len(body))
     np.testing.assert_allclose(body.points.min(axis=0), body.cell / 2)
     np.testing.assert_allclose(body.points.max(axis=0), [11, 3] - body.cell / 2)
-    np.testing.assert_allclose(body.images.points[:, 1].min(), -2.5 * body.cell[1])
+    np.testing.assert_allclose(body.ghosts.points[:, 1].min(), -2.5 * body.cell[1])
     # The horizon takes in the neighbours that it has among squares: 28 of a point away from all edges and cuts.
     inner = np.argmin(np.linalg.norm(body.points - [8.0, 1.0], axis=1))
     assert np.diff(body.bonds.pointers.astype(int))[inner] == 28

@@ -146,7 +146,7 @@ def _arithmetic_on(count: int) -> Callable[[int], float]:
 
     def seconds(rounds: int) -> float:
         arithmetic(1, buffer)
-        return _seconds(lambda: arithmetic(rounds, buffer))
+        return _seconds(arithmetic.bind(rounds, buffer))
 
     return seconds
 

@@ -97,7 +97,7 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
         p, q = p / norm, q / norm
         displacements.append(q)
         duals.append(p)
-        probe = PROBE / max(greatest_strain(q, points, bonds.first, bonds.second), 1e-300)
+        probe = PROBE / max(greatest_strain[q.shape[1]](q, points, bonds.first, bonds.second), 1e-300)
         force(positions + probe * q, ahead)
         force(positions - probe * q, behind)
         p = (behind - ahead) / (2 * probe) * free
