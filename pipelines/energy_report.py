@@ -16,7 +16,7 @@ from rich.console import Console
 import pdsurrogate as pd
 from pdsurrogate.forces import ForceSettings
 from pdsurrogate.materials import homogeneous, plane_stress
-from pdsurrogate.programmes.run import Run, Silent
+from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.solvers import SOLVERS, FrequencyEstimate
 
 console = Console(width=160)

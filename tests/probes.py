@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from pdsurrogate.kernels.blocks import BLOCK
+from pdsurrogate.kernels.block_arrays import BLOCK
 from pdsurrogate.kernels.compile import call_block
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pdsurrogate.forces import FORCES, ForceSettings
-from pdsurrogate.forces.nosb import CorrespondenceForce
+from pdsurrogate.forces.nosb import NOSBForce
 from pdsurrogate.stress_test.case import INAPPLICABLE, PASS, WEAK, WEAKNESSES, Subject
 from pdsurrogate.stress_test.conformance import (
     PROPERTIES,
@@ -74,7 +74,7 @@ def test_every_shipped_model_is_in_the_table():
         assert {departure.weakness for departure in row.departures.values()} <= set(WEAKNESSES)
 
 
-class Spoilt(CorrespondenceForce):
+class Spoilt(NOSBForce):
     """Correspondence forces with something added to every point's, and settings that are taken in silence."""
 
     added = 1e-6

@@ -9,11 +9,11 @@ from bodies import sheet
 
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import Body, grid
-from pdsurrogate.damage import TIP_DIAMETER, Damage, critical_stretch_of, greatest_bond_stretch
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import Gent, NeoHookean, homogeneous
+from pdsurrogate.run.fracture import TIP_DIAMETER, Damage, critical_stretch_of, greatest_bond_stretch
+from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes import Precut, load_scene
-from pdsurrogate.simulation import simulate
 
 LAW = NeoHookean()
 CUT = Precut(start=(-0.05, 0.5), end=(0.6, 0.5))

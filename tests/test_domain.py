@@ -13,14 +13,14 @@ from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.cli import app
 from pdsurrogate.forces import (
     AnalyticBondForce,
-    BondAssociatedForce,
+    BANOSBForce,
     Domain,
     ForceSettings,
     InvalidState,
     OutsideDomain,
     OutsideDomainWarning,
 )
-from pdsurrogate.forces.kernel_face import kernel_tractions
+from pdsurrogate.forces.kernel_values import kernel_tractions
 from pdsurrogate.materials import Gent, plane_stress
 
 LAW = pd.NeoHookean()
@@ -174,7 +174,7 @@ def test_a_bond_beyond_the_laws_limit_is_named():
 
 
 def test_bond_associated_stops_name_the_bond():
-    body, model = sheet(), BondAssociatedForce()
+    body, model = sheet(), BANOSBForce()
     folded, lost = body.points.copy(), body.points.copy()
     folded[55] += [0.28, 0.0]
     lost[55] = np.nan

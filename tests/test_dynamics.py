@@ -11,12 +11,12 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pd
 from pdsurrogate.cli import app
-from pdsurrogate.damage import Damage
 from pdsurrogate.forces import AnalyticBondForce, ForceSettings, InvalidState
-from pdsurrogate.programmes import transient
-from pdsurrogate.programmes.run import Run, Silent
 from pdsurrogate.results.checkpoint import NAME, CheckpointError
-from pdsurrogate.simulation import simulate
+from pdsurrogate.run import transient
+from pdsurrogate.run.fracture import Damage
+from pdsurrogate.run.run import Run, Silent
+from pdsurrogate.run.simulate import simulate
 from pdsurrogate.solvers import Diverging, ExplicitDynamics
 from pdsurrogate.solvers.conditions import Loading
 

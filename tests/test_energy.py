@@ -10,7 +10,7 @@ import pdsurrogate as pd
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import ReflectionPlane
 from pdsurrogate.forces import FORCES, EnergyNetwork, ForceSettings, OutsideDomain
-from pdsurrogate.forces.energy_density import ExactEnergyDensity
+from pdsurrogate.forces.energy_density import AnalyticEnergyDensity
 from pdsurrogate.forces.protocol import OutsideDomainWarning
 from pdsurrogate.materials import LAWS, Gent, NeoHookean, Ogden, homogeneous, plane_stress
 from pdsurrogate.results import measures
@@ -129,7 +129,7 @@ def test_second_derivatives_of_the_exact_energy(law, random):
     trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)
 
     def exact(trace, J):
-        return ExactEnergyDensity().energy_derivatives(law, trace, J)
+        return AnalyticEnergyDensity().energy_derivatives(law, trace, J)
 
     found, h = exact(trace, J), 1e-4
     for by_trace, by_area, direction in (("by_trace_trace", "by_trace_area", 0), ("by_trace_area", "by_area_area", 1)):

@@ -17,10 +17,10 @@ from pdsurrogate.artifacts import find_artifact, list_artifacts, load_card, load
 from pdsurrogate.artifacts.store import save_artifact
 from pdsurrogate.cli import app
 from pdsurrogate.cli.running import how_to_resume
-from pdsurrogate.programmes.run import Silent
 from pdsurrogate.results import files
+from pdsurrogate.run.run import Silent
+from pdsurrogate.run.simulate import SimulationInterrupted, simulate
 from pdsurrogate.scenes import load_scene
-from pdsurrogate.simulation import SimulationInterrupted, simulate
 
 FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
 

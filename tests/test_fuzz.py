@@ -20,11 +20,11 @@ from typer.testing import CliRunner
 from pdsurrogate.artifacts import ArtifactError, load_card, load_surrogate
 from pdsurrogate.artifacts.plain import load_plain
 from pdsurrogate.cli import app
-from pdsurrogate.programmes.run import Run, Silent
 from pdsurrogate.results.checkpoint import Checkpoint, CheckpointError
+from pdsurrogate.run.run import Run, Silent
+from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.scenes import Scene, SceneError, load_scene, scene_names
 from pdsurrogate.scenes.reading import _text_of
-from pdsurrogate.simulation import SimulationFailed, simulate
 
 SLOWEST = 2.0
 """Seconds that any one file may take: reading a good one takes milliseconds."""

@@ -7,7 +7,7 @@ from bodies import disc_with_hole, gripped_sheet, jittered, sheet
 from pdsurrogate.forces.kinematics import Kinematics
 from pdsurrogate.kernels import ghosts, records
 from pdsurrogate.kernels.compile import CompilationClock, compilation_clock, kernel
-from pdsurrogate.kernels.relaxation import greatest_strain
+from pdsurrogate.kernels.steps import greatest_strain
 from pdsurrogate.materials import NeoHookean, plane_stress
 
 

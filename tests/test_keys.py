@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numba.extending import overload
 
-from pdsurrogate.kernels import bond_pass
+from pdsurrogate.kernels import bond_force
 from pdsurrogate.kernels.keys import NotKeyable, code_digest
 
 LAW = """
@@ -53,7 +53,7 @@ COMPARE = """
     import numpy as np
     from my_law import Mine
     from pdsurrogate.forces import AnalyticBondForce
-    from pdsurrogate.forces.kernel_face import kernel_bond_force
+    from pdsurrogate.forces.kernel_values import kernel_bond_force
 
     law, state = Mine(), ([1.7, 0.8], [0.2, -0.1], [0.5, 0.5], [0.6, 1.1], [1.3, 0.9])
     model = AnalyticBondForce(law)
@@ -156,6 +156,6 @@ def test_what_cannot_be_keyed_is_named():
 
 def test_digests_are_the_same_in_every_process():
     """Orders of sets and addresses of objects differ between processes."""
-    source = "from pdsurrogate.kernels import bond_pass, keys; print(keys.code_digest(bond_pass.pair_forces))"
+    source = "from pdsurrogate.kernels import bond_force, keys; print(keys.code_digest(bond_force.pair_forces.function))"
     other = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=True).stdout.strip()
-    assert other == code_digest(bond_pass.pair_forces)
+    assert other == code_digest(bond_force.pair_forces.function)

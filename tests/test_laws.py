@@ -263,7 +263,7 @@ def test_thickness_from_the_learnt_force(law, precision, random):
     fitted = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((12, 6))).fit(samples.X, samples.y)
     model = surrogate_of(fitted, law, domain_of(samples))
     force = model.bind(body, law, ForceSettings(precision=precision))
-    assert force.kinematics.learnt_thickness is not None
+    assert force.kinematics.surrogate_thickness is not None
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
     positions = (body.points * [1.9, 0.8] + 0.02 * np.sin(5 * body.points[:, ::-1])) @ turn.T
     out = np.empty_like(positions)

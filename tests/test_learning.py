@@ -14,7 +14,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 import pdsurrogate as pd
 from pdsurrogate.artifacts import load_pipeline, load_surrogate
 from pdsurrogate.forces import AnalyticBondForce
-from pdsurrogate.forces.kernel_face import kernel_bond_force, kernel_tractions
+from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
 from pdsurrogate.kernels.activations import ACTIVATIONS
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
 from pdsurrogate.learning import surrogate_of, validation

@@ -11,7 +11,7 @@ from bodies import sheet
 import pdsurrogate as pd
 from pdsurrogate.results import figures, files, measures
 from pdsurrogate.results.folder import FolderTaken
-from pdsurrogate.simulation import simulate
+from pdsurrogate.run.simulate import simulate
 
 
 @pytest.fixture(scope="module")

@@ -17,9 +17,9 @@ import pdsurrogate as pd
 from pdsurrogate.cli import app
 from pdsurrogate.discretisation import build_body
 from pdsurrogate.learning.force_model import force_model_of
-from pdsurrogate.programmes.run import Run, Silent
+from pdsurrogate.run.run import Run, Silent
+from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.scenes import SceneError
-from pdsurrogate.simulation import SimulationFailed, simulate
 from pdsurrogate.solvers import SOLVERS, Diverging, Increments, QuasiNewton
 
 VERTICAL = [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "normal", "travel": 1.0}]

@@ -14,8 +14,8 @@ from pdsurrogate.kernels.threads import SPIN_COUNT, thread_count, threads_for
 USE = """
 import os, sys
 import pdsurrogate as pd
-from pdsurrogate.kernels.calibration import arithmetic
-from pdsurrogate.kernels.blocks import aligned_rows
+from pdsurrogate.reports.calibration import arithmetic
+from pdsurrogate.kernels.block_arrays import aligned_rows
 {first}
 before = dict(os.environ)
 for _ in range(2):

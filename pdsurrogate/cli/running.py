@@ -51,8 +51,8 @@ def run(
     from ..artifacts import ArtifactError, load_surrogate, surrogate_for
     from ..results.checkpoint import CheckpointError
     from ..results.files import check_writable
+    from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
     from ..scenes import SceneError, load_scene
-    from ..simulation import SimulationFailed, SimulationInterrupted, simulate
 
     with bad_input(SceneError, ArtifactError):
         described = load_scene(scene, change or [])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..body import Body
-from ..kernels.exact import exact_bond_force
+from ..kernels.analytic import analytic_bond_force
 from ..materials import Law, NeoHookean, plane_stress
-from .bondwise import BondForceEvaluation, honoured_by_bond_forces
+from .bond_force import BondForceEvaluation, honoured_by_bond_forces
 from .model import BindableForce
 from .protocol import CompiledBondForce, Domain
 from .settings import ForceSettings
@@ -41,7 +41,7 @@ class AnalyticBondForce(BindableForce):
 
     def compiled(self, dtype) -> CompiledBondForce:
         """Block function of the exact bond force, whose law the bond pass supplies."""
-        return CompiledBondForce(exact_bond_force(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
+        return CompiledBondForce(analytic_bond_force(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
 
     def check_material(self, law: Law) -> None:
         """Every law has its exact bond force."""

@@ -1,4 +1,4 @@
-"""The bond-level energy and the forces that are its gradient (THEORY [6]-[8], volumes shared out by `reference.bond_shares`)."""
+"""The bond-level energy and the forces that are its gradient (THEORY [6]-[8], volumes shared out by `reference_state.bond_shares`)."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 
 from ..body import Body
 from ..kernels import bond_energy
-from ..kernels.blocks import BLOCK, aligned_rows
-from ..kernels.bond_pass import FALL_BACK, UNGUARDED
+from ..kernels.block_arrays import BLOCK, aligned_rows
+from ..kernels.bond_force import FALL_BACK, UNGUARDED
 from ..kernels.elementary import sum_in_order
-from ..kernels.energy_density import exact_energy_density
-from ..kernels.reference import bond_shares
+from ..kernels.energy_density import analytic_energy_density
+from ..kernels.reference_state import bond_shares
 from ..kernels.sums import point_forces, sum_moments, weigh_moments
 from ..materials import Law
-from .domain_watch import DomainWatch
-from .energy_density import EnergyDerivatives, EnergySurrogate, ExactEnergyDensity, blended, domain_constants
+from .domain_counter import DomainCounter
+from .energy_density import AnalyticEnergyDensity, EnergyDerivatives, EnergySurrogate, blended, domain_constants
 from .kinematics import Kinematics, at_point, locate
 from .model import BindableForce
 from .protocol import InvalidState, Release
@@ -29,7 +29,7 @@ HONOURED_WITH_DOMAIN = {**HONOURED, "outside": tuple(OUTSIDE_POLICIES)}
 """The same for a learnt energy, whose domain bonds can leave."""
 
 
-class BondEnergyForce(ExactEnergyDensity, BindableForce):
+class BondEnergyForce(AnalyticEnergyDensity, BindableForce):
     """Forces that are the gradient of a sum of bond energies, with the exact plane-stress energy of any law."""
 
     name = "bond-energy"
@@ -40,7 +40,7 @@ class BondEnergyForce(ExactEnergyDensity, BindableForce):
         return BondEnergyEvaluation(self, body, law, settings)
 
 
-class BondEnergyEvaluation(DomainWatch):
+class BondEnergyEvaluation(DomainCounter):
     """An energy bound to a body: gradient pass, a pass over each pair once, and the sums to points.
 
     The energy is that of the body's own points: of a pair with a ghost, the point's share counts and the ghost's, which lies beyond the
@@ -90,7 +90,7 @@ class BondEnergyEvaluation(DomainWatch):
 
         compiled = model.compiled(self.precision)
         self._compiled = compiled
-        self._exact = exact_energy_density(self.precision)
+        self._exact = analytic_energy_density(self.precision)
         domain = model.domain
         self._guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(self.outside, bond_energy.COUNTED) if domain else UNGUARDED
         self._domain = domain_constants(domain, self.precision) if domain else np.zeros(bond_energy.DOMAIN_SIZE, self.precision)
@@ -252,7 +252,7 @@ class BondEnergyEvaluation(DomainWatch):
         found = model.energy_derivatives(self.law, trace, area_ratio)
         if domain is None or self.outside != "fallback":
             return found
-        exact = ExactEnergyDensity().energy_derivatives(self.law, trace, area_ratio)
+        exact = AnalyticEnergyDensity().energy_derivatives(self.law, trace, area_ratio)
         return blended(found, exact, domain, trace, area_ratio)
 
     def tangent(self, positions: np.ndarray):
@@ -332,7 +332,7 @@ class BondEnergyEvaluation(DomainWatch):
         trace = (c * c).sum(axis=1) + (e * e).sum(axis=1)
         for pair in np.argsort(np.where(alive, -trace, np.inf))[:100]:
             try:
-                ExactEnergyDensity().energy_derivatives(self.law, trace[[pair]], J[[pair]])
+                AnalyticEnergyDensity().energy_derivatives(self.law, trace[[pair]], J[[pair]])
             except ValueError as error:
                 return at_point(self.body, int(bonds.first[pair]), str(error))
         worst = int(np.where(alive, trace, -np.inf).argmax())

@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from ..kernels.energy_density import exact_energy_density
+from ..kernels.energy_density import analytic_energy_density
 from ..materials import Law, plane_stress
 from .protocol import CompiledBondForce, Domain
 
@@ -53,7 +53,7 @@ class EnergySurrogate(Protocol):
         """Raise ValueError if the model does not describe this material."""
 
 
-class ExactEnergyDensity:
+class AnalyticEnergyDensity:
     """The energy of a law under plane stress, C33 solved in every evaluation."""
 
     domain: Domain | None = None
@@ -65,7 +65,7 @@ class ExactEnergyDensity:
 
     def compiled(self, dtype) -> CompiledBondForce:
         """See `EnergySurrogate`; the law is supplied by the pass."""
-        return CompiledBondForce(exact_energy_density(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
+        return CompiledBondForce(analytic_energy_density(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
 
     def check_material(self, law: Law) -> None:
         """Every law has its exact energy."""

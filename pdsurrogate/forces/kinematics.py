@@ -10,14 +10,14 @@ import numpy as np
 
 from ..body import Body
 from ..kernels import node_state
-from ..kernels.blocks import BLOCK, SCRATCH_ROWS, aligned_rows
+from ..kernels.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..kernels.gradient import deformation_gradients
 from ..kernels.passes import BoundPass
-from ..kernels.reference import shape_rows
+from ..kernels.reference_state import shape_rows
 from ..materials import Law, plane_stress
-from .learnt_thickness import LearntThickness
 from .protocol import InvalidState
 from .settings import ROTATION
+from .surrogate_thickness import SurrogateThickness
 
 
 class Kinematics:
@@ -48,7 +48,7 @@ class Kinematics:
         w x V_j of every directed bond, zero where broken.
     inverse_shape : ndarray, shape (n + m, 3)
         K^-1 as (11, 12, 22), zero where the bonds do not span the plane.
-    learnt_thickness : LearntThickness or None
+    surrogate_thickness : SurrogateThickness or None
         What solves the plane-stress condition in the place of the law.
     """
 
@@ -79,7 +79,7 @@ class Kinematics:
         self.volume_ratios = np.ones(total)
         self.records = aligned_rows((total, 4), precision)
         self.scratch = aligned_rows((self.chunks, SCRATCH_ROWS, BLOCK), value=1)
-        self.learnt_thickness: LearntThickness | None = None
+        self.surrogate_thickness: SurrogateThickness | None = None
 
     def _find_shapes(self, rows: np.ndarray) -> None:
         """Shape tensors of the given points, then of all images."""
@@ -166,9 +166,9 @@ class Kinematics:
     @cached_property
     def _find_states(self) -> Callable[[], int]:
         """The pass over the points' states; bound at its first use, when it is known what solves the plane-stress condition."""
-        if self.learnt_thickness is not None:
+        if self.surrogate_thickness is not None:
             law = self.response.address, self.parameters
-            return self.learnt_thickness.bind(self.gradients, self.volume_ratios, self._rotation, *law, self.records, self.chunks)
+            return self.surrogate_thickness.bind(self.gradients, self.volume_ratios, self._rotation, *law, self.records, self.chunks)
         return node_state.node_states.bind(
             self.gradients,
             self.volume_ratios,

@@ -10,13 +10,13 @@ from typing import ClassVar
 import numpy as np
 
 from ..body import Body
-from ..kernels.blocks import BLOCK, STATE_ROWS, TRACTION_ROWS
+from ..kernels.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
 from ..kernels.bond_state import lateral_stretch
 from ..kernels.compile import call_block, kernel
 from ..kernels.feature_sets import FEATURE_SETS
 from ..materials import Law
 from .analytic import bond_arrays
-from .bondwise import BondForceEvaluation, honoured_by_bond_forces
+from .bond_force import BondForceEvaluation, honoured_by_bond_forces
 from .model import BindableForce
 from .protocol import CompiledBondForce, Domain
 from .settings import ForceSettings

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..body import Body
-from ..kernels.blocks import BLOCK
+from ..kernels.block_arrays import BLOCK
 from ..kernels.energy_density import ENERGY_ROWS, INVARIANT_ROWS, N_CONSTANTS, NETWORK_WORK_ROWS, network_energy_density, pack_network
 from ..kernels.smooth_activations import SMOOTH_ACTIVATIONS
 from ..materials import Law

@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from ..body import Body
-from ..kernels import correspondence
-from ..kernels.blocks import aligned_rows
+from ..kernels import nosb
+from ..kernels.block_arrays import aligned_rows
 from ..materials import Law
 from .kinematics import Kinematics, locate
 from .model import BindableForce
@@ -16,19 +16,19 @@ from .protocol import InvalidState
 from .settings import ForceSettings
 
 
-class CorrespondenceForce(BindableForce):
+class NOSBForce(BindableForce):
     """NOSB PD: t_i = w P_i K_i^-1 x.  Exact in homogeneous deformation; blind to modes that leave F alone."""
 
     name = "nosb"
     # K^-1 needs no correction of incomplete horizons, and P no rotation.
     honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "breakable": (True,)}
 
-    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> CorrespondenceEvaluation:
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> NOSBEvaluation:
         """The evaluation on a body."""
-        return CorrespondenceEvaluation(body, law, settings)
+        return NOSBEvaluation(body, law, settings)
 
 
-class CorrespondenceEvaluation:
+class NOSBEvaluation:
     """NOSB bound to a body."""
 
     precision = "float64"
@@ -41,7 +41,7 @@ class CorrespondenceEvaluation:
         self.kinematics = Kinematics(body, law, "float64", breakable=settings.breakable)
         kinematics, bonds = self.kinematics, body.bonds
         self._stresses = aligned_rows((len(body.all_points), 4))
-        self._weigh_stresses = correspondence.weighted_stresses[2].bind(
+        self._weigh_stresses = nosb.weighted_stresses[2].bind(
             kinematics.gradients,
             kinematics.volume_ratios,
             kinematics.inverse_shape,
@@ -53,7 +53,7 @@ class CorrespondenceEvaluation:
             chunks=kinematics.chunks,
         )
         sums = self._stresses, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
-        self._sum_forces = correspondence.correspondence_forces[2].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
+        self._sum_forces = nosb.nosb_forces[2].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
         self._broken = np.zeros(len(body.bonds.first), dtype=bool) if settings.breakable else None
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:

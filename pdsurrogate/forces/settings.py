@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..kernels.bond_pass import FALL_BACK, TURNED
+from ..kernels.bond_force import FALL_BACK, TURNED
 from ..kernels.node_state import ROTATIONS
-from ..kernels.reference import CORRECTIONS
+from ..kernels.reference_state import CORRECTIONS
 
 OUTSIDE_POLICIES = {"fallback": FALL_BACK, "warn": TURNED, "raise": TURNED, "extrapolate": TURNED}
 """What is done about bonds outside a surrogate's domain."""

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from ..kernels import bond_energy
-from ..kernels.blocks import BLOCK
+from ..kernels.block_arrays import BLOCK
 from .bond_energy import BondEnergyEvaluation
 
 

@@ -6,10 +6,10 @@ on rows of arrays, and becomes part of the code that calls it.  The sums over bo
 
 import numpy as np
 
-from .blocks import rows_of
+from .block_arrays import rows_of
 from .compile import inlined
-from .records import subtract_positions, sum_matrix_products, sum_outer_products, sum_signed_records
-from .records import sum_quad_records as sum_matrices
+from .lanes import subtract_positions, sum_matrix_products, sum_outer_products, sum_signed_records
+from .lanes import sum_quad_records as sum_matrices
 
 DIMENSION, MATRIX, SYMMETRIC = 2, 4, 3
 """Dimension, and reals of a matrix and of a symmetric matrix."""

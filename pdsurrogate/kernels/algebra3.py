@@ -5,7 +5,7 @@ Vectors are (1, 2, 3), matrices go by columns (11, 21, 31, 12, 22, 32, 13, 23, 3
 
 import numpy as np
 
-from .blocks import rows_of
+from .block_arrays import rows_of
 from .compile import inlined
 
 DIMENSION, MATRIX, SYMMETRIC = 3, 9, 6

@@ -14,11 +14,11 @@ rest, so that it can be neither invalid nor outside a domain.
 
 import numpy as np
 
-from .blocks import BLOCK, block_rows, pair_records, quad_records
-from .bond_pass import FALL_BACK, UNGUARDED
+from .block_arrays import BLOCK, block_rows, pair_records, quad_records
+from .bond_force import FALL_BACK, UNGUARDED
 from .compile import call_block, inline, widest_vectors
+from .lanes import gather_pairs
 from .passes import Pass, share_of
-from .records import gather_pairs
 
 COUNTED = 1
 """Bonds outside the domain are counted and otherwise left to the surrogate; `FALL_BACK` and `UNGUARDED` are those of the bond pass."""

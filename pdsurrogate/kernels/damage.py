@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .blocks import BLOCK, block_rows
+from .block_arrays import BLOCK, block_rows
 from .compile import widest_vectors
 from .passes import ByDimension, Pass, share_of
 

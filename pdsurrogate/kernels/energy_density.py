@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 from numba import carray
 
-from .blocks import BLOCK, SCRATCH_ROWS, block_rows
+from .block_arrays import BLOCK, SCRATCH_ROWS, block_rows
 from .compile import bond_force_signature, call_block, compile_block_function, inlined, widest_vectors
 from .elementary import logarithm
 from .node_state import solve_volume_ratios
@@ -27,7 +27,7 @@ energy_density_signature = bond_force_signature
 
 
 @cache
-def exact_energy_density(dtype):
+def analytic_energy_density(dtype):
     """Block function of the exact energy of any law; NaN where det F <= 0 or the law has no plane-stress state."""
 
     def energy_density(states, sizes, weights, response, parameters, work, scratch, result):

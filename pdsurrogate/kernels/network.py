@@ -11,7 +11,7 @@ import numpy as np
 from numba import carray
 
 from .activations import ACTIVATIONS
-from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
+from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
 from .compile import bond_force_signature, compile_block_function, inlined, kernel, widest_vectors
 from .feature_sets import FEATURE_SETS
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .blocks import BLOCK, block_rows, quad_records
+from .block_arrays import BLOCK, block_rows, quad_records
 from .compile import call_block, kernel, widest_vectors
 from .elementary import inverse_square_root
 from .passes import Pass, share_of

@@ -12,7 +12,7 @@ from numba import carray, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS
+from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
 from .compile import bond_force_signature, compile_block_function, inlined, widest_vectors
 from .feature_sets import FEATURE_SETS
 

@@ -262,9 +262,9 @@ def evaluate_energy(
 
 
 def _exact(law, samples):
-    from ..forces.energy_density import ExactEnergyDensity
+    from ..forces.energy_density import AnalyticEnergyDensity
 
-    return ExactEnergyDensity().energy_derivatives(law, *samples.X.T)
+    return AnalyticEnergyDensity().energy_derivatives(law, *samples.X.T)
 
 
 def _stability(energy, samples) -> tuple[float, float]:

@@ -21,7 +21,7 @@ from typing import ClassVar
 import numpy as np
 from numba import carray
 
-from ..kernels.blocks import BLOCK, block_rows, stack_rows
+from ..kernels.block_arrays import BLOCK, block_rows, stack_rows
 from ..kernels.compile import STRESS_RESPONSE, block_function_of, inlined, widest_vectors
 from ..kernels.elementary import exponential, inverse_cube_root, logarithm, select
 

@@ -12,14 +12,14 @@ import numba
 from ..artifacts import load_surrogate
 from ..forces import (
     AnalyticBondForce,
-    BondAssociatedForce,
+    BANOSBForce,
     BondEnergyForce,
-    CorrespondenceForce,
     EnergySurrogate,
     ForceModel,
     ForceSurrogate,
+    NOSBForce,
 )
-from ..forces.kernel_face import kernel_bond_force, kernel_energy
+from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..learning import (
     ChebyshevRegressor,
     LevenbergMarquardtRegressor,
@@ -33,8 +33,8 @@ from ..learning import (
 from ..learning.energy import energy_design, energy_errors, energy_pipeline, energy_surrogate_of
 from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
+from ..run.simulate import SimulationFailed, simulate
 from ..scenes import load_scene
-from ..simulation import SimulationFailed, simulate
 from .speed import Case, measure_speed, sheet
 
 RIVAL, REFERENCE = "BA-NOSB", "NOSB"
@@ -68,8 +68,8 @@ def candidates(law: Law, quick: bool, say: Callable[[str], None]) -> list[Candid
     For the default Neo-Hookean law the shipped 20-unit networks take part as they are.
     """
     found = [
-        Candidate(REFERENCE, CorrespondenceForce(), "float64"),
-        Candidate(RIVAL, BondAssociatedForce(), "float64"),
+        Candidate(REFERENCE, NOSBForce(), "float64"),
+        Candidate(RIVAL, BANOSBForce(), "float64"),
         Candidate("analytic bond force", AnalyticBondForce(law), "float64"),
     ]
     samples = wide_design(law, 3000 if quick else 8000, reachable_stretches(law), random_state=0)

@@ -13,10 +13,10 @@ from threadpoolctl import threadpool_limits
 
 from ..body import Body
 from ..forces import ForceModel, ForceSettings
-from ..kernels.blocks import BLOCK, aligned_rows
-from ..kernels.calibration import ROWS, arithmetic
+from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.threads import thread_count
 from ..materials import Law, homogeneous
+from .calibration import ROWS, arithmetic
 
 ENOUGH = 12
 """Undisturbed timings wanted of every model."""

@@ -10,9 +10,9 @@ from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, mod
 
 from ..body import WEIGHT_FUNCTIONS
 from ..materials import LAWS, Law
-from .part import Finite, Part, Point, Positive, Whole
 from .problems import suggestion
 from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle
+from .strict_model import Finite, Point, Positive, StrictModel, Whole
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
 """Result files are named after a scene: no path, and nothing that a terminal or a shell would read."""
@@ -26,7 +26,7 @@ EDGES = {"left": (0, -1), "right": (0, +1), "bottom": (1, -1), "top": (1, +1)}
 """Coordinate held by each edge of the bounding box, and the side of the body it lies on."""
 
 
-class MaterialSpec(Part):
+class MaterialSpec(StrictModel):
     """A material law by name, with its parameters."""
 
     model_config = ConfigDict(extra="allow", frozen=True)
@@ -72,7 +72,7 @@ class MaterialSpec(Part):
             raise ValueError(f"{self.law}: a parameter is a list where a number belongs, or the other way round") from None
 
 
-class Grip(Part):
+class Grip(StrictModel):
     """A grip or roller along one edge of the body.
 
     ``travel`` is this grip's share of the elongation, outwards: two grips of 0.5 pull symmetrically.
@@ -83,7 +83,7 @@ class Grip(Part):
     travel: Annotated[Finite, Field(ge=0, le=1)] = 0.0
 
 
-class Hold(Part):
+class Hold(StrictModel):
     """Points held by a plain Dirichlet condition, component by component.
 
     The points are those in a box, or those listed.  They move with the loading by ``travel`` times the elongation of the body.
@@ -101,7 +101,7 @@ class Hold(Part):
         return self
 
 
-class SolverSpec(Part):
+class SolverSpec(StrictModel):
     """How equilibrium is found."""
 
     method: Literal["automatic", "minimiser", "quasi-newton", "relaxation", "explicit"] = "automatic"
@@ -110,7 +110,7 @@ class SolverSpec(Part):
     largest_increment: Annotated[Finite, Field(ge=1e-4)] = 0.5
 
 
-class Fracture(Part):
+class Fracture(StrictModel):
     """When bonds break: beyond a critical stretch, given, or from a fracture energy (`pdsurrogate.critical_stretch_of`)."""
 
     critical_stretch: Annotated[Finite, Field(gt=1)] | None = None
@@ -123,7 +123,7 @@ class Fracture(Part):
         return self
 
 
-class Dynamics(Part):
+class Dynamics(StrictModel):
     """Explicit dynamics from the last equilibrium on, while the grips move apart at a constant rate.
 
     Attributes
@@ -168,7 +168,7 @@ AnyShape = Annotated[_TaggedShape, Discriminator(_shape_of)]
 AnyBody = Annotated[_TaggedShape | Annotated[Mesh, Tag("mesh")], Discriminator(_shape_of)]
 
 
-class Units(Part):
+class Units(StrictModel):
     """Names of the units in which a scene is written; nothing is converted."""
 
     length: UnitName = "cm"
@@ -181,7 +181,7 @@ class Units(Part):
         return f"{self.stress} {self.length}^2"
 
 
-class Scene(Part):
+class Scene(StrictModel):
     """A simulation, fully described.
 
     Lengths and stresses are in the scene's own units throughout.  `stretches` are the levels of the loading

@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from .part import Part, Point, Positive
+from .strict_model import Point, Positive, StrictModel
 
 
-class Outline(Part):
+class Outline(StrictModel):
     """A closed shape."""
 
     @abstractmethod
@@ -100,14 +100,14 @@ class Polygon(Outline):
         return corners.min(axis=0), corners.max(axis=0)
 
 
-class Mesh(Part):
+class Mesh(StrictModel):
     """A body from a mesh file that meshio reads: its triangles and quadrilaterals become points at their centroids, with their areas."""
 
     shape: Literal["mesh"] = "mesh"
     file: Annotated[str, Field(min_length=1)]
 
 
-class Precut(Part):
+class Precut(StrictModel):
     """A straight cut: the bonds that cross it are no part of the body."""
 
     start: Point

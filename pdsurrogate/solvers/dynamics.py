@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..forces import InternalForce
-from ..kernels.relaxation import central_difference_step
+from ..kernels.steps import central_difference_step
 from .equilibrium import Diverging
 from .stability import FrequencyEstimate
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..forces import InternalForce
-from ..kernels.relaxation import greatest_force_density
+from ..kernels.steps import greatest_force_density
 
 Report = Callable[[int, float], None]
 """Called with the force evaluations so far and the residual."""

@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 
 from ..forces import InvalidState
-from ..kernels.relaxation import greatest_strain
+from ..kernels.steps import greatest_strain
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, no_report
 from .preconditioner import NearestBondStiffness
 from .stepping import DynamicRelaxation

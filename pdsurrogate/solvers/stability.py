@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import eigvalsh_tridiagonal
 
 from ..forces import InternalForce
-from ..kernels.relaxation import greatest_strain
+from ..kernels.steps import greatest_strain
 from .preconditioner import NearestBondStiffness
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..forces import InternalForce, InvalidState
-from ..kernels.relaxation import central_difference_step, relaxation_step
+from ..kernels.steps import central_difference_step, relaxation_step
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, no_report
 from .stability import FrequencyEstimate
 

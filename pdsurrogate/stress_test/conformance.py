@@ -25,17 +25,17 @@ import numpy as np
 from ..artifacts import load_card
 from ..body import Body, ReflectionPlane
 from ..forces import FORCES, AnalyticBondForce, ForceModel, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning
-from ..forces.kernel_face import kernel_bond_force, kernel_energy
+from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..forces.settings import OUTSIDE_POLICIES, PRECISIONS
 from ..kernels.node_state import ROTATIONS
-from ..kernels.reference import CORRECTIONS
+from ..kernels.reference_state import CORRECTIONS
 from ..kernels.threads import thread_count
 from ..learning import wide_design
 from ..materials import Law, plane_stress
-from ..programmes.run import Silent
 from ..results import measures
+from ..run.run import Silent
+from ..run.simulate import SimulationFailed, simulate
 from ..scenes import MaterialSpec, load_scene
-from ..simulation import SimulationFailed, simulate
 from .bodies import disc_with_hole, gripped_sheet, jittered, notched_sheet, of_points, sheet
 from .case import INAPPLICABLE, PASS, WEAK, Case, Outcome, Subject, square_sheet
 from .deformations import force_densities, turn, wavy, why_inaccurate

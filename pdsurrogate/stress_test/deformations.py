@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 from ..forces import InvalidState
 from ..materials import Gent, Law, plane_stress
 from ..results import measures
+from ..run.simulate import SimulationFailed, simulate
 from ..scenes import load_scene
-from ..simulation import SimulationFailed, simulate
 from ..solvers import Unstable
 from .case import INAPPLICABLE, PASS, SPACING, STOPS, WEAK, Case, Outcome, Subject, square_sheet
 from .tangents import resistance

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..forces import InvalidState
-from ..kernels.relaxation import central_difference_step
+from ..kernels.steps import central_difference_step
 from ..materials import homogeneous
 from ..solvers import FrequencyEstimate
 from .case import PASS, SPACING, WEAK, Case, Outcome, Subject, square_sheet

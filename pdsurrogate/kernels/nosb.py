@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .blocks import BLOCK, block_rows
+from .block_arrays import BLOCK, block_rows
 from .compile import call_block, widest_vectors
 from .passes import ByDimension, Pass, share_of
 
@@ -42,11 +42,11 @@ def weighted_stresses(algebra):
 
 
 @ByDimension
-def correspondence_forces(algebra):
+def nosb_forces(algebra):
     """Force on every point from the weighted stresses."""
 
     @Pass
-    def correspondence_forces(chunk, chunks, stresses, pointers, neighbours, weighted_bonds, volumes, out):
+    def nosb_forces(chunk, chunks, stresses, pointers, neighbours, weighted_bonds, volumes, out):
         """Force on every point, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j; returns for how many it is not finite."""
         strange = 0
         start, stop = share_of(out.shape[0], chunk, chunks)
@@ -57,4 +57,4 @@ def correspondence_forces(algebra):
             strange += algebra.not_finite(force)
         return strange
 
-    return correspondence_forces
+    return nosb_forces

@@ -16,7 +16,7 @@ from ..solvers.branch import Branch
 from .run import Run
 
 if TYPE_CHECKING:
-    from ..damage import Damage
+    from .fracture import Damage
 
 
 def solver_of(run: Run) -> EquilibriumSolver:

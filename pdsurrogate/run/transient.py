@@ -21,7 +21,7 @@ from ..solvers import Diverging, ExplicitDynamics
 from .run import Run
 
 if TYPE_CHECKING:
-    from ..damage import Damage
+    from .fracture import Damage
 
 STEPS_PER_ROW = 20
 """Steps between rows of the history; work and damped energy are summed over them by the trapezoidal rule.

@@ -30,7 +30,7 @@ class _PartType(type(BaseModel)):
             raise SceneError(explain(error, cls)) from None
 
 
-class Part(BaseModel, metaclass=_PartType):
+class StrictModel(BaseModel, metaclass=_PartType):
     """Base of all parts of a scene: unknown keys are errors, and nothing changes once read.
 
     Composed in Python, a part that makes no sense is told like one in a file.

@@ -10,7 +10,7 @@ and the map that gives the force of a bond gives the pressure in a point as well
 
 import numpy as np
 
-from .blocks import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
+from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
 from .bond_state import is_outside, share_inside
 from .compile import call_block, widest_vectors
 from .node_state import POLAR, convected_rotation, solve_volume_ratios
@@ -26,7 +26,7 @@ SCRATCH_ROWS = 14
 
 
 @Pass
-def learnt_node_states(
+def surrogate_node_states(
     chunk,
     chunks,
     gradients,

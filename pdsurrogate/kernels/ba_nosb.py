@@ -7,11 +7,11 @@ into a table of the point's own that stays in the first-level cache, and each bo
 
 import numpy as np
 
-from .blocks import BLOCK, block_rows, pair_records, quad_records, triple_records
+from .block_arrays import BLOCK, block_rows, pair_records, quad_records, triple_records
 from .compile import kernel, widest_vectors
+from .lanes import outer_products, sum_listed_records
 from .node_state import solve_volume_ratios
 from .passes import ByDimension, Pass, share_of
-from .records import outer_products, sum_listed_records
 
 TILE = 64
 """Points per tile.  Tiles do not depend on the number of threads, so neither does the grouping of bonds into blocks."""
@@ -101,7 +101,7 @@ def bond_references(
 
 
 @Pass
-def bond_associated_forces(
+def ba_nosb_forces(
     chunk,
     chunks,
     positions,

@@ -7,17 +7,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..body import Body
-from ..kernels import bond_pass, reference
-from ..kernels.blocks import BLOCK, aligned_rows
-from ..kernels.exact import exact_bond_force
+from ..kernels import bond_force, reference_state
+from ..kernels.analytic import analytic_bond_force
+from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.node_state import ROTATIONS
 from ..kernels.sums import sum_pair_forces
 from ..materials import Law
-from .domain_watch import DomainWatch
+from .domain_counter import DomainCounter
 from .kinematics import Kinematics, at_point, locate
-from .learnt_thickness import LearntThickness
 from .protocol import EVERYWHERE, ForceSurrogate, InvalidState
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ForceSettings
+from .surrogate_thickness import SurrogateThickness
 
 
 def honoured_by_bond_forces(gives_transverse: bool, has_domain: bool) -> Mapping[str, tuple]:
@@ -30,12 +30,12 @@ def honoured_by_bond_forces(gives_transverse: bool, has_domain: bool) -> Mapping
     has_domain : bool
         Whether bonds can be outside a domain.
     """
-    corrections = tuple(name for name in reference.CORRECTIONS if gives_transverse or name != "tensor")
+    corrections = tuple(name for name in reference_state.CORRECTIONS if gives_transverse or name != "tensor")
     honours = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,)}
     return honours | ({"outside": tuple(OUTSIDE_POLICIES)} if has_domain else {})
 
 
-class BondForceEvaluation(DomainWatch):
+class BondForceEvaluation(DomainCounter):
     """A bond-force model bound to a body: node pass, bond pass over each pair once, and the sum to points."""
 
     def __init__(self, model: ForceSurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
@@ -58,17 +58,17 @@ class BondForceEvaluation(DomainWatch):
         compiled = model.compiled(self.precision)
         self._compiled = compiled
         if law.costly and model.domain is not None and model.gives_transverse:
-            self.kinematics.learnt_thickness = LearntThickness(compiled, model.domain, law, self.precision, self.kinematics.chunks)
-        self._exact = exact_bond_force(self.precision)
-        self._guard = OUTSIDE_POLICIES[self.outside] if model.domain is not None else bond_pass.UNGUARDED
+            self.kinematics.surrogate_thickness = SurrogateThickness(compiled, model.domain, law, self.precision, self.kinematics.chunks)
+        self._exact = analytic_bond_force(self.precision)
+        self._guard = OUTSIDE_POLICIES[self.outside] if model.domain is not None else bond_force.UNGUARDED
         domain = EVERYWHERE if model.domain is None or self.outside == "extrapolate" else model.domain
         within = domain.interior if self.outside == "fallback" else domain
         self._domain = np.stack([domain.limits(self.precision), within.limits(self.precision)])
         chunks = self.kinematics.chunks
-        self._buffers = aligned_rows((chunks, bond_pass.BUFFER_ROWS, BLOCK), self.precision)
+        self._buffers = aligned_rows((chunks, bond_force.BUFFER_ROWS, BLOCK), self.precision)
         self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), self.precision)
         self._forces = aligned_rows((len(self._first), 2), self.precision)
-        self._find_forces = bond_pass.pair_forces.bind(
+        self._find_forces = bond_force.pair_forces.bind(
             self.kinematics.positions,
             self.kinematics.records,
             self._first,
@@ -120,7 +120,7 @@ class BondForceEvaluation(DomainWatch):
 
     def _find_geometry(self, pairs: np.ndarray) -> None:
         body, bonds = self.body, self.body.bonds
-        reference.pair_rows(
+        reference_state.pair_rows(
             pairs,
             bonds.first,
             bonds.second,
@@ -128,7 +128,7 @@ class BondForceEvaluation(DomainWatch):
             self._strength,
             self.kinematics.inverse_shape,
             self.kinematics.supported,
-            reference.CORRECTIONS[self.correction],
+            reference_state.CORRECTIONS[self.correction],
             body.kappa,
             body.horizon,
             self.geometry,

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from .blocks import block_rows
-from .compile import widest_vectors
-from .passes import Pass
+from ..kernels.block_arrays import block_rows
+from ..kernels.compile import widest_vectors
+from ..kernels.passes import Pass
 
 ROWS = 2
 """Rows of the buffer: arguments and values."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.blocks import BLOCK, SCRATCH_ROWS, TRACTION_ROWS
+from ..kernels.block_arrays import BLOCK, SCRATCH_ROWS, TRACTION_ROWS
 from ..kernels.bond_state import lateral_stretch
 from ..kernels.compile import call_block, kernel
 from ..kernels.energy_density import ENERGY_ROWS

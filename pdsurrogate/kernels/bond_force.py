@@ -1,11 +1,11 @@
 """The bond pass of every force model that maps bond quantities to a bond force, and the sum of its pair forces."""
 
-from .blocks import BLOCK, block_rows, pair_records
+from .block_arrays import BLOCK, block_rows, pair_records
 from .bond_state import LEAST_NORMAL_STRETCH, is_outside, lateral_stretch, share_inside
 from .compile import call_block, widest_vectors
 from .elementary import inverse_square_root
+from .lanes import gather_pairs
 from .passes import Pass, share_of
-from .records import gather_pairs
 
 UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
 """What is done about bonds outside the domain of a force model: it has no bounds; they are counted, and those turned so far that they have
@@ -28,7 +28,7 @@ def pair_forces(
     bond_force,
     sizes,
     weights,
-    exact_bond_force,
+    analytic_bond_force,
     response,
     parameters,
     guard,
@@ -49,9 +49,9 @@ def pair_forces(
     positions : (n, 2) doubles.
     records : (n, 4) node records (cos, sin, J, C33).
     first, second : (n_blocks * BLOCK,) the pairs, padded with pairs of point 0 with itself.
-    geometry : (n_blocks, 5, BLOCK) see `pdsurrogate.kernels.reference.pair_rows`.
+    geometry : (n_blocks, 5, BLOCK) see `pdsurrogate.kernels.reference_state.pair_rows`.
     bond_force, sizes, weights : address of the force model's block function, and its constants.
-    exact_bond_force, response, parameters : the exact bond force and the material law behind it.
+    analytic_bond_force, response, parameters : the exact bond force and the material law behind it.
     guard : UNGUARDED, TURNED or FALL_BACK.
     domain : (2, 7) limits of the domain and of the part of it where nothing but the model counts, see `bond_state.is_outside`.
     buffers, work, scratch : (n_chunks, rows, BLOCK), the first two in the model's precision, the last doubles.
@@ -112,7 +112,7 @@ def pair_forces(
             for k in range(BLOCK):
                 near += is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], inner)
             if near > zero:
-                call_block(exact_bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], exact)
+                call_block(analytic_bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], exact)
                 for k in range(BLOCK):
                     a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
                     if reference[2, k] > zero and is_outside(a, b, U_mm, J, C33, outer) > zero:

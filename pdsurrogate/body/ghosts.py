@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .kernels import ghosts as kernels
+from ..kernels import ghosts as kernels
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 from numba import carray
 
-from .blocks import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
+from .block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
 from .compile import bond_force_signature, call_block, compile_block_function, widest_vectors
 
 
 @cache
-def exact_bond_force(dtype):
+def analytic_bond_force(dtype):
     """Block function of the exact bond force for any law; states and traction in `dtype`, the law itself in double precision."""
 
     def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..body import Body
-from ..kernels import bond_associated
-from ..kernels.blocks import BLOCK, SCRATCH_ROWS, aligned_rows
+from ..kernels import ba_nosb
+from ..kernels.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..materials import Law
 from .kinematics import Kinematics, at_point, locate
 from .model import BindableForce
@@ -17,19 +17,19 @@ from .protocol import InvalidState
 from .settings import ForceSettings
 
 
-class BondAssociatedForce(BindableForce):
+class BANOSBForce(BindableForce):
     """BA-NOSB PD: one deformation gradient a bond, over the points that both its ends' horizons share.  No zero-energy modes."""
 
     name = "ba-nosb"
     # No bonds that break: the horizons that two ends share would have to be found anew around every one of them.
     honours: ClassVar = {"precision": ("float64",), "correction": ("none",)}
 
-    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondAssociatedEvaluation:
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BANOSBEvaluation:
         """The evaluation on a body."""
-        return BondAssociatedEvaluation(body, law)
+        return BANOSBEvaluation(body, law)
 
 
-class BondAssociatedEvaluation:
+class BANOSBEvaluation:
     """BA-NOSB bound to a body."""
 
     precision = "float64"
@@ -77,7 +77,7 @@ class BondAssociatedEvaluation:
         self._common_pointers = np.zeros(len(owners) + 1, dtype=np.uint64)
         self._common = np.empty(0, dtype=np.uint16)
         for count in (True, False):
-            bond_associated.list_common_points(
+            ba_nosb.list_common_points(
                 points,
                 self._table_pointers,
                 self._table,
@@ -93,7 +93,7 @@ class BondAssociatedEvaluation:
         direction = points[self._targets] - points[owners]
         self._vectors = np.ascontiguousarray(direction * body.weigh(np.linalg.norm(direction, axis=1))[:, None])
         self._inverse_shapes = np.empty((len(owners), 3))
-        bond_associated.bond_references(
+        ba_nosb.bond_references(
             points,
             volumes,
             self._table_pointers,
@@ -114,7 +114,7 @@ class BondAssociatedEvaluation:
         self._sums = aligned_rows((chunks, BLOCK, 4), value=1)
         self._scratch = aligned_rows((chunks, SCRATCH_ROWS + 4, BLOCK), value=1)
         self._forces = np.empty((len(owners), 2))
-        self._find_forces = bond_associated.bond_associated_forces.bind(
+        self._find_forces = ba_nosb.ba_nosb_forces.bind(
             self.kinematics.positions,
             self._table_pointers,
             self._table,
@@ -134,7 +134,7 @@ class BondAssociatedEvaluation:
             chunks=chunks,
         )
         sums = self._forces, self._bond_pointers, self._reverse, law.shear_modulus
-        self._sum_forces = bond_associated.sum_bond_forces[2].bind(*sums, np.empty_like(body.points), chunks=chunks)
+        self._sum_forces = ba_nosb.sum_bond_forces[2].bind(*sums, np.empty_like(body.points), chunks=chunks)
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1

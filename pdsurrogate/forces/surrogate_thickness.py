@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import learnt_thickness
-from ..kernels.blocks import BLOCK, aligned_rows
+from ..kernels import surrogate_thickness
+from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.passes import BoundPass
 from ..materials import Law
 from .protocol import CompiledBondForce, Domain
@@ -14,8 +14,8 @@ TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
 """Relative step of J3 at which the iteration ends, a few times what rounding in the force leaves of it at K = 10 mu."""
 
 
-class LearntThickness:
-    """J3 of all points from a learnt bond force (`pdsurrogate.kernels.learnt_thickness`).
+class SurrogateThickness:
+    """J3 of all points from a learnt bond force (`pdsurrogate.kernels.surrogate_thickness`).
 
     Parameters
     ----------
@@ -35,13 +35,13 @@ class LearntThickness:
         self._domain = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
         self._volumetric = law.volumetric_block()
         self._tolerance = TOLERANCE[str(np.dtype(precision))]
-        self._buffers = aligned_rows((chunks, learnt_thickness.BUFFER_ROWS, BLOCK), precision, 1)
+        self._buffers = aligned_rows((chunks, surrogate_thickness.BUFFER_ROWS, BLOCK), precision, 1)
         self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), precision)
-        self._scratch = aligned_rows((chunks, learnt_thickness.SCRATCH_ROWS, BLOCK), value=1)
+        self._scratch = aligned_rows((chunks, surrogate_thickness.SCRATCH_ROWS, BLOCK), value=1)
 
     def bind(self, gradients, volume_ratios, rotation: int, response: int, parameters, records, chunks: int) -> BoundPass:
         """The pass that brings `volume_ratios` and `records` up to date, and counts the points without a state."""
-        return learnt_thickness.learnt_node_states.bind(
+        return surrogate_thickness.surrogate_node_states.bind(
             gradients,
             volume_ratios,
             rotation,

@@ -6,10 +6,10 @@ import numba
 import numpy as np
 from scipy.optimize import brentq
 
-from .body import Body
-from .kernels.blocks import BLOCK
-from .kernels.damage import find_overstretched
-from .materials import Law, homogeneous
+from ..body import Body
+from ..kernels.block_arrays import BLOCK
+from ..kernels.damage import find_overstretched
+from ..materials import Law, homogeneous
 
 
 class Damage:

@@ -5,7 +5,7 @@ They run once for a body without damage, and again for the rows and pairs around
 
 import numpy as np
 
-from .blocks import BLOCK
+from .block_arrays import BLOCK
 from .passes import ByDimension, Pass, share_of
 
 LEAST_SHAPE_QUALITY = 1e-3

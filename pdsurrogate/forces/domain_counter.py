@@ -8,7 +8,7 @@ from .protocol import OutsideDomain, OutsideDomainWarning
 from .settings import OUTSIDE
 
 
-class DomainWatch:
+class DomainCounter:
     """Counts the pairs outside a model's domain over all evaluations, and stops or warns where that was asked for.
 
     Attributes

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from . import artifacts
-from .forces import ForceModel, InvalidState, OutsideDomain
-from .kernels.compile import compilation_clock
-from .kernels.threads import thread_count
-from .programmes.interruption import Interrupted
-from .programmes.quasistatic import go_through_levels, solver_of
-from .programmes.run import Progress, Run, Silent
-from .results import Result
-from .results.checkpoint import CheckpointError
-from .results.folder import check_room, make_room
-from .scenes import Scene, load_scene
-from .solvers import Diverging, NotConverged, Unstable
+from .. import artifacts
+from ..forces import ForceModel, InvalidState, OutsideDomain
+from ..kernels.compile import compilation_clock
+from ..kernels.threads import thread_count
+from ..results import Result
+from ..results.checkpoint import CheckpointError
+from ..results.folder import check_room, make_room
+from ..scenes import Scene, load_scene
+from ..solvers import Diverging, NotConverged, Unstable
+from .interruption import Interrupted
+from .levels import go_through_levels, solver_of
+from .run import Progress, Run, Silent
 
 if TYPE_CHECKING:
     from sklearn.base import BaseEstimator
@@ -153,7 +153,7 @@ def _model_of(force, scene: Scene) -> ForceModel:
             return force
         if hasattr(force, "predict"):
             # Imported here: only those who have a pipeline have scikit-learn loaded.
-            from .learning.force_model import force_model_of
+            from ..learning.force_model import force_model_of
 
             return force_model_of(force, scene.material.build())
     raise TypeError(
@@ -166,7 +166,7 @@ def _go(run: Run, resume: bool) -> None:
     damage = None
     if run.scene.fracture is not None:
         # Imported here: a scene without damage compiles none.
-        from .damage import Damage, critical_stretch_of
+        from .fracture import Damage, critical_stretch_of
 
         spec = run.scene.fracture
         critical = spec.critical_stretch or critical_stretch_of(run.law, spec.energy, run.body.horizon)
@@ -188,7 +188,7 @@ def _dynamics_of(run: Run, damage):
     """The dynamics from the run's present state on; None where the scene has none."""
     if run.scene.dynamics is None:
         return None
-    from .programmes.transient import Transient
+    from .transient import Transient
 
     return Transient(run, damage)
 

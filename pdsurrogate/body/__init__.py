@@ -1,0 +1,17 @@
+"""Bodies in the reference state: points with volumes, their horizons, the bonds between them, and the ghosts that continue them."""
+
+from .body import MOST_BONDS, MOST_POINTS, WEIGHT_FUNCTIONS, Body, Bonds, Cells, WeightFunction, grid
+from .ghosts import Ghosts, ReflectionPlane
+
+__all__ = [
+    "MOST_BONDS",
+    "MOST_POINTS",
+    "WEIGHT_FUNCTIONS",
+    "Body",
+    "Bonds",
+    "Cells",
+    "Ghosts",
+    "ReflectionPlane",
+    "WeightFunction",
+    "grid",
+]
