@@ -5,7 +5,7 @@ import pytest
 from bodies import disc_with_hole, gripped_sheet, jittered, sheet
 
 from pdsurrogate.forces.kinematics import Kinematics
-from pdsurrogate.kernels import ghosts, records
+from pdsurrogate.kernels import ghosts, lanes
 from pdsurrogate.kernels.compile import CompilationClock, compilation_clock, kernel
 from pdsurrogate.kernels.steps import greatest_strain
 from pdsurrogate.materials import NeoHookean, plane_stress
@@ -91,8 +91,8 @@ def test_record_loads(random, dtype):
     @kernel
     def load(table, positions, first, second, sums, differences, alone):
         for k in range(0, first.shape[0], 4):
-            records.gather_pairs(table, positions, first, second, k, sums, differences, k)
-            records.subtract_positions(positions, first, second, k, alone, k)
+            lanes.gather_pairs(table, positions, first, second, k, sums, differences, k)
+            lanes.subtract_positions(positions, first, second, k, alone, k)
 
     sums, differences, alone = np.zeros((4, pairs), dtype), np.zeros((2, pairs), dtype), np.zeros((2, pairs), dtype)
     load(table, positions, first, second, sums, differences, alone)
@@ -110,7 +110,7 @@ def test_signed_sum(random, dtype, count):
 
     @kernel
     def total(table, count, listed, out):
-        records.sum_signed_records(
+        lanes.sum_signed_records(
             table, np.uint64(5), np.uint64(5 + count), listed, np.uint64(0), np.uint64(listed.shape[0]), 2.0, np.uint64(0), out
         )
 
@@ -161,7 +161,7 @@ def test_outer_products_of_every_number_of_bonds(random, dtype, count):
 
     @kernel
     def gradient(positions, neighbours, weights, start, stop, point, out):
-        records.sum_outer_products(positions, neighbours, weights, start, stop, point, out)
+        lanes.sum_outer_products(positions, neighbours, weights, start, stop, point, out)
 
     positions, weights = random.standard_normal((40, 2)), random.standard_normal((60, 2)).astype(dtype)
     neighbours, out = random.integers(0, 40, 60).astype(np.uint32), np.zeros((40, 4))

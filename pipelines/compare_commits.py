@@ -1,0 +1,204 @@
+"""Two commits side by side: the same figures, the cost of every force model, and the time to compile it.
+
+python pipelines/compare_commits.py OLD NEW --figures     sections 6.2 to 6.7, tears at a coarser spacing
+python pipelines/compare_commits.py OLD NEW --speed       every force model on one thread and on two, in turns
+python pipelines/compare_commits.py OLD NEW --compile     first evaluation and first run with an empty cache
+
+Each commit is checked out into a temporary folder and run there in processes of its own with this Python, so that both must run on what is
+installed.  Costs are medians over turns in which both commits are timed one after the other.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import median
+
+ROOT = Path(__file__).resolve().parents[1]
+
+MODELS = (
+    "neo-hookean",
+    "neo-hookean-paper",
+    "neo-hookean-energy",
+    "analytic",
+    "nosb",
+    "ba-nosb",
+    "bond-energy",
+    "gent",
+    "ogden",
+    "full-network",
+)
+
+RUNS = {
+    "6.2": ("uniaxial", None, {}),
+    "6.2, ba-nosb": ("uniaxial", "ba-nosb", {"spacing": 0.05}),
+    "6.2, bond-energy": ("uniaxial", "bond-energy", {"spacing": 0.05}),
+    "6.3": ("pure-shear", "analytic", {}),
+    "6.4": ("hole", "analytic", {}),
+    "6.5": ("tear", None, {"spacing": 0.1}),
+    "6.6": ("voids", None, {"spacing": 0.05}),
+    "6.7": ("gent", None, {}),
+}
+"""Scene, force and changes of each section's run."""
+
+FIGURES = """
+import json, sys
+import pdsurrogate as pd
+for line in sys.stdin:
+    scene, force, changes = json.loads(line)
+    result = pd.simulate(pd.load_scene(scene, changes), force)
+    found = {}
+    for level in result.levels:
+        for key in ("nominal_stress", "nominal_stress_work_conjugate", "lateral_displacement", "greatest_lateral_displacement", "energy"):
+            if key in level:
+                found[f"{key} at {level['stretch']:g}"] = level[key]
+    if "peak_nominal_stress" in result.summary:
+        found["peak nominal stress"] = result.summary["peak_nominal_stress"]
+    if result.summary.get("crack"):
+        found["broken bonds"] = result.summary["crack"]["broken_bonds"]
+    found["evaluations"] = result.summary["n_force_evaluations"]
+    print(json.dumps(found), flush=True)
+"""
+
+SPEED = """
+import json, sys, time
+import numba, numpy as np
+import pdsurrogate as pd
+from pdsurrogate.reports.speed import bench_positions
+MOST = numba.config.NUMBA_NUM_THREADS
+bound = {}
+for line in sys.stdin:
+    name, width, threads = json.loads(line)
+    numba.set_num_threads(threads)
+    if (name, width, threads) not in bound:
+        body = pd.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width)
+        model = pd.load_surrogate(name)
+        law = getattr(model, "law", None)
+        if isinstance(law, str):
+            card = pd.load_card(name)
+            material = dict(card.material) if hasattr(card, "material") else {"law": law}
+            law = pd.LAWS[material.pop("law")](**{k: tuple(v) if isinstance(v, list) else v for k, v in material.items()})
+        law = law or pd.NeoHookean()
+        force = model.bind(body, law, pd.ForceSettings())
+        bound[name, width, threads] = force, bench_positions(body, law), np.empty_like(body.points), body.bonds.n_directed
+        for _ in range(3):
+            force(*bound[name, width, threads][1:3])
+    force, positions, out, bonds = bound[name, width, threads]
+    count, began = 0, time.perf_counter()
+    while time.perf_counter() - began < 0.04:
+        force(positions, out)
+        count += 1
+    print(json.dumps(1e9 * (time.perf_counter() - began) / count / bonds), flush=True)
+"""
+
+COMPILE = """
+import json, sys, time
+import pdsurrogate as pd
+result = pd.simulate(pd.load_scene("uniaxial", {"spacing": 0.1}), None)
+print(json.dumps(result.summary["seconds_compile"]), flush=True)
+for name, material in (("bond-energy", {}), ("ba-nosb", {}), ("analytic", {"material.law": "yeoh"}), ("analytic", {"material.law": "ogden"})):
+    result = pd.simulate(pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": 1.2, **material}), name)
+    print(json.dumps(result.summary["seconds_compile"]), flush=True)
+"""
+
+COMPILED = ("default run", "then bond-energy", "then ba-nosb", "then analytic, yeoh", "then analytic, ogden")
+
+
+@contextmanager
+def checkouts(references: list[str]):
+    """Context with a folder for each commit."""
+    with tempfile.TemporaryDirectory() as folder:
+        paths = []
+        for number, reference in enumerate(references):
+            path = Path(folder) / str(number)
+            subprocess.run(["git", "-C", str(ROOT), "worktree", "add", "--detach", str(path), reference], check=True, capture_output=True)
+            paths.append(path)
+        try:
+            yield paths
+        finally:
+            for path in paths:
+                subprocess.run(["git", "-C", str(ROOT), "worktree", "remove", "--force", str(path)], check=False, capture_output=True)
+
+
+def start(path: Path, script: str) -> subprocess.Popen:
+    """A process that runs a script on one of the checkouts."""
+    environment = {**os.environ, "PYTHONPATH": str(path)}
+    command = [sys.executable, "-c", script]
+    return subprocess.Popen(command, cwd=path, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+def ask(process: subprocess.Popen, question=None):
+    """One answer of a process, as JSON."""
+    if question is not None:
+        process.stdin.write(json.dumps(question) + "\n")
+        process.stdin.flush()
+    answer = process.stdout.readline()
+    if not answer:
+        raise SystemExit("a process ended without an answer; what it said is above")
+    return json.loads(answer)
+
+
+def compare_figures(paths: list[Path]) -> None:
+    """Every figure of every section, and by how much it differs."""
+    both = [start(path, FIGURES) for path in paths]
+    for section, question in RUNS.items():
+        old, new = (ask(process, question) for process in both)
+        for key, value in old.items():
+            change = new[key] / value - 1 if value else new[key]
+            print(f"{section:18} {key:42} {value:14.8g} {new[key]:14.8g} {change:+.1e}", flush=True)
+
+
+def compare_speed(paths: list[Path], turns: int) -> None:
+    """Medians of the cost of a directed bond, and of the ratio within a turn."""
+    both = [start(path, SPEED) for path in paths]
+    print(f"{'model':20} {'points':>7} {'threads':>7} {'old':>8} {'new':>8} {'new/old':>8}   ns per directed bond")
+    for name in MODELS:
+        for width in (10, 50):
+            for threads in (1, 2):
+                question = (name, width, threads)
+                pairs = [tuple(ask(process, question) for process in both) for _ in range(turns)]
+                ratio = median(new / old for old, new in pairs)
+                old, new = (median(values) for values in zip(*pairs, strict=True))
+                print(f"{name:20} {3 * width * width:7} {threads:7} {old:8.2f} {new:8.2f} {ratio:8.3f}", flush=True)
+
+
+def compare_compile(paths: list[Path], turns: int) -> None:
+    """Medians of the seconds spent compiling in a process that finds no cache."""
+    found = {path: [] for path in paths}
+    for _ in range(turns):
+        for path in paths:
+            for cache in path.rglob("__pycache__"):
+                shutil.rmtree(cache)
+            process = start(path, COMPILE)
+            found[path].append([ask(process) for _ in COMPILED])
+    for number, what in enumerate(COMPILED):
+        old, new = (median(row[number] for row in found[path]) for path in paths)
+        print(f"{what:24} {old:8.1f} {new:8.1f} s")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("commits", nargs=2, metavar="COMMIT")
+    parser.add_argument("--figures", action="store_true")
+    parser.add_argument("--speed", action="store_true")
+    parser.add_argument("--compile", action="store_true")
+    parser.add_argument("--turns", type=int, default=15)
+    arguments = parser.parse_args()
+    with checkouts(arguments.commits) as paths:
+        if arguments.figures:
+            compare_figures(paths)
+        if arguments.speed:
+            compare_speed(paths, arguments.turns)
+        if arguments.compile:
+            compare_compile(paths, min(arguments.turns, 5))
+
+
+if __name__ == "__main__":
+    main()
