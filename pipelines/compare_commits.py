@@ -69,6 +69,7 @@ for line in sys.stdin:
 
 SPEED = """
 import json, sys, time
+from pathlib import Path
 import numba, numpy as np
 import pdsurrogate as pd
 from pdsurrogate.reports.speed import bench_positions
@@ -80,12 +81,9 @@ for line in sys.stdin:
     if (name, width, threads) not in bound:
         body = pd.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width)
         model = pd.load_surrogate(name)
-        law = getattr(model, "law", None)
-        if isinstance(law, str):
-            card = pd.load_card(name)
-            material = dict(card.material) if hasattr(card, "material") else {"law": law}
-            law = pd.LAWS[material.pop("law")](**{k: tuple(v) if isinstance(v, list) else v for k, v in material.items()})
-        law = law or pd.NeoHookean()
+        card = Path("artifacts") / name / "1" / "card.json"
+        material = json.loads(card.read_text())["material"]["trained_with"] if card.exists() else {"law": "neo-hookean"}
+        law = pd.LAWS[material.pop("law")](**{key: tuple(v) if isinstance(v, list) else v for key, v in material.items()})
         force = model.bind(body, law, pd.ForceSettings())
         bound[name, width, threads] = force, bench_positions(body, law), np.empty_like(body.points), body.bonds.n_directed
         for _ in range(3):
