@@ -116,7 +116,8 @@ def checkouts(references: list[str]):
         paths = []
         for number, reference in enumerate(references):
             path = Path(folder) / str(number)
-            subprocess.run(["git", "-C", str(ROOT), "worktree", "add", "--detach", str(path), reference], check=True, capture_output=True)
+            added = ["git", "-C", str(ROOT), "worktree", "add", "--detach", str(path), reference]
+            subprocess.run(added, check=True, capture_output=True)
             paths.append(path)
         try:
             yield paths
