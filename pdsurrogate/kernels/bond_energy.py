@@ -29,7 +29,7 @@ EXACT_RESULT = RESULT + ENERGY_ROWS
 BOND = EXACT_RESULT + ENERGY_ROWS
 COLUMNS = BOND + 2
 BUFFER_ROWS = COLUMNS + 4
-"""Where the parts of the buffer in the precision of the pass begin, after the invariants of the pairs: psi and its derivatives, the exact ones,
+"""Where the parts of the buffer begin, after the invariants of the pairs: psi and its derivatives, the exact ones,
 the bond, and the columns c and e; and its rows in all."""
 
 COLLAPSED = 0.3

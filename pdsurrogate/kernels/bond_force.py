@@ -16,7 +16,7 @@ TRACTION = BOND + 2
 EXACT_TRACTION = TRACTION + TRACTION_ROWS
 MEANS = EXACT_TRACTION + TRACTION_ROWS
 BUFFER_ROWS = MEANS + 4
-"""Where the parts of the buffer in the model's precision begin, after the states of the pairs: bond vectors, tractions, exact tractions, and
+"""Where the parts of the buffer begin, after the states of the pairs: bond vectors, tractions, exact tractions, and
 sums of the node records; and its rows in all."""
 
 
