@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 
-import numba
 import numpy as np
 
 from ..body import Body
@@ -14,6 +13,7 @@ from ..kernels.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..kernels.gradient import deformation_gradients
 from ..kernels.passes import BoundPass
 from ..kernels.reference_state import shape_rows
+from ..kernels.threads import threads_in_use
 from ..materials import Law, plane_stress
 from .protocol import InvalidState
 from .settings import ROTATION
@@ -56,7 +56,7 @@ class Kinematics:
         self.body, self.law, self._breakable = body, law, breakable
         bonds, points = body.bonds, body.all_points
         n, total = len(body), len(points)
-        self.chunks = numba.get_num_threads()
+        self.chunks = threads_in_use()
         self.response = law.response_block()
         self.parameters = law.parameters
         self._rotation = node_state.ROTATIONS[rotation or ROTATION]

@@ -73,6 +73,10 @@ class DigestCache(FunctionCache):
         python = f"py{sys.version_info[0]}{sys.version_info[1]}"
         self._cache_file = IndexDataCacheFile(self._cache_path, f"{name}-{digest[:20]}.{python}", digest)
 
+    def _index_key(self, sig, codegen):
+        # All that the function closes over is in the digest.
+        return sig, codegen.magic_tuple()
+
     def load_overload(self, sig, target_context):
         self._open()
         return super().load_overload(sig, target_context)

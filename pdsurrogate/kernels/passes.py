@@ -21,7 +21,7 @@ from numba.extending import intrinsic, overload
 
 from .compile import INLINE_OPTIONS, compile_block_function, inlined, kernel, parallel_kernel, plain_function
 from .keys import code_digest
-from .threads import start_threads
+from .threads import threads_in_use
 
 CHUNK_FUNCTION = types.int64(types.CPointer(types.int64), types.int64, types.int64)
 """``function(arguments, chunk, chunks)``: what the driver calls; returns a count."""
@@ -139,7 +139,7 @@ class Pass:
         chunks : int, optional
             By default as many as numba has threads now.
         """
-        return BoundPass(self, arguments, chunks or numba.get_num_threads())
+        return BoundPass(self, arguments, chunks or threads_in_use())
 
     def __call__(self, *arguments):
         """Run once."""
@@ -196,7 +196,6 @@ class BoundPass:
     def __init__(self, what: Pass, arguments: tuple, chunks: int) -> None:
         if len(arguments) != len(what.names):
             raise TypeError(f"{what.__name__} takes {len(what.names)} arguments, not {len(arguments)}")
-        start_threads()
         self._pass, self._kept, self._places = what, dict(zip(what.names, arguments, strict=True)), {}
         kinds, words = [], []
         for name, value in self._kept.items():

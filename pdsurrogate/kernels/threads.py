@@ -71,6 +71,12 @@ def _runs_already() -> bool:
     return any("site-packages" not in file for file in mapped)
 
 
+def threads_in_use() -> int:
+    """Threads that passes bound now are shared among."""
+    start_threads()
+    return numba.get_num_threads()
+
+
 def threads_for(pairs: int) -> int:
     """How many threads pay for a body of so many pairs of points: at most all that numba was started with."""
     return max(1, min(numba.config.NUMBA_NUM_THREADS, pairs // PAIRS_PER_THREAD))
@@ -88,8 +94,7 @@ def thread_count(threads: int | None) -> Iterator[int]:
     most = numba.config.NUMBA_NUM_THREADS
     if threads is not None and not 1 <= threads <= most:
         raise ValueError(f"threads must be between 1 and {most} on this machine, not {threads}")
-    start_threads()
-    before = numba.get_num_threads()
+    before = threads_in_use()
     numba.set_num_threads(threads or most)
     try:
         yield threads or most

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from scipy.optimize import brentq
 
 from ..body import Body
 from ..kernels.block_arrays import BLOCK
 from ..kernels.damage import find_overstretched
+from ..kernels.threads import threads_in_use
 from ..materials import Law, homogeneous
 
 
@@ -38,7 +38,7 @@ class Damage:
         self._limits = np.full(len(self._first), np.inf)
         self._limits[: len(length)] = (self.critical_stretch * length) ** 2
         self._found = np.empty(len(self._first), dtype=np.uint32)
-        self._counts = np.zeros(numba.get_num_threads(), dtype=np.int64)
+        self._counts = np.zeros(threads_in_use(), dtype=np.int64)
         self._buffers = np.zeros((len(self._counts), body.dimension, BLOCK))
         self._whole = self._sum(np.ones(len(self.broken))) + _cut_weights(body)
 
