@@ -43,7 +43,7 @@ def test_equations_are_numbered_in_order_and_cited_by_numbers_that_exist():
     sections = {int(number) for number in re.findall(r"^## (\d+)\. ", theory, re.MULTILINE)}
     sources = [*(path for room in ("pdsurrogate", "pipelines", "tests") for path in (ROOT / room).rglob("*.py")), *PAGES]
     for path in sources:
-        for citation in re.findall(r"[Tt]heory((?:,? (?:and )?\(\d+\)(?:[-–]\(\d+\))?)+)", path.read_text()):
+        for citation in re.findall(r"[Tt]heory((?:,? (?:and )?\(\d+\)(?:[-\u2013]\(\d+\))?)+)", path.read_text()):
             assert {int(number) for number in re.findall(r"\d+", citation)} <= set(numbers), f"{path.name}: {citation}"
         for number in re.findall(r"theory, section (\d+)", path.read_text()):
             assert int(number) in sections, f"{path.name}: section {number}"
