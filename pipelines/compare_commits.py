@@ -101,8 +101,8 @@ import json, sys, time
 import pdsurrogate as pd
 result = pd.simulate(pd.load_scene("uniaxial", {"spacing": 0.1}), None)
 print(json.dumps(result.summary["seconds_compile"]), flush=True)
-for name, material in (("bond-energy", {}), ("ba-nosb", {}), ("analytic", {"material.law": "yeoh"}), ("analytic", {"material.law": "ogden"})):
-    result = pd.simulate(pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": 1.2, **material}), name)
+for name, law in (("bond-energy", "neo-hookean"), ("ba-nosb", "neo-hookean"), ("analytic", "yeoh"), ("analytic", "ogden")):
+    result = pd.simulate(pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": 1.2, "material": law}), name)
     print(json.dumps(result.summary["seconds_compile"]), flush=True)
 """
 

@@ -213,13 +213,13 @@ def sum_bond_forces(algebra):
 
         Returns the number of points where it is not finite.
         """
-        strange = 0
+        without_force = 0
         begin, end = share_of(out.shape[0], chunk, chunks)
         for i in range(begin, end):
             start = bond_pointers[i]
             stop = bond_pointers[i + 1]
             algebra.sum_signed_records(forces, start, stop, reverse, start, stop, unit, np.uint64(i), out)
-            strange += algebra.not_finite(algebra.vector_at(out, i))
-        return strange
+            without_force += algebra.not_finite(algebra.vector_at(out, i))
+        return without_force
 
     return sum_bond_forces

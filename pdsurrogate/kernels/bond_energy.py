@@ -17,14 +17,20 @@ import numpy as np
 from .block_arrays import BLOCK, block_rows, pair_records, quad_records
 from .bond_force import FALL_BACK, UNGUARDED
 from .compile import call_block, inline, widest_vectors
+from .energy_density import ENERGY_ROWS, INVARIANT_ROWS
 from .lanes import gather_pairs
 from .passes import Pass, share_of
 
 COUNTED = 1
 """Bonds outside the domain are counted and otherwise left to the surrogate; `FALL_BACK` and `UNGUARDED` are those of the bond pass."""
 
-BUFFER_ROWS = 14
-"""Rows of the buffer in the precision of the pass: invariants, psi and its derivatives, the exact ones, the bond, c, e."""
+RESULT = INVARIANT_ROWS
+EXACT_RESULT = RESULT + ENERGY_ROWS
+BOND = EXACT_RESULT + ENERGY_ROWS
+COLUMNS = BOND + 2
+BUFFER_ROWS = COLUMNS + 4
+"""Where the parts of the buffer begin, after the invariants of the pairs: psi and its derivatives, the exact ones,
+the bond, and the columns c and e; and its rows in all."""
 
 COLLAPSED = 0.3
 """det F_ij up to which a bond counts as collapsed.  Intact rubber in a tear stays above 0.5.  The last bonds of a crack draw points
@@ -130,11 +136,11 @@ def pair_energies(
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
     buffer = buffers[chunk]
-    states = block_rows(buffer[0:2])
-    result = block_rows(buffer[2:5])
-    exact_result = block_rows(buffer[5:8])
-    bond = block_rows(buffer[8:10])
-    columns = block_rows(buffer[10:14])
+    states = block_rows(buffer[:RESULT])
+    result = block_rows(buffer[RESULT:EXACT_RESULT])
+    exact_result = block_rows(buffer[EXACT_RESULT:BOND])
+    bond = block_rows(buffer[BOND:COLUMNS])
+    columns = block_rows(buffer[COLUMNS:BUFFER_ROWS])
     means = block_rows(sums[chunk])
     real = buffer.dtype.type
     half = real(0.5)
@@ -245,7 +251,7 @@ def pair_tangents(chunk, chunks, positions, gradients, first, second, geometry, 
     """
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-    bond = block_rows(buffers[chunk, 8:10])
+    bond = block_rows(buffers[chunk, BOND:COLUMNS])
     means = block_rows(sums[chunk])
     for block in range(first_block, last_block):
         at = block * BLOCK

@@ -1,6 +1,6 @@
 """The bond pass of every force model that maps bond quantities to a bond force, and the sum of its pair forces."""
 
-from .block_arrays import BLOCK, block_rows, pair_records
+from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, pair_records
 from .bond_state import LEAST_NORMAL_STRETCH, is_outside, lateral_stretch, share_inside
 from .compile import call_block, widest_vectors
 from .elementary import inverse_square_root
@@ -11,9 +11,13 @@ UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
 """What is done about bonds outside the domain of a force model: it has no bounds; they are counted, and those turned so far that they have
 no stretch tensor, nor features, get the exact bond force; or all of them get it."""
 
-BUFFER_ROWS = 18
-"""Rows of the buffer in the precision of the model: states, then the bond vector, the traction,
-the exact traction, and the sums of the node records."""
+BOND = STATE_ROWS
+TRACTION = BOND + 2
+EXACT_TRACTION = TRACTION + TRACTION_ROWS
+MEANS = EXACT_TRACTION + TRACTION_ROWS
+BUFFER_ROWS = MEANS + 4
+"""Where the parts of the buffer begin, after the states of the pairs: bond vectors, tractions, exact tractions, and
+sums of the node records; and its rows in all."""
 
 
 @Pass
@@ -65,11 +69,11 @@ def pair_forces(
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
     buffer = buffers[chunk]
-    states = block_rows(buffer[0:6])
-    means = block_rows(buffer[14:18])
-    bond = block_rows(buffer[6:8])
-    traction = block_rows(buffer[8:11])
-    exact = block_rows(buffer[11:14])
+    states = block_rows(buffer[:BOND])
+    bond = block_rows(buffer[BOND:TRACTION])
+    traction = block_rows(buffer[TRACTION:EXACT_TRACTION])
+    exact = block_rows(buffer[EXACT_TRACTION:MEANS])
+    means = block_rows(buffer[MEANS:BUFFER_ROWS])
     real = buffer.dtype.type
     zero, half, one, tiny = real(0.0), real(0.5), real(1.0), real(1e-30)
     # Scalars, not arrays: loads from one would stand in the way of the vectoriser.

@@ -126,7 +126,8 @@ class _Walk:
             return
         self._numbers[id(function)] = len(self._numbers)
         self._kept.append(function)  # an id is unique only while its object lives
-        self._write("function", function.__module__)  # what is kept on disk names the module, and is read by importing it
+        # The module counts: what numba keeps of a function finds its globals again by the module's name.
+        self._write("function", function.__module__)
         code = function.__code__
         self._code(code, function.__doc__ is not None and code.co_consts[:1] == (function.__doc__,))
         self.add(function.__defaults__)

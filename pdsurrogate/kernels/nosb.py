@@ -48,13 +48,13 @@ def nosb_forces(algebra):
     @Pass
     def nosb_forces(chunk, chunks, stresses, pointers, neighbours, weighted_bonds, volumes, out):
         """Force on every point, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j; returns for how many it is not finite."""
-        strange = 0
+        without_force = 0
         start, stop = share_of(out.shape[0], chunk, chunks)
         for i in range(start, stop):
             algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, pointers[i], pointers[i + 1], np.uint64(i), out)
             force = algebra.times(volumes[i], algebra.vector_at(out, i))
             algebra.put_vector(out, i, force)
-            strange += algebra.not_finite(force)
-        return strange
+            without_force += algebra.not_finite(force)
+        return without_force
 
     return nosb_forces

@@ -15,14 +15,14 @@ def sum_pair_forces(algebra):
 
         A pair's force acts on its first point; on its second, the opposite.
         """
-        strange = 0
+        without_force = 0
         start, stop = share_of(out.shape[0], chunk, chunks)
         for i in range(start, stop):
             own = pair_pointers[i], pair_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
             algebra.sum_signed_records(forces, own[0], own[1], incidence, others[0], others[1], unit, np.uint64(i), out)
-            strange += algebra.not_finite(algebra.vector_at(out, i))
-        return strange
+            without_force += algebra.not_finite(algebra.vector_at(out, i))
+        return without_force
 
     return sum_pair_forces
 
@@ -95,7 +95,7 @@ def point_forces(algebra):
         int
             Number of points whose force is not finite.
         """
-        strange = 0
+        without_force = 0
         start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
         for r in range(start, stop):
             i = first_point + r
@@ -106,7 +106,7 @@ def point_forces(algebra):
             node_part = algebra.times(unit * volumes[i], algebra.vector_at(node_parts, i))
             force = algebra.plus(algebra.vector_at(out, i), node_part)
             algebra.put_vector(out, i, force)
-            strange += algebra.not_finite(force)
-        return strange
+            without_force += algebra.not_finite(force)
+        return without_force
 
     return point_forces
