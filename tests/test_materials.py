@@ -149,7 +149,7 @@ def test_uniaxial_solution_has_no_lateral_stress(stretch):
 
 
 def test_bond_traction_equals_the_stress_for_consistent_states(law, random):
-    """THEORY [2], [3]: with F = R U, T = R^T P in the frame of the bond."""
+    """Theory (10), (11): with F = R U, T = R^T P in the frame of the bond."""
     F = random_gradients(random, 100)
     trace, J = plane_stress.invariants(F)
     C33 = plane_stress.thickness_stretch_squared(law, trace, J)

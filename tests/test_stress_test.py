@@ -12,7 +12,7 @@ from pdsurrogate.stress_test.report import CASES, all_models, cell, stress_test,
 from pdsurrogate.stress_test.tangents import tangent
 
 CONSERVATIVE = {"symmetry", "undamped_steps", "angular_momentum"}
-"""What a force made of averaged features does not pass (THEORY section 9)."""
+"""What a force made of averaged features does not pass (theory, section 10)."""
 
 
 def weak(model) -> set[str]:

@@ -113,7 +113,7 @@ class Body:
 
     @property
     def kappa(self) -> float:
-        """Shape tensor of a full horizon, kappa I (docs/theory.md, section 2)."""
+        """Shape tensor of a full horizon, kappa I (theory (9))."""
         return WEIGHT_FUNCTIONS[self.weight].moments[self.dimension - 2] * self.horizon ** (self.dimension + 2)
 
     @property

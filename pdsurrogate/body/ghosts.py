@@ -23,7 +23,7 @@ class ReflectionPlane:
         -1 where the body lies at larger values (a left or lower edge), +1 where it lies at smaller ones.
     parity : tuple of int
         How each displacement component is reflected: evenly (+1) or oddly (-1).  Odd in all is a clamped grip; odd in the normal one
-        alone, a symmetry plane or a roller (docs/theory.md, section 6).
+        alone, a symmetry plane or a roller (theory (22)).
     """
 
     axis: int

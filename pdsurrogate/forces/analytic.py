@@ -1,4 +1,4 @@
-"""The analytic bond force: the exact version of what a network learns, in the same features (THEORY [3], [4])."""
+"""The analytic bond force: the exact version of what a network learns, in the same features (theory (7), (11))."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class AnalyticBondForce(BindableForce):
         self.law = law or NeoHookean()
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
-        """Dimensionless (t_n, t_tau) of [1]; see `ForceSurrogate.bond_force`."""
+        """Dimensionless (t_n, t_tau) of theory (9); see `ForceSurrogate.bond_force`."""
         stretch, rotation, _, C33, J = bond_arrays(stretch, rotation, length, C33, J)
         a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
         T_nn, T_nm, _ = plane_stress.bond_traction(self.law, a, b, J, C33)

@@ -1,4 +1,4 @@
-"""The bond-level energy and the forces that are its gradient (THEORY [6]-[8], volumes shared out by `reference_state.bond_shares`)."""
+"""The bond-level energy and the forces that are its gradient (theory (27)-(31), volumes shared out by `reference_state.bond_shares`)."""
 
 from __future__ import annotations
 

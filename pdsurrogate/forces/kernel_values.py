@@ -15,7 +15,7 @@ from .protocol import ForceSurrogate
 
 
 def kernel_tractions(model: ForceSurrogate, law: Law, dtype, stretch, rotation, length, C33, J) -> np.ndarray:
-    """T_nn, T_nm and T_mm (THEORY [3]) as the bond pass gets them, shape (n, 3), in double.
+    """T_nn, T_nm and T_mm (theory (11)) as the bond pass gets them, shape (n, 3), in double.
 
     Parameters
     ----------

@@ -101,7 +101,7 @@ class LearntBondForce(BindableForce):
         return honoured_by_bond_forces(self.gives_transverse, has_domain=True)
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
-        """Dimensionless (t_n, t_tau) of [1]; see `ForceSurrogate.bond_force`."""
+        """Dimensionless (t_n, t_tau) of theory (9); see `ForceSurrogate.bond_force`."""
         stretch, rotation, length, C33, J = bond_arrays(stretch, rotation, length, C33, J)
         a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
         U_mm = lateral_stretch(a, b, J)

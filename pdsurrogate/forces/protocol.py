@@ -33,7 +33,7 @@ class Domain:
     Attributes
     ----------
     least_stretch, greatest_stretch : float
-        Bounds of both principal stretches in the plane, of the stretch tensor that (lambda_b, dtheta, J) define (THEORY [2]).
+        Bounds of both principal stretches in the plane, of the stretch tensor that (lambda_b, dtheta, J) define (theory (10)).
     least_bulk, greatest_bulk : float
         Bounds of J3^2 = J^2 C33.
     """
@@ -185,7 +185,7 @@ class ForceSurrogate(Protocol):
     default_precision: str
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
-        """Dimensionless bond force [1] in NumPy, for checking.
+        """Dimensionless bond force, theory (9), in NumPy, for checking.
 
         Parameters
         ----------

@@ -29,7 +29,7 @@ class ForceSettings:
     precision : {"float32", "float64"}, optional
         Of the bond pass; positions, sums and the node state's own computation are always double.
     correction : {"tensor", "scalar", "none"}, optional
-        Correction of incomplete horizons: THEORY [5], the paper's (24)-(25), or nothing.  By default "tensor" where the model allows it.
+        Correction of incomplete horizons: theory (21), the paper's (24)-(25), or nothing.  By default "tensor" where the model allows it.
     rotation : {"polar", "convected"}, optional
         Rotation of a horizon: of the polar decomposition, which is the default, or the paper's (22)-(23).
     outside : {"fallback", "warn", "raise", "extrapolate"}, optional

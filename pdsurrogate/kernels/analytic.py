@@ -1,4 +1,4 @@
-"""The exact bond force (THEORY [3], [4]) as a block function: what surrogates approximate, and what replaces them outside their domain."""
+"""The exact bond force (theory (7), (11)) as a block function: what surrogates approximate, and what replaces them outside their domain."""
 
 from functools import cache
 

@@ -16,7 +16,7 @@ STATE_ROWS = 6
 """Rows of the states a bond force is evaluated on: a = U_nn, b = U_nm, U_mm, J, C33, l/horizon."""
 
 TRACTION_ROWS = 3
-"""Rows of its result: T_nn, T_nm, T_mm, dimensionless (THEORY [3])."""
+"""Rows of its result: T_nn, T_nm, T_mm, dimensionless (theory (11))."""
 
 SCRATCH_ROWS = 8
 """Rows of doubles for a stress response: three of states, five of its result."""

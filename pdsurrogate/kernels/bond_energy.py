@@ -1,4 +1,4 @@
-"""The bond-level energy (THEORY [6]-[8], beta by `reference.bond_shares`) and its exact gradient.
+"""The bond-level energy (theory (27)-(31), beta by `reference_state.bond_shares`) and its exact gradient.
 
 Every pair has a deformation gradient of its own, F_ij = Fbar + (y/l - Fbar n) (x) n.  In the bond's frame (n, m) its columns are the bond
 itself, c = F_ij n = y/l, and the mean gradient across it, e = F_ij m = Fbar m, so that

@@ -11,7 +11,7 @@ LEAST_NORMAL_STRETCH = 0.1
 
 
 def lateral_stretch(a, b, J):
-    """U_mm = (J + b^2)/a of THEORY [2], continued to bonds turned by a right angle and more, where a = U_nn <= 0.
+    """U_mm = (J + b^2)/a of theory (10), continued to bonds turned by a right angle and more, where a = U_nn <= 0.
 
     There (a, b, J) define no stretch tensor: U_mm would change sign through a pole, and the force would drive such a
     bond on instead of back.  So below `LEAST_NORMAL_STRETCH` 1/a goes on along its tangent.  With p > 0 and q < 0

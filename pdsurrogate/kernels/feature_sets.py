@@ -69,7 +69,7 @@ def symmetric_shared(a, b, J, C33):
 
 
 def symmetric_inputs(shared, a, b, U_mm, J, C33, length):
-    """Log U_nn, log U_mm, log J, log J3^2 (THEORY section 4): even in b, so mirror symmetry is exact; all zero at rest."""
+    """Log U_nn, log U_mm, log J, log J3^2 (theory (15)): even in b, so mirror symmetry is exact; all zero at rest."""
     return logarithm(a), logarithm(U_mm), logarithm(J), logarithm(C33 * J * J)
 
 

@@ -58,7 +58,7 @@ def shape_rows(algebra):
 def pair_rows(chunk, chunks, pairs, first, second, points, strength, inverse_shape, supported, correction, kappa, horizon, geometry):
     """Reference vectors of the pair forces, in blocks.
 
-    The force on the first point of a pair is R T zeta, T the dimensionless traction of [3] and zeta = alpha n + beta m [5]:
+    The force on the first point of a pair is R T zeta, T the traction of theory (11) and zeta = alpha n + beta m (theory (21)):
     with the tensor correction zeta = strength (K_i^-1 + K_j^-1)/2 n, with the scalar one (24)-(25) strength/kappa (fac_i + fac_j)/2 n.
 
     Parameters

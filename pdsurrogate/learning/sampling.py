@@ -110,7 +110,7 @@ def wide_design(
     off_surface: float = 2 / 3,
     random_state: int = 0,
 ) -> BondSamples:
-    """The wider design (THEORY section 4): even in log-stretch, with states near rest and states off the plane-stress surface.
+    """The wider design (theory, section 5): even in log-stretch, with states near rest and states off the plane-stress surface.
 
     Off the surface lambda_b, dtheta and C33 are perturbed independently, by amounts that shrink with the strain, and
     the force is the exact one of the perturbed values.

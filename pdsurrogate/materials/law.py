@@ -122,7 +122,7 @@ class InvariantLaw(Law):
     """A law W(I1bar, I2bar) + U(J3) of the isochoric invariants.
 
     A subclass gives `isochoric`, and `volumetric` where it has its own: static methods that are plain elementwise expressions.
-    Everything else follows (THEORY [4] for the stress).
+    Everything else follows (theory (7) for the stress).
     """
 
     n_parameters: ClassVar[int] = 1
@@ -151,7 +151,7 @@ def isochoric_invariants(trace, J, J3):
 
 
 def invariant_response(trace, J, J3, W, W1, W2, W11, W12, W22, U, dU, ddU):
-    """Stress response from the derivatives of W(I1bar, I2bar) + U(J3); THEORY [4] with U^3 reduced by Cayley-Hamilton.
+    """Stress response from the derivatives of W(I1bar, I2bar) + U(J3); theory (7) with U^3 reduced by Cayley-Hamilton.
 
     ``d1`` and ``d2`` are J3/2 times the derivatives of the two invariants by J3 at fixed F in the plane, which makes the residual
     J3 dPsi/dJ3, the plane-stress condition (paper, Eq. (9), with the exponent of its first term corrected to +2/3).

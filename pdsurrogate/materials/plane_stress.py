@@ -158,7 +158,7 @@ def _differences(law: Law, trace, J):
 
 
 def bond_traction(law: Law, normal_stretch, shear_stretch, area_ratio, C33):
-    """The exact bond force in the corotated frame (THEORY [3], [4]).
+    """The exact bond force in the corotated frame (theory (7), (11)).
 
     Parameters
     ----------

@@ -84,7 +84,7 @@ def candidates(law: Law, quick: bool, say: Callable[[str], None]) -> list[Candid
 
     shipped = isinstance(law, NeoHookean)
     if shipped:
-        # Its box is too small for the scene (THEORY section 4): it is used wherever it is asked, as in the paper.
+        # Its box is too small for the scene (theory, section 5): it is used wherever it is asked, as in the paper.
         paper = load_surrogate("neo-hookean-paper")
         found.append(Candidate("network, paper's features, 20 units", paper, "float32", ("outside=extrapolate",)))
     for units in (12, 20) if quick else (8, 12, 20, 40):

@@ -23,7 +23,7 @@ PASS, WEAK, STOPS, INAPPLICABLE = "pass", "weak", "stops", "-"
 WEAKNESSES = {
     "zero-energy modes": "the force does not feel modes that leave the deformation gradients alone (paper, Eq. (10)): "
     "points move against their neighbours for next to nothing",
-    "not conservative": "averaged features make a force that is not the gradient of an energy (THEORY section 9): the tangent is "
+    "not conservative": "averaged features make a force that is not the gradient of an energy (theory, section 10): the tangent is "
     "unsymmetric where horizons are incomplete, and undamped motion gains energy at edges; damp, or use an energy model",
     "moments": "pair forces that are not along their bonds cancel in their moments only over whole horizons in homogeneous deformation: "
     "linear momentum is conserved exactly, angular momentum to second order in the spacing",

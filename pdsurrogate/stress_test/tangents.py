@@ -64,7 +64,7 @@ def tangent(force: InternalForce, positions: np.ndarray) -> Tangent:
 
 
 def states(law) -> dict[str, np.ndarray]:
-    """Deformation gradients at which the tangent is formed: THEORY section 9, and a compression."""
+    """Deformation gradients at which the tangent is formed: theory, section 10, and a compression."""
 
     def uniaxial(stretch):
         return np.diag([stretch, homogeneous.uniaxial(law, stretch).lateral_stretch])

@@ -1,0 +1,105 @@
+"""Who imports whom: the table of docs/architecture.md against the imports of all modules."""
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "pdsurrogate"
+ROWS = re.findall(r"^\| `(\w+)` \|[^|]*\|([^|]*)\|$", (ROOT / "docs" / "architecture.md").read_text(), re.MULTILINE)
+ALLOWED = {room: set(re.findall(r"`(\w+)`", imports)) for room, imports in ROWS}
+TRAINING = ("sklearn", "skorch", "torch")
+ROOMS_WITH_TRAINING = {"learning", "identification", "reports", "stress_test"}
+
+
+def name_of(path):
+    """Name of the module in a file."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {name_of(path): path for path in PACKAGE.rglob("*.py")}
+
+
+def import_statements(node, at_once=True):
+    """Import statements under a node of a syntax tree, each with whether it runs as soon as the module is loaded."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Import | ast.ImportFrom):
+            yield child, at_once
+        later = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        for_checkers = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
+        yield from import_statements(child, at_once and not later and not for_checkers)
+
+
+@cache
+def imports_of(module):
+    """Names that a module imports, and of these the ones that it imports as soon as it is loaded."""
+    package = module if MODULES[module].name == "__init__.py" else module.rpartition(".")[0]
+    every, at_once = set(), set()
+    for statement, first in import_statements(ast.parse(MODULES[module].read_text())):
+        if isinstance(statement, ast.Import):
+            source = ""
+        else:
+            base = package.rsplit(".", statement.level - 1)[0] if statement.level else ""
+            source = ".".join(filter(None, (base, statement.module))) + "."
+        names = {source + alias.name for alias in statement.names}
+        every |= names
+        at_once |= names if first else set()
+    return every, at_once
+
+
+def room_of(name):
+    """Room that an imported name of the package belongs to; none for those of the package itself."""
+    parts = name.split(".")
+    return parts[1] if parts[0] == PACKAGE.name and len(parts) > 1 and not parts[1].startswith("__") else None
+
+
+def loaded_with(module):
+    """All modules and foreign names that are loaded as soon as a module is."""
+    loaded, waiting = set(), [module]
+    while waiting:
+        name = waiting.pop()
+        # A module brings the packages that it stands in; an imported name that is no module, the module that has it.
+        for part in (name.rsplit(".", number)[0] for number in range(name.count(".") + 1)):
+            if part not in loaded:
+                loaded.add(part)
+                waiting += imports_of(part)[1] if part in MODULES else ()
+    return loaded
+
+
+def test_every_room_is_in_the_table():
+    rooms = {room_of(module) for module in MODULES} - {None}
+    assert rooms == set(ALLOWED)
+
+
+def test_no_arrow_of_the_table_points_up():
+    below = set()
+    for room, imports in ALLOWED.items():
+        assert imports <= below, f"{room} imports {', '.join(sorted(imports - below))}, which stand below it in the table"
+        below.add(room)
+
+
+@pytest.mark.parametrize("room", ALLOWED)
+def test_rooms_import_what_the_table_allows(room):
+    modules = [module for module in MODULES if room_of(module) == room]
+    for module in modules:
+        arrows = {other for name in imports_of(module)[0] if (other := room_of(name))} - {room}
+        assert arrows <= ALLOWED[room], f"{module} imports {', '.join(sorted(arrows - ALLOWED[room]))}"
+
+
+@pytest.mark.parametrize("room", [room for room in ALLOWED if room not in ROOMS_WITH_TRAINING])
+def test_a_simulation_loads_neither_scikit_learn_nor_torch(room):
+    for module in MODULES:
+        if room_of(module) == room:
+            found = {name for name in loaded_with(module) if name.split(".")[0] in TRAINING}
+            assert not found, f"{module} loads {', '.join(sorted(found))}"
+
+
+def test_torch_is_loaded_on_request_alone():
+    asked_for = {"learning.torch_sobolev", "learning.torch_training"}
+    for module in MODULES:
+        if module.removeprefix(f"{PACKAGE.name}.") not in asked_for:
+            assert not {name for name in loaded_with(module) if name.split(".")[0] in ("skorch", "torch")}, module

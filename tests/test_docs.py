@@ -1,0 +1,56 @@
+"""The documentation says what the code does: its examples run, its equations are those that the code cites, its files exist."""
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+from pdsurrogate.forces import FORCES
+from pdsurrogate.kernels.feature_sets import FEATURE_SETS
+from pdsurrogate.materials import LAWS
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
+HOW_TOS = sorted((DOCS / "how-to").glob("*.md"))
+
+
+@pytest.fixture
+def tables():
+    """The tables that examples add to; afterwards they are as before."""
+    kept = [(table, dict(table)) for table in (LAWS, FORCES, FEATURE_SETS)]
+    yield
+    for table, entries in kept:
+        table.clear()
+        table.update(entries)
+
+
+@pytest.mark.parametrize("page", HOW_TOS, ids=lambda page: page.stem)
+def test_examples_run(page, tables, tmp_path):
+    """All examples of a page, one after the other, as one script: their last lines check what they made."""
+    blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
+    assert blocks
+    script = tmp_path / f"{page.stem}.py"  # a file, from which numba can cache
+    script.write_text("\n".join(blocks))
+    runpy.run_path(str(script))
+
+
+def test_equations_are_numbered_in_order_and_cited_by_numbers_that_exist():
+    theory = (DOCS / "theory.md").read_text()
+    numbers = [int(number) for number in re.findall(r"\\tag\{(\d+)\}", theory)]
+    assert numbers == list(range(1, len(numbers) + 1))
+    sections = {int(number) for number in re.findall(r"^## (\d+)\. ", theory, re.MULTILINE)}
+    sources = [*(path for room in ("pdsurrogate", "pipelines", "tests") for path in (ROOT / room).rglob("*.py")), *PAGES]
+    for path in sources:
+        for citation in re.findall(r"[Tt]heory((?:,? (?:and )?\(\d+\)(?:[-\u2013]\(\d+\))?)+)", path.read_text()):
+            assert {int(number) for number in re.findall(r"\d+", citation)} <= set(numbers), f"{path.name}: {citation}"
+        for number in re.findall(r"theory, section (\d+)", path.read_text()):
+            assert int(number) in sections, f"{path.name}: section {number}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+def test_files_that_are_named_exist(page):
+    """Files stand in backticks, named from the root of the repository or from the package."""
+    for name in re.findall(r"`((?:[\w.-]+/)+[\w.-]*)`", page.read_text()):
+        assert (ROOT / name).exists() or (ROOT / "pdsurrogate" / name).exists(), name
