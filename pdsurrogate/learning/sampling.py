@@ -203,7 +203,7 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0
             first, second = np.exp(logs + np.array([move, -move])).T
             for bulk in (-thickness, 0, thickness):
                 with np.errstate(all="ignore"):
-                    response = law.response(first**2 + second**2, first * second, np.full(len(first), np.exp(bulk / 2)))
+                    response = plane_stress.response(law, first**2 + second**2, first * second, np.full(len(first), np.exp(bulk / 2)))
                 if not np.isfinite(response).all():
                     return False
         return True
@@ -248,7 +248,7 @@ def stretches_of_strain(
 def force_factor(length, horizon: float, weight: str, shear_modulus: float):
     """W l mu/kappa: what a dimensionless bond force is multiplied by to give that of Eq. (2) on a full circular horizon."""
     function = WEIGHT_FUNCTIONS[weight]
-    return function.function(length, horizon) * length * shear_modulus / (function.moment * horizon**4)
+    return function.function(length, horizon) * length * shear_modulus / (function.moments[0] * horizon**4)
 
 
 def checked_range(stretch_range) -> tuple[float, float]:
