@@ -49,8 +49,10 @@ def principal_stretches(state):
     mean with the root y = cos(arccos(abs(c))/3) of 4 y^3 - 3 y = abs(c): between sqrt(3)/2 and 1, where Newton's iteration is at rounding
     in three steps.  The other two, from the invariants without cancellation, are principal stretches of a plane.
 
-    Of stretches that are equal or nearly so each may be off by 6e-6, as roots of a cubic are; that the invariants are right to some 1e-11
-    makes the energy and the stress right to as much.
+    Nearly equal stretches are known to some 6e-6 only, as roots of a cubic are, and are set apart by as much.  But they belong to
+    invariants within 1e-11 of those given, of which energy and stress are smooth functions: these are right to 2e-11, and at distinct
+    stretches to rounding (``tests/test_responses.py``).  The coefficients p, q and r by themselves are not; of three equal stretches r is
+    off by some 1e-5, which p and q make up for.
     """
     trace, cofactor_trace, J = state
     mean = trace / 3
