@@ -116,7 +116,7 @@ def drift() -> str:
             if force.correction == "none":
                 force.kinematics.update(y)
             trace, J = plane_stress.invariants(force.kinematics.deformation_gradients())
-            return float((law.response(trace, J, force.kinematics.volume_ratios[: len(body)])[4] * body.volumes).sum())
+            return float((plane_stress.response(law, trace, J, force.kinematics.volume_ratios[: len(body)])[4] * body.volumes).sum())
 
         force(y, f)
         v, first = np.zeros_like(y), stored()

@@ -48,26 +48,26 @@ WEIGHT_FUNCTIONS = {
 
 @dataclass(frozen=True)
 class Body:
-    """A two-dimensional body of unit thickness.
+    """A solid body, or one in the plane of unit thickness.
 
     Parameters
     ----------
-    points : ndarray, shape (n, 2)
+    points : ndarray, shape (n, 2) or (n, 3)
         Reference positions.
     volumes : ndarray, shape (n,)
-        Area of each point times unit thickness.
+        Of each point; in the plane its area times unit thickness.
     horizon : float
         Radius within which points interact.
     spacing : float, optional
-        Mean distance of neighbouring points; by default the root of the mean volume.
+        Mean distance of neighbouring points; by default the side of a square or cube of the mean volume.
     weight : str, optional
         Name of the weight function, one of `WEIGHT_FUNCTIONS`.
     planes : sequence of ReflectionPlane, optional
         Planes beyond which the body is continued by ghosts.
     separates : callable, optional
-        ``separates(start, end)`` with arrays of shape (k, 2): which bonds are cut from the outset.
-    cell : array_like, shape (2,), optional
-        Sides of the cells of a grid of points along x1 and x2; by default both are the spacing.
+        ``separates(start, end)`` with arrays of shape (k, d): which bonds are cut from the outset.
+    cell : array_like, shape (d,), optional
+        Sides of the cells of a grid of points along the axes; by default all are the spacing.
 
     Raises
     ------
@@ -127,7 +127,7 @@ class Body:
 
     @cached_property
     def all_points(self) -> np.ndarray:
-        """Reference positions of the points, then of the ghosts, shape (n + m, 2)."""
+        """Reference positions of the points, then of the ghosts, shape (n + m, d)."""
         return np.ascontiguousarray(np.vstack([self.points, self.ghosts.points]))
 
     @cached_property

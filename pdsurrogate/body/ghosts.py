@@ -71,7 +71,7 @@ class Ghosts:
         Raises
         ------
         ValueError
-            If points lie beyond a plane.
+            If points lie beyond a plane, or it belongs to another dimension.
         """
         n, dimension = points.shape
         source, places = np.arange(n), points
@@ -79,6 +79,8 @@ class Ghosts:
         number, lever = np.full(n, -1), np.zeros((n, len(planes), dimension))
         axes = np.full(n, -1)
         for added, plane in enumerate(planes):
+            if len(plane.parity) != dimension:
+                raise ValueError(f"the parity of a plane must be given for {dimension} components, not {plane.parity}")
             inward = -plane.side * (places[:, plane.axis] - plane.position)
             if inward[:n].min() < 0:
                 raise ValueError(f"points lie beyond the plane x{plane.axis + 1} = {plane.position:g} in which they would be reflected")

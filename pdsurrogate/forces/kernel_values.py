@@ -8,7 +8,7 @@ from ..kernels.block_arrays import BLOCK, SCRATCH_ROWS, TRACTION_ROWS
 from ..kernels.bond_state import lateral_stretch
 from ..kernels.compile import call_block, kernel
 from ..kernels.energy_density import ENERGY_ROWS
-from ..materials import Law
+from ..materials import Law, plane_stress
 from .analytic import bond_arrays
 from .energy_density import EnergySurrogate
 from .protocol import ForceSurrogate
@@ -71,7 +71,7 @@ def _by_blocks(model: ForceSurrogate | EnergySurrogate, law: Law, dtype, full: n
     """Result rows (n_rows, n) of a model's block function for states (rows, n); the rest of the last block is `at_rest`."""
     compiled = model.compiled(dtype)
     work = np.zeros((max(1, compiled.work_rows), BLOCK), dtype=dtype)
-    constants = compiled.sizes, compiled.weights, law.response_block().address, law.parameters
+    constants = compiled.sizes, compiled.weights, plane_stress.response.block(law).address, law.parameters
     results = np.empty((n_rows, full.shape[1]))
     for at in range(0, full.shape[1], BLOCK):
         size = min(BLOCK, full.shape[1] - at)

@@ -57,7 +57,7 @@ class Kinematics:
         bonds, points = body.bonds, body.all_points
         n, total = len(body), len(points)
         self.chunks = threads_in_use()
-        self.response = law.response_block()
+        self.response = plane_stress.response.block(law)
         self.parameters = law.parameters
         self._rotation = node_state.ROTATIONS[rotation or ROTATION]
 

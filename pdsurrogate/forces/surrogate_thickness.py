@@ -7,7 +7,7 @@ import numpy as np
 from ..kernels import surrogate_thickness
 from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.passes import BoundPass
-from ..materials import Law
+from ..materials import Law, plane_stress
 from .protocol import CompiledBondForce, Domain
 
 TOLERANCE = {"float32": 1e-6, "float64": 1e-9}
@@ -33,7 +33,7 @@ class SurrogateThickness:
     def __init__(self, compiled: CompiledBondForce, domain: Domain, law: Law, precision: str, chunks: int) -> None:
         self._compiled = compiled
         self._domain = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
-        self._volumetric = law.volumetric_block()
+        self._volumetric = plane_stress.volumetric_block(law)
         self._tolerance = TOLERANCE[str(np.dtype(precision))]
         self._buffers = aligned_rows((chunks, surrogate_thickness.BUFFER_ROWS, BLOCK), precision, 1)
         self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), precision)

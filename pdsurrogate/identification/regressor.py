@@ -14,7 +14,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from ..materials import LAWS, Law, Ogden
+from ..materials import LAWS, Law, Ogden, plane_stress
 
 STARTS = 5
 """Best candidates of the search that are refined."""
@@ -37,7 +37,7 @@ def nominal_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
     """
     first, second = stretches.T
     with np.errstate(all="ignore"):
-        p, q, *_ = law.response(first**2 + second**2, first * second, np.ones_like(first))
+        p, q, *_ = plane_stress.response(law, first**2 + second**2, first * second, np.ones_like(first))
     return law.shear_modulus * (p * first + q / first)
 
 

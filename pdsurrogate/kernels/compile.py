@@ -121,7 +121,7 @@ def parallel_kernel(function: Callable) -> Callable:
 _real = types.CPointer(types.float64)
 
 STRESS_RESPONSE = types.void(_real, _real, _real)
-"""``response(states, parameters, result)`` over the rows of a block; see `pdsurrogate.materials.law` for the rows."""
+"""``response(states, parameters, result)`` over the rows of a block; see `pdsurrogate.materials.response` for the rows."""
 
 
 def bond_force_signature(dtype):

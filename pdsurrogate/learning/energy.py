@@ -63,7 +63,7 @@ class EnergySamples:
         """Samples at given principal stretches, shape (n, 2)."""
         trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)
         J3 = plane_stress.volume_ratio(law, trace, J)
-        p, q, _, _, energy = law.response(trace, J, J3)
+        p, q, _, _, energy = plane_stress.response(law, trace, J, J3)
         return cls(np.stack([trace, J], axis=1), np.stack([energy, p / 2, q / J], axis=1), stretches, design)
 
 

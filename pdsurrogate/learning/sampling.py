@@ -203,7 +203,7 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0
             first, second = np.exp(logs + np.array([move, -move])).T
             for bulk in (-thickness, 0, thickness):
                 with np.errstate(all="ignore"):
-                    response = law.response(first**2 + second**2, first * second, np.full(len(first), np.exp(bulk / 2)))
+                    response = plane_stress.response(law, first**2 + second**2, first * second, np.full(len(first), np.exp(bulk / 2)))
                 if not np.isfinite(response).all():
                     return False
         return True

@@ -1,15 +1,132 @@
-"""Plane-stress relations of any law, in NumPy: the checked, readable side of what the kernels compute.
+"""Plane stress of any law: the sheet's response, and in NumPy the checked, readable side of what the kernels compute with it.
 
 In-plane tensors have shape (..., 2, 2).  Stresses and energies carry the unit of the law's shear modulus; `bond_traction` is dimensionless.
+
+With F = R U in the plane, the first Piola-Kirchhoff stress of an isotropic law under plane stress is coaxial with U,
+
+    R^T P = p U + q U^-1,
+
+and two coefficients (p, q) say everything.  They are functions of the trace of C in the plane, of J = det F in the plane, and of the
+three-dimensional volume ratio J3 = J sqrt(C33), with the pressure already eliminated by P33 = 0.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numba import carray
+from numba.core.ccallback import CFunc
 
+from ..kernels.block_arrays import BLOCK
 from ..kernels.bond_state import lateral_stretch
+from ..kernels.compile import STRESS_RESPONSE, block_function_of, inlined, widest_vectors
+from ..kernels.elementary import exponential, inverse_cube_root, logarithm, select
 from ..kernels.node_state import SWELLING
 from .law import InvariantLaw, Law
+from .response import MOST_PARAMETERS, STATE_NUMBERS, Response
+
+LEAST_SEPARATION = 3e-6
+"""Two equal in-plane stretches are set apart by this much of their logarithm.
+
+Everything asked of them is even in the difference, so this changes it by some 1e-11, as much as rounding does there.
+"""
+
+
+@inlined
+def isochoric_invariants(state):
+    """I1bar and I2bar from tr C in the plane, J in the plane and J3, with C33 = (J3/J)**2."""
+    trace, J, J3 = state
+    c = inverse_cube_root(J3 * J3)
+    C33 = (J3 / J) * (J3 / J)
+    return c * (trace + C33), c * c * (J * J + C33 * trace)
+
+
+@inlined
+def of_invariants(state, isochoric, volumetric):
+    """The response from the derivatives of W(I1bar, I2bar) + U(J3); theory (7) with U^3 reduced by Cayley-Hamilton.
+
+    ``d1`` and ``d2`` are J3/2 times the derivatives of the two invariants by J3 at fixed F in the plane, which makes the residual
+    J3 dPsi/dJ3, the plane-stress condition (paper, Eq. (9), with the exponent of its first term corrected to +2/3).
+    """
+    trace, J, J3 = state
+    W, W1, W2, W11, W12, W22 = isochoric
+    U, dU, ddU = volumetric
+    c = inverse_cube_root(J3 * J3)
+    C33 = (J3 / J) * (J3 / J)
+    c33 = c * C33
+    p = 2 * c * (W1 + c33 * W2)
+    q = -2 * c * (C33 * W1 + c * (C33 * trace - J * J) * W2)
+
+    I1 = c * (trace + C33)
+    I2 = c * c * (J * J + C33 * trace)
+    mixed = c * c33 * trace
+    d1 = c33 - I1 / 3
+    d2 = mixed - 2 * I2 / 3
+    residual = 2 * (W1 * d1 + W2 * d2) + J3 * dU
+    # Derivatives by J3: I1bar' = 2 d1/J3, I2bar' = 2 d2/J3, (c C33)' = 4/3 c C33/J3, (c^2 C33 tr)' = 2/3 c^2 C33 tr/J3.
+    d1_slope = (4 * c33 - 2 * d1) / 3
+    d2_slope = (2 * mixed - 4 * d2) / 3
+    curvature = W11 * d1 * d1 + 2 * W12 * d1 * d2 + W22 * d2 * d2
+    slope = (2 * (W1 * d1_slope + W2 * d2_slope) + 4 * curvature) / J3 + dU + J3 * ddU
+    return p, q, residual, slope, W + U
+
+
+@inlined
+def principal_stretches(state):
+    """Logarithms and squares of the isochoric principal stretches, those in the plane first, from tr C and J in the plane and J3."""
+    trace, J, J3 = state
+    half = trace / 2
+    # cosh and sinh of the difference of the logarithms; a trace below 2 J belongs to no stretch tensor, and is a rounding error.
+    excess = (half - J) * (half + J) / (J * J)
+    least = LEAST_SEPARATION * LEAST_SEPARATION
+    excess = select(excess < least, least, excess)
+    x1 = logarithm(half / J + np.sqrt(excess)) / 2
+    middle = logarithm(J) / 2 - logarithm(J3) / 3
+    x2 = middle - x1
+    x1 = middle + x1
+    x3 = -(x1 + x2)
+    return x1, x2, x3, exponential(2 * x1), exponential(2 * x2), exponential(2 * x3)
+
+
+@inlined
+def of_stretches(state, stretches, sums, volumetric):
+    """The response from the derivatives of W(x1, x2, x3) + U(J3).
+
+    The principal stresses are P_a = (g_a - g_3)/lambda_a, the pressure eliminated by P33 = 0; p lambda_a^2 + q = g_a - g_3 for both.
+    """
+    trace, _, J3 = state
+    _, _, _, s1, s2, _ = stretches
+    W, g1, g2, g3, h = sums
+    U, dU, ddU = volumetric
+    unit = inverse_cube_root(J3 * J3)
+    p = unit * (g1 - g2) / (s1 - s2)
+    q = (g1 + g2) / 2 - g3 - p * trace / 2
+    residual = (2 * g3 - g1 - g2) / 3 + J3 * dU
+    slope = h / J3 + dU + J3 * ddU
+    return p, q, residual, slope, W + U
+
+
+response = Response(5, 2, isochoric_invariants, of_invariants, principal_stretches, of_stretches, curvature=True)
+"""``response(law, trace, J, J3)``: p, q, the residual J3 dPsi/dJ3 of P33 = 0 at fixed F in the plane, its derivative by J3, and Psi."""
+
+
+def volumetric_block(law: Law) -> CFunc:
+    """Block function of J3 U' and its derivative alone, in the rows that the whole response has for the residual and its slope."""
+    return block_function_of(_volumetric_block, STRESS_RESPONSE, law.volumetric)
+
+
+def _volumetric_block(volumetric):
+    def response(states, parameters, result):
+        widest_vectors()
+        states = carray(states, (STATE_NUMBERS, BLOCK))
+        result = carray(result, (4, BLOCK))
+        parameters = carray(parameters, (MOST_PARAMETERS,))
+        for k in range(BLOCK):
+            J3 = states[2, k]
+            _, dU, ddU = volumetric(J3, parameters)
+            result[2, k] = J3 * dU
+            result[3, k] = dU + J3 * ddU
+
+    return response
 
 
 def invariants(F):
@@ -43,14 +160,14 @@ def volume_ratio(law: Law, trace, area_ratio):
     J3 = np.ones_like(J)
     with np.errstate(all="ignore"):
         for _ in range(60):
-            _, _, residual, slope, _ = law.response(trace, J, J3)
+            _, _, residual, slope, _ = response(law, trace, J, J3)
             step = np.where(slope > 0, residual / slope, np.sign(residual) * J3)
             # J3 halves or doubles at the most in one step, so it stays positive from any start.
             # Past the law's limit, where the residual is NaN, it swells: a state with more volume may keep the limit.
             J3 = J3 - np.where(np.isnan(residual), -SWELLING * J3, np.clip(step, -J3, 0.5 * J3))
             if np.all(np.abs(step) <= 1e-15 * J3):
                 break
-        residual = law.response(trace, J, J3)[2]
+        residual = response(law, trace, J, J3)[2]
     # NaN and a residual that did not vanish both mean that the law ends before this state.
     scale = law.bulk_modulus / law.shear_modulus
     failed = ~(np.abs(residual) <= 1e-9 * scale)
@@ -68,19 +185,24 @@ def thickness_stretch_squared(law: Law, trace, area_ratio):
 
 def first_piola_stress(law: Law, F):
     """In-plane first Piola-Kirchhoff stress P (paper, Eq. (8)), shape (..., 2, 2), in the unit of the shear modulus."""
-    F = np.asarray(F, dtype=float)
     trace, J = invariants(F)
-    p, q, *_ = law.response(trace, J, volume_ratio(law, trace, J))
+    p, q, *_ = response(law, trace, J, volume_ratio(law, trace, J))
+    return law.shear_modulus * in_plane_stress(F, p, q)
+
+
+def in_plane_stress(F, p, q):
+    """P = p F + q F^-T in the plane, shape (..., 2, 2)."""
+    F = np.asarray(F, dtype=float)
     cofactor = np.empty_like(F)
     cofactor[..., 0, 0], cofactor[..., 0, 1] = F[..., 1, 1], -F[..., 1, 0]
     cofactor[..., 1, 0], cofactor[..., 1, 1] = -F[..., 0, 1], F[..., 0, 0]
-    return law.shear_modulus * (p[..., None, None] * F + (q / J)[..., None, None] * cofactor)
+    return p[..., None, None] * F + (q / invariants(F)[1])[..., None, None] * cofactor
 
 
 def energy_density(law: Law, F):
     """Strain energy density of the plane-stress state, shape (...), in the unit of the shear modulus."""
     trace, J = invariants(F)
-    return law.shear_modulus * law.response(trace, J, volume_ratio(law, trace, J))[4]
+    return law.shear_modulus * response(law, trace, J, volume_ratio(law, trace, J))[4]
 
 
 def energy_derivatives(law: Law, trace, area_ratio):
@@ -107,7 +229,7 @@ def energy_derivatives(law: Law, trace, area_ratio):
     """
     trace, J = (np.asarray(value, dtype=float) for value in (trace, area_ratio))
     x = volume_ratio(law, trace, J)
-    p, q, _, slope, energy = law.response(trace, J, x)
+    p, q, _, slope, energy = response(law, trace, J, x)
     if not isinstance(law, InvariantLaw):
         return energy, p / 2, q / J, *_differences(law, trace, J)
     C33 = (x / J) ** 2
@@ -152,7 +274,7 @@ def _differences(law: Law, trace, J):
     by_trace, by_J = np.zeros((2, *np.shape(J))), np.zeros((2, *np.shape(J)))
     for number, weight in enumerate(weights):
         for total, I, area in ((by_trace, trace + number * step_trace, J), (by_J, trace, J - number * step_J)):  # noqa: E741
-            p, q, *_ = law.response(I, area, volume_ratio(law, I, area))
+            p, q, *_ = response(law, I, area, volume_ratio(law, I, area))
             total += weight * np.stack([p / 2, q / area])
     return by_trace[0] / step_trace, by_trace[1] / step_trace, -by_J[1] / step_J
 
@@ -175,5 +297,5 @@ def bond_traction(law: Law, normal_stretch, shear_stretch, area_ratio, C33):
     """
     a, b, J, C33 = (np.asarray(value, dtype=float) for value in (normal_stretch, shear_stretch, area_ratio, C33))
     U_mm = lateral_stretch(a, b, J)
-    p, q, *_ = law.response(a * a + 2 * b * b + U_mm * U_mm, J, J * np.sqrt(C33))
+    p, q, *_ = response(law, a * a + 2 * b * b + U_mm * U_mm, J, J * np.sqrt(C33))
     return p * a + q * U_mm / J, (p - q / J) * b, p * U_mm + q * a / J

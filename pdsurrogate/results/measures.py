@@ -6,6 +6,7 @@ import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
+from ..materials import plane_stress
 
 
 def mean_stress(force: InternalForce) -> np.ndarray:
@@ -76,7 +77,7 @@ def point_fields(force: InternalForce, positions: np.ndarray) -> dict[str, np.nd
     F = kinematics.deformation_gradients()
     trace, area = (F * F).sum(axis=(1, 2)), np.linalg.det(F)
     J3 = kinematics.volume_ratios[:n]
-    p, q, *_ = law.response(trace, area, J3)
+    p, q, *_ = plane_stress.response(law, trace, area, J3)
     cofactor = np.stack([F[:, 1, 1], -F[:, 1, 0], -F[:, 0, 1], F[:, 0, 0]], axis=1).reshape(n, 2, 2)
     stress = np.zeros((n, 3, 3))
     stress[:, :2, :2] = law.shear_modulus * (p[:, None, None] * F + (q / area)[:, None, None] * cofactor)

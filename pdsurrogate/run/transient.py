@@ -327,7 +327,7 @@ class Transient:
             return self.run.force.energy()
         kinematics, law, n = self.run.force.kinematics, self.run.law, len(self.run.body)
         trace, J = plane_stress.invariants(kinematics.deformation_gradients())
-        density = law.response(trace, J, kinematics.volume_ratios[:n])[4]
+        density = plane_stress.response(law, trace, J, kinematics.volume_ratios[:n])[4]
         return float(law.shear_modulus * (density * self.run.body.volumes).sum())
 
     def _output(self) -> None:

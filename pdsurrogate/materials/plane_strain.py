@@ -1,0 +1,65 @@
+"""Plane strain of any law: the expressions of `plane_stress` at J3 = J, with the stress across the plane that holds C33 = 1.
+
+In-plane tensors have shape (..., 2, 2).  Stresses and energies carry the unit of the law's shear modulus.
+"""
+
+from __future__ import annotations
+
+from ..kernels.compile import inlined
+from . import plane_stress
+from .law import Law
+from .response import Response
+
+
+@inlined
+def _held(state):
+    """The state with C33 = 1."""
+    return state[0], state[1], state[1]
+
+
+@inlined
+def _invariants(state):
+    return plane_stress.isochoric_invariants(_held(state))
+
+
+@inlined
+def _stretches(state):
+    return plane_stress.principal_stretches(_held(state))
+
+
+@inlined
+def _result(state, found):
+    """Under plane stress q is short of the stress across the plane, which is zero there; here it is the residual J3 dPsi/dJ3."""
+    p, q, across, _, energy = found
+    return p, q + across, state[2] / state[1] - 1, 1 / state[1], energy
+
+
+@inlined
+def _of_invariants(state, isochoric, volumetric):
+    return _result(state, plane_stress.of_invariants(_held(state), isochoric, volumetric))
+
+
+@inlined
+def _of_stretches(state, stretches, sums, volumetric):
+    return _result(state, plane_stress.of_stretches(_held(state), stretches, sums, volumetric))
+
+
+response = Response(5, 1, _invariants, _of_invariants, _stretches, _of_stretches, curvature=False)
+"""``response(law, trace, J, J3)``: rows as under plane stress, so that kernels take one for the other.
+
+p, q and the energy are those at J3 = J, whatever J3 is given; in the place of the condition P33 = 0 stands J3/J - 1 = 0, with its
+derivative by J3.
+"""
+
+
+def first_piola_stress(law: Law, F):
+    """In-plane first Piola-Kirchhoff stress P, shape (..., 2, 2), in the unit of the shear modulus."""
+    trace, J = plane_stress.invariants(F)
+    p, q, *_ = response(law, trace, J, J)
+    return law.shear_modulus * plane_stress.in_plane_stress(F, p, q)
+
+
+def energy_density(law: Law, F):
+    """Strain energy density, shape (...), in the unit of the shear modulus."""
+    trace, J = plane_stress.invariants(F)
+    return law.shear_modulus * response(law, trace, J, J)[4]

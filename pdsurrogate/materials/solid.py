@@ -1,0 +1,121 @@
+"""Space: the stress of any law from the invariants of a full deformation gradient.
+
+Tensors have shape (..., 3, 3).  Stresses and energies carry the unit of the law's shear modulus.
+
+The derivatives of the invariants by F make the first Piola-Kirchhoff stress of an isotropic law
+
+    P = p F + q cof F + r F C,
+
+and the three coefficients, functions of tr C, tr cof C and J = det F, say everything.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..kernels.compile import inlined
+from ..kernels.elementary import inverse_cube_root, select
+from . import plane_stress
+from .law import Law
+from .response import Response
+
+
+@inlined
+def isochoric_invariants(state):
+    """I1bar and I2bar."""
+    trace, cofactor_trace, J = state
+    c = inverse_cube_root(J * J)
+    return c * trace, c * c * cofactor_trace
+
+
+@inlined
+def of_invariants(state, isochoric, volumetric):
+    """(p, q, r, energy) from the derivatives of W(I1bar, I2bar) + U(J)."""
+    trace, cofactor_trace, J = state
+    W, W1, W2, _, _, _ = isochoric
+    U, dU, _ = volumetric
+    c = inverse_cube_root(J * J)
+    # dI1 = 2 F, dI2 = 2 (I1 F - F C), dJ = cof F.
+    p = 2 * c * (W1 + c * trace * W2)
+    q = dU - 2 * c * (W1 * trace + 2 * W2 * c * cofactor_trace) / (3 * J)
+    return p, q, -2 * c * c * W2, W + U
+
+
+@inlined
+def principal_stretches(state):
+    """Logarithms and squares of the isochoric principal stretches, that last which stands most apart.
+
+    The eigenvalues of C are mean + 2 sqrt(spread) cos(phi + 2 pi k/3) with cos(3 phi) = c.  The greatest, for c > 0, or the least is the
+    mean with the root y = cos(arccos(abs(c))/3) of 4 y^3 - 3 y = abs(c): between sqrt(3)/2 and 1, where Newton's iteration is at rounding
+    in three steps.  The other two, from the invariants without cancellation, are principal stretches of a plane.
+
+    Nearly equal stretches are known to some 6e-6 only, as roots of a cubic are, and are set apart by as much.  But they belong to
+    invariants within 1e-11 of those given, of which energy and stress are smooth functions: these are right to 2e-11, and at distinct
+    stretches to rounding (``tests/test_responses.py``).  The coefficients p, q and r by themselves are not; of three equal stretches r is
+    off by some 1e-5, which p and q make up for.
+    """
+    trace, cofactor_trace, J = state
+    mean = trace / 3
+    spread = mean * mean - cofactor_trace / 3
+    # Three equal stretches are set apart as two are in a plane, by as much of their logarithm.
+    least = plane_stress.LEAST_SEPARATION * mean
+    spread = select(spread < least * least, least * least, spread)
+    root = np.sqrt(spread)
+    skew = mean * (mean * mean - cofactor_trace / 2) + J * J / 2
+    c = abs(skew) / (spread * root)
+    c = select(c < 1, c, 1.0)
+    y = np.sqrt(0.75) + c * (1 / 6 - 0.0327 * c)
+    for _ in range(3):
+        y = y - (y * (4 * y * y - 3) - c) / (12 * y * y - 3)
+    apart = mean + 2 * root * y * select(skew < 0, -1.0, 1.0)
+    # Sum and product of the other two: of a greatest one from the product first, of a least one from the sum.
+    rest = trace - apart
+    product = select(skew < 0, cofactor_trace - apart * rest, J * J / apart)
+    rest = select(skew < 0, rest, (cofactor_trace - product) / apart)
+    return plane_stress.principal_stretches((rest, np.sqrt(product), J))
+
+
+@inlined
+def of_stretches(state, stretches, sums, volumetric):
+    """(p, q, r, energy) from the derivatives of W(x1, x2, x3) + U(J).
+
+    The principal Kirchhoff stresses are g_a - (g_1 + g_2 + g_3)/3 + J U'; the polynomial in the squares of the stretches that passes
+    through them, by divided differences, has p, q J and r as coefficients.
+    """
+    J = state[2]
+    _, _, _, s1, s2, s3 = stretches
+    W, g1, g2, g3, _ = sums
+    U, dU, _ = volumetric
+    first = (g1 - g2) / (s1 - s2)
+    second = (first - (g1 - g3) / (s1 - s3)) / (s2 - s3)
+    constant = (2 * g1 - g2 - g3) / 3 - s1 * (first - second * s2)
+    unit = inverse_cube_root(J * J)
+    return unit * (first - second * (s1 + s2)), constant / J + dU, unit * unit * second, W + U
+
+
+response = Response(4, 2, isochoric_invariants, of_invariants, principal_stretches, of_stretches, curvature=False)
+"""``response(law, trace, cofactor_trace, J)``: p, q, r and the energy, dimensionless, from tr C, tr cof C and J = det F > 0."""
+
+
+def invariants(F):
+    """Tr C, tr cof C and det F, each of shape (...)."""
+    F = np.asarray(F, dtype=float)
+    cofactor = _cofactor(F)
+    return (F * F).sum(axis=(-2, -1)), (cofactor * cofactor).sum(axis=(-2, -1)), (F[..., 0] * cofactor[..., 0]).sum(axis=-1)
+
+
+def first_piola_stress(law: Law, F):
+    """First Piola-Kirchhoff stress P, shape (..., 3, 3), in the unit of the shear modulus."""
+    F = np.asarray(F, dtype=float)
+    p, q, r = (value[..., None, None] for value in response(law, *invariants(F))[:3])
+    return law.shear_modulus * (p * F + q * _cofactor(F) + r * (F @ (F.swapaxes(-1, -2) @ F)))
+
+
+def energy_density(law: Law, F):
+    """Strain energy density, shape (...), in the unit of the shear modulus."""
+    return law.shear_modulus * response(law, *invariants(F))[3]
+
+
+def _cofactor(F):
+    """Det F times F^-T: its columns are cross products of those of F."""
+    return np.stack([np.cross(F[..., (k + 1) % 3], F[..., (k + 2) % 3]) for k in range(3)], axis=-1)
