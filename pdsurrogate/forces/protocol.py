@@ -86,12 +86,15 @@ class CompiledBondForce:
     weights : ndarray, in the precision of the bond pass
     work_rows : int
         Rows of working memory that it needs, in that precision.
+    needs_length : bool
+        Whether it reads the last row of its states, l/horizon, which is filled for nobody else.
     """
 
     address: int
     sizes: np.ndarray
     weights: np.ndarray
     work_rows: int
+    needs_length: bool = False
 
 
 @dataclass(frozen=True)

@@ -248,7 +248,7 @@ def stretches_of_strain(
 def force_factor(length, horizon: float, weight: str, shear_modulus: float):
     """W l mu/kappa: what a dimensionless bond force is multiplied by to give that of Eq. (2) on a full circular horizon."""
     function = WEIGHT_FUNCTIONS[weight]
-    return function.function(length, horizon) * length * shear_modulus / (function.moment * horizon**4)
+    return function.function(length, horizon) * length * shear_modulus / (function.moments[0] * horizon**4)
 
 
 def checked_range(stretch_range) -> tuple[float, float]:

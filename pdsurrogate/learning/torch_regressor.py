@@ -25,7 +25,7 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
     Parameters
     ----------
     hidden_layer_sizes : tuple of int, default=(64, 64)
-    activation : {"algebraic", "logistic", "tanh", "relu", "softplus"}, default="tanh"
+    activation : {"algebraic", "logistic", "tanh", "relu"}, default="tanh"
     learning_rate : float, default=3e-3
         At the start; it falls to a hundredth along a cosine.
     max_epochs : int, default=300
