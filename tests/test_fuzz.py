@@ -13,6 +13,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from bodies import build_body
 from conftest import SHIPPED
 from typer.testing import CliRunner
 
@@ -387,8 +388,6 @@ def damaged_scene(text: str, random) -> bytes:
 
 def check_scenes(folder, number: int) -> int:
     """Try corrupted scene files; returns how many were refused."""
-    from pdsurrogate.discretisation import build_body
-
     random, refused = np.random.default_rng(7), 0
     texts = [_text_of(name)[0] for name in scene_names()]
     path = folder / "scene.toml"

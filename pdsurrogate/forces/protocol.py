@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from ..body import Body
-from ..kernels.bond_state import LEAST_NORMAL_STRETCH, lateral_stretch
+from ..kernels.bond_state import LEAST_NORMAL_STRETCH
 from ..materials import Law
 from .settings import ForceSettings
 
@@ -59,15 +59,6 @@ class Domain:
         low, high = np.float64(self.least_stretch) ** 2, np.float64(self.greatest_stretch) ** 2
         with np.errstate(divide="ignore"):
             return np.array([low, high, 1 / low, 1 / high, self.least_bulk, self.greatest_bulk, LEAST_NORMAL_STRETCH], dtype=dtype)
-
-    def contains(self, stretch, rotation, C33, J) -> np.ndarray:
-        """Which bonds lie inside; arrays of lambda_b, dtheta, C33 and J."""
-        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
-        U_mm = lateral_stretch(a, b, J)
-        trace = a * a + 2 * b * b + U_mm * U_mm
-        low, high, bulk = self.least_stretch**2, self.greatest_stretch**2, J * J * C33
-        within = (trace <= high + J * J / high) & (trace <= low + J * J / low) & (low <= J) & (high >= J) & (a > LEAST_NORMAL_STRETCH)
-        return within & (bulk >= self.least_bulk) & (bulk <= self.greatest_bulk)
 
 
 EVERYWHERE = Domain(0.0, np.inf, 0.0, np.inf)

@@ -42,8 +42,8 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
     intercepts_ : list of ndarray, shape (n_out,)
     n_iter_ : int
         Epochs.
-    loss_, validation_loss_, test_score_ : float
-        Mean squared errors of the two parts; there is no test part, and `test_score_` is NaN.
+    loss_, validation_loss_ : float
+        Mean squared errors of all samples, and of the validation part; NaN if there is none.
     n_features_in_ : int
     """
 
@@ -126,7 +126,6 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
         )
         self.coefs_, self.intercepts_, self.n_iter_, self.validation_loss_ = trained
         self.loss_ = float(((self._outputs(X) - Y) ** 2).mean())
-        self.test_score_ = float("nan")
         return self
 
     def predict(self, X):
