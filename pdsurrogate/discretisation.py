@@ -19,11 +19,6 @@ RASTER = 16
 """Places along either side of a cell at which it is asked whether there is material: an area to some 1/1000 of a cell."""
 
 
-def build_body(scene: Scene) -> Body:
-    """The body of a scene, see `discretise`."""
-    return discretise(scene)[0]
-
-
 def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
     """The points of a scene, less its holes, with its precuts and the images beyond its grips.
 

@@ -2,9 +2,15 @@
 
 import numpy as np
 
+from pdsurrogate.discretisation import discretise
 from pdsurrogate.stress_test.bodies import disc_with_hole, gripped_sheet, jittered, sheet
 
-__all__ = ["disc_with_hole", "gripped_sheet", "jittered", "rotation", "sheet"]
+__all__ = ["build_body", "disc_with_hole", "gripped_sheet", "jittered", "rotation", "sheet"]
+
+
+def build_body(scene):
+    """The body of a scene."""
+    return discretise(scene)[0]
 
 
 def rotation(angle):

@@ -198,8 +198,8 @@ def test_unlike_cross_sections_are_told(tmp_path):
 def test_damaged_artefacts_are_refused(tmp_path):
     copy = tmp_path / "a"
     shutil.copytree(SHIPPED / "neo-hookean" / "1", copy)
-    payload = (copy / "surrogate.joblib").read_bytes()
-    (copy / "surrogate.joblib").write_bytes(payload[: len(payload) // 2])
+    payload = (copy / "surrogate.npz").read_bytes()
+    (copy / "surrogate.npz").write_bytes(payload[: len(payload) // 2])
     done = invoke("run", "uniaxial", *FAST, "--force", copy)
     assert done.exit_code == 2
     assert "not the one that the card describes" in done.stderr

@@ -130,16 +130,14 @@ def test_bonds_outside_the_domain():
     assert force.fraction_outside == 0.0
 
 
-def test_domain_test_in_numpy_and_in_the_kernel_agree(random):
+def test_the_domain_is_told_from_its_eigenvalues(random):
     from pdsurrogate.kernels.bond_state import is_outside
 
     domain = MODELS["neo-hookean"].domain
     stretch, rotation_, C33, J = (random.uniform(*bounds, 3000) for bounds in ((0.3, 5), (-0.8, 0.8), (0.02, 4), (0.2, 8)))
     a, b = stretch * np.cos(rotation_), stretch * np.sin(rotation_)
     constants = tuple(domain.limits(np.float64))
-    compiled = [is_outside(*values, constants) == 0 for values in zip(a, b, (J + b * b) / a, J, C33, strict=True)]
-    inside = domain.contains(stretch, rotation_, C33, J)
-    assert (np.array(compiled) == inside).all()
+    inside = np.array([is_outside(*values, constants) == 0 for values in zip(a, b, (J + b * b) / a, J, C33, strict=True)])
     assert 0.01 < inside.mean() < 0.99
     # Against the eigenvalues that the test avoids.
     U = np.stack([np.stack([a, b], -1), np.stack([b, (J + b * b) / a], -1)], -1)

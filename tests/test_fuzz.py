@@ -8,17 +8,17 @@ import io
 import json
 import pickle
 import shutil
-import struct
 import time
+import zipfile
 
-import joblib
 import numpy as np
 import pytest
+from bodies import build_body
 from conftest import SHIPPED
 from typer.testing import CliRunner
 
 from pdsurrogate.artifacts import ArtifactError, load_card, load_surrogate
-from pdsurrogate.artifacts.plain import load_plain
+from pdsurrogate.artifacts.store import payload_of
 from pdsurrogate.cli import app
 from pdsurrogate.results.checkpoint import Checkpoint, CheckpointError
 from pdsurrogate.run.run import Run, Silent
@@ -69,8 +69,8 @@ class Trap:
 def with_payload(files: dict, payload: bytes) -> dict:
     """An artefact whose card was made to match a payload: what an attacker would hand out."""
     card = json.loads(files["card.json"])
-    card["payloads"]["surrogate.joblib"].update(sha256=hashlib.sha256(payload).hexdigest(), bytes=len(payload))
-    return {**files, "surrogate.joblib": payload, "card.json": json.dumps(card).encode()}
+    card["payloads"]["surrogate.npz"].update(sha256=hashlib.sha256(payload).hexdigest(), bytes=len(payload))
+    return {**files, "surrogate.npz": payload, "card.json": json.dumps(card).encode()}
 
 
 def flipped(data: bytes, random, count: int) -> bytes:
@@ -102,28 +102,42 @@ def as_plain_json(value) -> bytes:
     return json.dumps(value).encode()
 
 
-def pickled(value) -> bytes:
+def archived(arrays: dict) -> bytes:
     file = io.BytesIO()
-    joblib.dump(value, file, protocol=4)
+    np.savez(file, **arrays)
     return file.getvalue()
 
 
 def truncated_payload(random, trap, number):
     files = GOOD["neo-hookean"]
-    payload = files["surrogate.joblib"]
+    payload = files["surrogate.npz"]
     cut = payload[: (number * 16) % len(payload)]
-    return {**files, "surrogate.joblib": cut} if number % 2 else with_payload(files, cut)
+    return {**files, "surrogate.npz": cut} if number % 2 else with_payload(files, cut)
 
 
 def flipped_payload(random, trap, number):
     files = GOOD["neo-hookean"]
-    changed = flipped(files["surrogate.joblib"], random, 1 + number % 3)
-    return {**files, "surrogate.joblib": changed} if number % 4 == 0 else with_payload(files, changed)
+    changed = flipped(files["surrogate.npz"], random, 1 + number % 3)
+    return {**files, "surrogate.npz": changed} if number % 4 == 0 else with_payload(files, changed)
 
 
 def exchanged_payload(random, trap, number):
     files = GOOD["neo-hookean"]
-    return with_payload(files, pickled(exchanged(load_plain(files["surrogate.joblib"]), random)))
+    arrays = payload_of(files["surrogate.npz"])
+    key = list(arrays)[random.integers(len(arrays))]
+    fate, value = random.integers(5), np.asarray(arrays[key])
+    if fate == 0:
+        del arrays[key]
+    elif fate == 1:
+        arrays[key + "x"] = arrays.pop(key)
+    elif fate == 2:
+        arrays[key] = value.astype(["f4", "c16", "U8", "S3"][random.integers(4)]) if value.dtype.kind == "f" else value.astype("S")
+    elif fate == 3:
+        arrays[key] = value.reshape(-1)[: random.integers(value.size + 1)]
+    else:
+        strange = STRANGE[random.integers(len(STRANGE))]
+        arrays[key] = np.array(strange) if isinstance(strange, str | float) else np.full(value.shape, np.nan)
+    return with_payload(files, archived(arrays))
 
 
 def broken_card(random, trap, number):
@@ -144,30 +158,34 @@ def swapped_card(random, trap, number):
         return {**ours, "card.json": theirs["card.json"]}
     card = json.loads(theirs["card.json"])
     card["features"]["set"] = "paper"
-    return with_payload({**theirs, "card.json": as_plain_json(card)}, ours["surrogate.joblib"])
+    return with_payload({**theirs, "card.json": as_plain_json(card)}, ours["surrogate.npz"])
 
 
 def other_schema(random, trap, number):
     files = GOOD["neo-hookean"]
     card = json.loads(files["card.json"])
-    card["schema_version"] = [0, -1, 2, 99, "1", 1.5, None, True, 2**70, [1]][number % 10]
+    card["schema_version"] = [0, -1, 1, 99, "1", 1.5, None, True, 2**70, [1]][number % 10]
     return {**files, "card.json": as_plain_json(card)}
 
 
 def hostile_pickle(random, trap, number):
+    """A pickle in the place of the file, of an array in it, within its bytes, or of objects in an array."""
     files = GOOD["neo-hookean"]
-    good = files["surrogate.joblib"]
+    good = files["surrogate.npz"]
     program = pickle.dumps(Trap(trap), protocol=number % 6)
-    if number % 3 == 0:
-        payload = pickled({**load_plain(good), "activation": Trap(trap)})
-    elif number % 3 == 1:
-        place = random.integers(2, len(good))
-        payload = good[:place] + program[2:] + good[place:]
+    if number % 4 == 0:
+        payload = program
+    elif number % 4 == 1:
+        payload = archived({**payload_of(good), "at_rest": np.array([Trap(trap)] * 2, dtype=object)})
+    elif number % 4 == 2:
+        file = io.BytesIO()
+        with zipfile.ZipFile(io.BytesIO(good)) as archive, zipfile.ZipFile(file, "w") as changed:
+            for name in archive.namelist():
+                changed.writestr(name, program if name == "at_rest.npy" else archive.read(name))
+        payload = file.getvalue()
     else:
-        opcodes = [value for name, value in vars(pickle).items() if isinstance(value, bytes) and len(value) == 1 and name.isupper()]
-        arguments = [b"os\nsystem\n", b"\x04", b"\xff" * 8, struct.pack("<I", 2**31 - 1), b"I9\n", program[2:-1]]
-        parts = [opcodes[random.integers(len(opcodes))] + arguments[random.integers(len(arguments))] for _ in range(random.integers(1, 12))]
-        payload = b"\x80\x04" + b"".join(parts) + b"."
+        place = random.integers(2, len(good))
+        payload = good[:place] + program + good[place + len(program) :]
     return with_payload(files, payload)
 
 
@@ -197,8 +215,8 @@ def check_artifacts(folder, each: int) -> dict[str, int]:
             assert time.perf_counter() - began < SLOWEST, f"{damage.__name__} {number}"
             if model is not None:
                 # Whatever was accepted is whole: digests that match, and numbers where numbers belong.
-                data = (place / "surrogate.joblib").read_bytes()
-                assert card.payloads["surrogate.joblib"].sha256 == hashlib.sha256(data).hexdigest()
+                data = (place / "surrogate.npz").read_bytes()
+                assert card.payloads["surrogate.npz"].sha256 == hashlib.sha256(data).hexdigest()
                 with np.errstate(all="ignore"):
                     assert model.bond_force([1.1], [0.05], [0.5], [0.9], [1.05]).shape == (1, 2)
                     model.compiled(np.float32)
@@ -370,8 +388,6 @@ def damaged_scene(text: str, random) -> bytes:
 
 def check_scenes(folder, number: int) -> int:
     """Try corrupted scene files; returns how many were refused."""
-    from pdsurrogate.discretisation import build_body
-
     random, refused = np.random.default_rng(7), 0
     texts = [_text_of(name)[0] for name in scene_names()]
     path = folder / "scene.toml"

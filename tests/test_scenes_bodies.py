@@ -3,11 +3,12 @@
 import meshio
 import numpy as np
 import pytest
+from bodies import build_body
 from scipy.spatial import cKDTree
 
 import pdsurrogate as pd
 from pdsurrogate.body import Cells
-from pdsurrogate.discretisation import build_body, discretise, grip_areas
+from pdsurrogate.discretisation import discretise, grip_areas
 from pdsurrogate.scenes import Circle, Ellipse, Polygon, Precut, Rectangle, SceneError, load_scene
 from pdsurrogate.scenes.references import finite_element_level
 

@@ -9,13 +9,13 @@ from importlib import resources
 import numba
 import numpy as np
 import pytest
+from bodies import build_body
 from conftest import SHIPPED
 from sklearn.linear_model import LinearRegression
 from typer.testing import CliRunner
 
 import pdsurrogate as pd
 from pdsurrogate.cli import app
-from pdsurrogate.discretisation import build_body
 from pdsurrogate.learning.force_model import force_model_of
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import SimulationFailed, simulate

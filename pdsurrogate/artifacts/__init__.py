@@ -1,4 +1,11 @@
-"""Versioned artefacts: cards, digests, safe reading and atomic writing."""
+"""Versioned artefacts: cards, digests, safe reading and atomic writing.
+
+An artefact is a folder ``NAME/VERSION/`` of up to three files:
+
+* ``card.json`` says everything about it before anything else is opened, and states size and SHA-256 of the others;
+* ``surrogate.npz`` holds the surrogate's constants, all that a simulation needs: plain arrays, read by NumPy without pickle;
+* ``pipeline.joblib`` is the fitted scikit-learn pipeline, for those who refine it: a pickle, which is a program, loaded only on trust.
+"""
 
 from .card import SCHEMA_VERSION, Card
 from .store import (

@@ -11,7 +11,7 @@ from ..forces import Domain
 from ..scenes.reading import explain
 
 FORMAT = "pdsurrogate artefact"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Raised with every change of the card or the payload that an older reader would misunderstand."""
 
 NAME_PATTERN = r"^[a-z0-9][a-z0-9._-]{0,63}$"

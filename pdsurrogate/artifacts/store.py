@@ -14,13 +14,17 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import joblib
+import numpy as np
 
+from ..array_files import read_arrays
 from ..forces import FORCES, EnergyNetwork, ForceModel, LearntBondForce, NetworkForce, PolynomialForce
 from ..materials import Law
 from .card import FORMAT, NAME_PATTERN, SCHEMA_VERSION, VERSION_PATTERN, Card, CardError, read_card
-from .plain import UnsafePayload, dump_plain, load_plain
 
-CARD, SURROGATE, PIPELINE = "card.json", "surrogate.joblib", "pipeline.joblib"
+CARD, SURROGATE, PIPELINE = "card.json", "surrogate.npz", "pipeline.joblib"
+
+MOST_BYTES = 64 * 2**20
+"""Size of the largest payload that is read without trust."""
 
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, EnergyNetwork)}
 """Force models that can be stored, by the kind their card states."""
@@ -152,8 +156,8 @@ def _card_of(folder: Path) -> Card:
 def load_surrogate(reference: str | Path) -> ForceModel:
     """A force model by name, or the surrogate of an artefact.
 
-    The card is read first; the payload is compared with its digest there, and then read through an allow-list of
-    plain data, so that loading runs no code that the file brings along.
+    The card is read first; the payload is compared with its digest there, and then read as plain arrays, so that loading runs no code that
+    the file brings along.
 
     Parameters
     ----------
@@ -163,7 +167,7 @@ def load_surrogate(reference: str | Path) -> ForceModel:
     Raises
     ------
     ArtifactError
-        If it is unknown, damaged, does not match its card, or holds anything but plain data.
+        If it is unknown, damaged, does not match its card, or holds anything but plain arrays.
     """
     if isinstance(reference, str) and reference in FORCES:
         return FORCES[reference]()
@@ -174,17 +178,30 @@ def _surrogate_in(folder: Path) -> ForceModel:
     card = _card_of(folder)
     if card.kind not in KINDS:
         raise ArtifactError(f"{card.name}@{card.version}: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
-    data = _checked_payload(folder, card, SURROGATE)
+    data = _checked_payload(folder, card, SURROGATE, MOST_BYTES)
     try:
+        payload = payload_of(data)
         model = KINDS[card.kind].from_payload(
-            f"{card.name}@{card.version}", load_plain(data), card.domain.build(), card.material.law, card.material.shape
+            f"{card.name}@{card.version}", payload, card.domain.build(), card.material.law, card.material.shape
         )
-    except (UnsafePayload, ValueError, TypeError, KeyError, OverflowError) as error:
+    except (ValueError, TypeError, OverflowError) as error:
         raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE}: {error}") from None
     stated = card.features.get("set")
     if getattr(model, "feature_set", stated) != stated:
         raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE} has {model.feature_set} features, the card states {stated}")
     return model
+
+
+def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
+    """What `save_artifact` wrote of a surrogate's ``payload()``, from the bytes of the file.
+
+    Raises
+    ------
+    DamagedFile
+        If it is no file of plain arrays.
+    """
+    arrays = read_arrays(io.BytesIO(data))
+    return {key: str(array) if array.ndim == 0 and array.dtype.kind == "U" else array for key, array in arrays.items()}
 
 
 @_reading()
@@ -277,8 +294,8 @@ def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce | E
     Path(folder).mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{card['name']}-{card['version']}-", dir=folder))
     try:
-        dump_plain(surrogate.payload(), temporary / SURROGATE)
-        contents = {SURROGATE: "the surrogate's constants: plain containers and arrays, all that a simulation needs"}
+        np.savez(temporary / SURROGATE, **surrogate.payload())
+        contents = {SURROGATE: "the surrogate's constants: plain arrays, all that a simulation needs"}
         if pipeline is not None:
             joblib.dump(pipeline, temporary / PIPELINE, compress=0, protocol=4)
             contents[PIPELINE] = "fitted scikit-learn pipeline: a pickle of Python objects, loaded only on explicit trust"
@@ -304,12 +321,14 @@ def _describe(path: Path, contains: str) -> dict:
     return {"contains": contains, "sha256": hashlib.sha256(data).hexdigest(), "bytes": len(data)}
 
 
-def _checked_payload(folder: Path, card: Card, name: str) -> bytes:
-    """Bytes of a payload whose size and digest are those of the card."""
+def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) -> bytes:
+    """Bytes of a payload whose size and digest are those of the card, at most so many."""
     where = f"{card.name}@{card.version}: {name}"
     if name not in card.payloads:
         raise ArtifactError(f"{where}: the artefact has none")
     stated = card.payloads[name]
+    if stated.bytes > most:
+        raise ArtifactError(f"{where}: the card states {stated.bytes} bytes; at most {most} are read")
     try:
         path = folder / name
         # The size first: a card may state any, and reading makes room for as much.

@@ -31,7 +31,7 @@ def fit(
     ] = None,
     degree: Annotated[str | None, typer.Option(help="Degrees of a polynomial in the two isochoric features; 12,6 by default.")] = None,
     units: Annotated[str | None, typer.Option(help="Hidden units of a network instead; two layers with a comma between.")] = None,
-    activation: Annotated[str | None, typer.Option(help="Of a network: algebraic (the default), logistic, tanh, relu or softplus.")] = None,
+    activation: Annotated[str | None, typer.Option(help="Of a network: algebraic (the default), logistic, tanh or relu.")] = None,
     samples: Annotated[int, typer.Option(help="Training samples.", min=200)] = 8000,
     least: Annotated[
         float | None, typer.Option(help="Least principal stretch trained on, below 1; 0.5, or as far as the law goes.")

@@ -10,13 +10,12 @@ from ..body import Body
 from ..kernels import bond_force, reference_state
 from ..kernels.analytic import analytic_bond_force
 from ..kernels.block_arrays import BLOCK, aligned_rows
-from ..kernels.node_state import ROTATIONS
 from ..kernels.sums import sum_pair_forces
 from ..materials import Law
 from .domain_counter import DomainCounter
 from .kinematics import Kinematics, at_point, locate
 from .protocol import EVERYWHERE, ForceSurrogate, InvalidState
-from .settings import OUTSIDE_POLICIES, PRECISIONS, ForceSettings
+from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, ForceSettings
 from .surrogate_thickness import SurrogateThickness
 
 
@@ -49,14 +48,14 @@ class BondForceEvaluation(DomainCounter):
         bonds = body.bonds
         self._first, self._second = bonds.ends_in_blocks(BLOCK)
         blocks = len(self._first) // BLOCK
-        self.geometry = aligned_rows((blocks, 5, BLOCK), self.precision)
+        compiled = model.compiled(self.precision)
+        self._compiled = compiled
+        self.geometry = aligned_rows((blocks, 5 if compiled.needs_length else 4, BLOCK), self.precision)
         length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
         self._strength = 2 * body.weigh(length) * length * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
         self._find_geometry(np.arange(self._n_pairs, dtype=np.uint32))
         if not settings.breakable:
             self._strength = None
-        compiled = model.compiled(self.precision)
-        self._compiled = compiled
         if law.costly and model.domain is not None and model.gives_transverse:
             self.kinematics.surrogate_thickness = SurrogateThickness(compiled, model.domain, law, self.precision, self.kinematics.chunks)
         self._exact = analytic_bond_force(self.precision)

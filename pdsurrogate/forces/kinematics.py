@@ -16,7 +16,7 @@ from ..kernels.reference_state import shape_rows
 from ..kernels.threads import threads_in_use
 from ..materials import Law, plane_stress
 from .protocol import InvalidState
-from .settings import ROTATION
+from .settings import ROTATION, ROTATIONS
 from .surrogate_thickness import SurrogateThickness
 
 
@@ -59,7 +59,6 @@ class Kinematics:
         self.chunks = threads_in_use()
         self.response = plane_stress.response.block(law)
         self.parameters = law.parameters
-        self._rotation = node_state.ROTATIONS[rotation or ROTATION]
 
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
         vectors = points[bonds.neighbours] - points[owners]
@@ -80,6 +79,8 @@ class Kinematics:
         self.records = aligned_rows((total, 4), precision)
         self.scratch = aligned_rows((self.chunks, SCRATCH_ROWS, BLOCK), value=1)
         self.surrogate_thickness: SurrogateThickness | None = None
+        turn = ROTATIONS[rotation or ROTATION]
+        self._turn = turn and turn.bind(self.gradients, self.records, chunks=self.chunks)
 
     def _find_shapes(self, rows: np.ndarray) -> None:
         """Shape tensors of the given points, then of all images."""
@@ -168,11 +169,10 @@ class Kinematics:
         """The pass over the points' states; bound at its first use, when it is known what solves the plane-stress condition."""
         if self.surrogate_thickness is not None:
             law = self.response.address, self.parameters
-            return self.surrogate_thickness.bind(self.gradients, self.volume_ratios, self._rotation, *law, self.records, self.chunks)
+            return self.surrogate_thickness.bind(self.gradients, self.volume_ratios, *law, self.records, self.chunks)
         return node_state.node_states.bind(
             self.gradients,
             self.volume_ratios,
-            self._rotation,
             self.response.address,
             self.parameters,
             self.scratch,
@@ -191,6 +191,8 @@ class Kinematics:
         self.update_gradients(positions)
         if self._find_states():
             raise InvalidState(self._diagnose())
+        if self._turn:
+            self._turn()
 
     def deformation_gradients(self) -> np.ndarray:
         """F of the body's points, shape (n, 2, 2)."""

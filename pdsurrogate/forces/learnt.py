@@ -66,8 +66,8 @@ class LearntBondForce(BindableForce):
         """
 
     @abstractmethod
-    def payload(self) -> dict:
-        """Plain containers and arrays that `from_payload` builds the same model from."""
+    def payload(self) -> dict[str, np.ndarray | str]:
+        """Arrays of doubles and names that `from_payload` builds the same model from."""
 
     @classmethod
     @abstractmethod
@@ -123,7 +123,7 @@ class LearntBondForce(BindableForce):
             work, traction = np.zeros((work_rows, BLOCK), dtype=dtype), np.zeros((TRACTION_ROWS, BLOCK), dtype=dtype)
             evaluate_block(address, states, sizes, weights, work, traction)
             weights[features.anchored - N_OUTPUTS] += traction[0, 0] / traction.dtype.type(features.rest_factor)
-        return CompiledBondForce(address, sizes, weights, work_rows)
+        return CompiledBondForce(address, sizes, weights, work_rows, features.needs_length)
 
     def check_material(self, law: Law) -> None:
         """Raise ValueError if the model was not trained for this material."""

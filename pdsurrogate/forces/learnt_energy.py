@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from ..body import Body
+from ..kernels.activations import ACTIVATIONS, SMOOTH
 from ..kernels.block_arrays import BLOCK
 from ..kernels.energy_density import ENERGY_ROWS, INVARIANT_ROWS, N_CONSTANTS, NETWORK_WORK_ROWS, network_energy_density, pack_network
-from ..kernels.smooth_activations import SMOOTH_ACTIVATIONS
 from ..materials import Law
 from .bond_energy import HONOURED_WITH_DOMAIN, BondEnergyEvaluation
 from .energy_density import EnergyDerivatives
@@ -40,7 +40,7 @@ class EnergyNetwork(BindableForce):
     ----------
     name : str
     activation : str
-        One of `pdsurrogate.kernels.smooth_activations.SMOOTH_ACTIVATIONS`.
+        One of `pdsurrogate.kernels.activations.SMOOTH`.
     hidden_weights : ndarray, shape (2, n)
     hidden_biases, output_weights : ndarray, shape (n,)
         On the features `ENERGY_FEATURES` as they are, unscaled.
@@ -75,7 +75,7 @@ class EnergyNetwork(BindableForce):
     @property
     def _at_rest(self) -> tuple[float, float]:
         """Sum over the units and its derivative by log J at rest, which are taken off."""
-        value, slope, _ = SMOOTH_ACTIVATIONS[self.activation](self.hidden_biases)
+        value, slope, _ = ACTIVATIONS[self.activation](self.hidden_biases)
         return float((value * self.output_weights).sum()), float((slope * self.output_weights * self.hidden_weights[0]).sum())
 
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
@@ -90,7 +90,7 @@ class EnergyNetwork(BindableForce):
         constant, flat = self._at_rest
         w1, w2, v = *self.hidden_weights, self.output_weights
         x, u = np.log(J), np.log(trace / (2 * J))
-        value, slope, curvature = SMOOTH_ACTIVATIONS[self.activation](x[:, None] * w1 + u[:, None] * w2 + self.hidden_biases)
+        value, slope, curvature = ACTIVATIONS[self.activation](x[:, None] * w1 + u[:, None] * w2 + self.hidden_biases)
         slope, curvature = slope * v, curvature * v
         # Sums written out, not matrix products: the order of summation must not depend on how many states there are.
         by_x, by_u = (slope * w1).sum(axis=1) - flat, (slope * w2).sum(axis=1)
@@ -108,7 +108,7 @@ class EnergyNetwork(BindableForce):
     def compiled(self, dtype) -> CompiledBondForce:
         """Block function and packed weights in the given precision."""
         sizes, weights = pack_network(self.hidden_weights, self.hidden_biases, self.output_weights, 0.0, 0.0, dtype)
-        address = network_energy_density(self.activation, dtype).address
+        address = network_energy_density(ACTIVATIONS[self.activation], dtype).address
         # Zero at rest is made zero as the kernel rounds it: take off what it gives there.
         states = np.ones((INVARIANT_ROWS, BLOCK), dtype=dtype)
         states[0] = 2
@@ -128,8 +128,8 @@ class EnergyNetwork(BindableForce):
         """The evaluation on a body."""
         return BondEnergyEvaluation(self, body, law, settings)
 
-    def payload(self) -> dict:
-        """Plain containers and arrays that `from_payload` builds the same model from."""
+    def payload(self) -> dict[str, np.ndarray | str]:
+        """Arrays of doubles and names that `from_payload` builds the same model from."""
         return {
             "activation": self.activation,
             "hidden_weights": self.hidden_weights,
@@ -147,9 +147,9 @@ class EnergyNetwork(BindableForce):
             If anything is missing, of the wrong shape, or not finite.
         """
         keys = ("hidden_weights", "hidden_biases", "output_weights")
-        if not isinstance(payload, dict) or set(payload) != {"activation", *keys}:
+        if set(payload) != {"activation", *keys}:
             raise ValueError(f"an energy network's payload has activation, {', '.join(keys)}")
-        if payload["activation"] not in SMOOTH_ACTIVATIONS:
+        if not isinstance(payload["activation"], str) or payload["activation"] not in SMOOTH:
             raise ValueError(f"unknown activation {payload['activation']!r}")
         output = checked_array(payload["output_weights"], "output_weights")
         if output.ndim != 1 or output.size == 0:

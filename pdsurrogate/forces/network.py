@@ -14,6 +14,9 @@ from ..kernels.network import MOST_HIDDEN, N_WORK_ROWS, network_block, pack
 from .learnt import N_OUTPUTS, LearntBondForce, checked_array, checked_feature_set
 from .protocol import Domain
 
+LAYER = ("weights", "biases")
+"""What a layer consists of, in this order; a payload has both with the layer's number behind."""
+
 
 @dataclass(frozen=True)
 class NetworkForce(LearntBondForce):
@@ -39,35 +42,33 @@ class NetworkForce(LearntBondForce):
     def outputs(self, features: np.ndarray) -> np.ndarray:
         values = features
         for weights, biases in self.layers[:-1]:
-            values = ACTIVATIONS[self.activation](values @ weights + biases)
+            values = ACTIVATIONS[self.activation](values @ weights + biases)[0]
         return values @ self.layers[-1][0] + self.layers[-1][1]
 
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
         sizes, weights = pack(self.layers, self.at_rest, dtype)
-        return network_block(self.feature_set, self.activation, dtype).address, sizes, weights, int(sizes[N_WORK_ROWS])
+        block = network_block(FEATURE_SETS[self.feature_set], ACTIVATIONS[self.activation], dtype)
+        return block.address, sizes, weights, int(sizes[N_WORK_ROWS])
 
-    def payload(self) -> dict:
-        return {
-            "feature_set": self.feature_set,
-            "activation": self.activation,
-            "layers": [{"weights": weights, "biases": biases} for weights, biases in self.layers],
-            "at_rest": self.at_rest,
-        }
+    def payload(self) -> dict[str, np.ndarray | str]:
+        names = {"feature_set": self.feature_set, "activation": self.activation}
+        layers = {f"{key}_{n}": array for n, layer in enumerate(self.layers) for key, array in zip(LAYER, layer, strict=True)}
+        return {**names, **layers, "at_rest": self.at_rest}
 
     @classmethod
     def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> NetworkForce:
-        if not isinstance(payload, dict) or set(payload) != {"feature_set", "activation", "layers", "at_rest"}:
-            raise ValueError("a network's payload has feature_set, activation, layers and at_rest")
+        n_layers = sum(key.startswith(LAYER[0]) for key in payload)
+        numbered = [[f"{key}_{n}" for key in LAYER] for n in range(n_layers)]
+        if set(payload) != {"feature_set", "activation", "at_rest"}.union(*numbered):
+            raise ValueError("a network's payload has feature_set, activation, at_rest, and weights_N and biases_N of every layer N")
         feature_set = checked_feature_set(payload)
         if not isinstance(payload["activation"], str) or payload["activation"] not in ACTIVATIONS:
             raise ValueError(f"unknown activation {payload['activation']!r}")
-        if not isinstance(payload["layers"], list) or not 2 <= len(payload["layers"]) <= MOST_HIDDEN + 1:
+        if not 2 <= n_layers <= MOST_HIDDEN + 1:
             raise ValueError(f"a network has one to {MOST_HIDDEN} hidden layers and an output layer")
         layers, width = [], len(FEATURE_SETS[feature_set].names)
-        for number, layer in enumerate(payload["layers"]):
-            if not isinstance(layer, dict) or set(layer) != {"weights", "biases"}:
-                raise ValueError(f"layer {number} has no weights and biases")
-            weights, biases = (checked_array(layer[key], f"layer {number} {key}") for key in ("weights", "biases"))
+        for number, keys in enumerate(numbered):
+            weights, biases = (checked_array(payload[key], key) for key in keys)
             if weights.ndim != 2 or biases.shape != weights.shape[1:] or weights.shape[0] != width or biases.size == 0:
                 raise ValueError(f"layer {number} has weights {weights.shape} and biases {biases.shape} after a layer of {width}")
             layers.append((weights, biases))

@@ -43,9 +43,10 @@ class PolynomialForce(LearntBondForce):
 
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
         counts, weights = pack(self.centre, self.half_width, self.coefficients, self.at_rest, dtype)
-        return polynomial_block(self.feature_set, counts, dtype).address, np.zeros(1, dtype=np.int64), weights, 0
+        block = polynomial_block(FEATURE_SETS[self.feature_set], counts, dtype)
+        return block.address, np.zeros(1, dtype=np.int64), weights, 0
 
-    def payload(self) -> dict:
+    def payload(self) -> dict[str, np.ndarray | str]:
         return {
             "feature_set": self.feature_set,
             "centre": self.centre,
@@ -56,7 +57,7 @@ class PolynomialForce(LearntBondForce):
 
     @classmethod
     def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> PolynomialForce:
-        if not isinstance(payload, dict) or set(payload) != {"feature_set", "centre", "half_width", "coefficients", "at_rest"}:
+        if set(payload) != {"feature_set", "centre", "half_width", "coefficients", "at_rest"}:
             raise ValueError("a polynomial's payload has feature_set, centre, half_width, coefficients and at_rest")
         feature_set = checked_feature_set(payload)
         if len(FEATURE_SETS[feature_set].names) != 2:

@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from ..body import Body
-from ..kernels.bond_state import LEAST_NORMAL_STRETCH, lateral_stretch
+from ..kernels.bond_state import LEAST_NORMAL_STRETCH
 from ..materials import Law
 from .settings import ForceSettings
 
@@ -60,15 +60,6 @@ class Domain:
         with np.errstate(divide="ignore"):
             return np.array([low, high, 1 / low, 1 / high, self.least_bulk, self.greatest_bulk, LEAST_NORMAL_STRETCH], dtype=dtype)
 
-    def contains(self, stretch, rotation, C33, J) -> np.ndarray:
-        """Which bonds lie inside; arrays of lambda_b, dtheta, C33 and J."""
-        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
-        U_mm = lateral_stretch(a, b, J)
-        trace = a * a + 2 * b * b + U_mm * U_mm
-        low, high, bulk = self.least_stretch**2, self.greatest_stretch**2, J * J * C33
-        within = (trace <= high + J * J / high) & (trace <= low + J * J / low) & (low <= J) & (high >= J) & (a > LEAST_NORMAL_STRETCH)
-        return within & (bulk >= self.least_bulk) & (bulk <= self.greatest_bulk)
-
 
 EVERYWHERE = Domain(0.0, np.inf, 0.0, np.inf)
 """All states in which a bond has a stretch tensor."""
@@ -86,12 +77,15 @@ class CompiledBondForce:
     weights : ndarray, in the precision of the bond pass
     work_rows : int
         Rows of working memory that it needs, in that precision.
+    needs_length : bool
+        Whether it reads the last row of its states, l/horizon, which is filled for nobody else.
     """
 
     address: int
     sizes: np.ndarray
     weights: np.ndarray
     work_rows: int
+    needs_length: bool = False
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..kernels.bond_force import FALL_BACK, TURNED
-from ..kernels.node_state import ROTATIONS
 from ..kernels.reference_state import CORRECTIONS
+from ..paper.rotation import convected_rotations
 
 OUTSIDE_POLICIES = {"fallback": FALL_BACK, "warn": TURNED, "raise": TURNED, "extrapolate": TURNED}
 """What is done about bonds outside a surrogate's domain."""
 
 PRECISIONS = ("float32", "float64")
+
+ROTATIONS = {"polar": None, "convected": convected_rotations}
+"""How the rotation of a horizon is taken from F: of the polar decomposition, as the pass over the points gives it, or by a pass of its own
+after that one."""
 
 ROTATION, OUTSIDE = "polar", "fallback"
 """What models that have a choice do where none is made."""

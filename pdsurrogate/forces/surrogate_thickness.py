@@ -39,12 +39,11 @@ class SurrogateThickness:
         self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), precision)
         self._scratch = aligned_rows((chunks, surrogate_thickness.SCRATCH_ROWS, BLOCK), value=1)
 
-    def bind(self, gradients, volume_ratios, rotation: int, response: int, parameters, records, chunks: int) -> BoundPass:
+    def bind(self, gradients, volume_ratios, response: int, parameters, records, chunks: int) -> BoundPass:
         """The pass that brings `volume_ratios` and `records` up to date, and counts the points without a state."""
         return surrogate_thickness.surrogate_node_states.bind(
             gradients,
             volume_ratios,
-            rotation,
             response,
             self._volumetric.address,
             parameters,

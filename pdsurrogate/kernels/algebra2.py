@@ -16,7 +16,7 @@ DIMENSION, MATRIX, SYMMETRIC = 2, 4, 3
 
 __all__ = ["subtract_positions", "sum_matrices", "sum_matrix_products", "sum_outer_products", "sum_signed_records"]
 
-vector_rows, symmetric_rows, matrix_rows = rows_of(DIMENSION), rows_of(SYMMETRIC), rows_of(MATRIX)
+symmetric_rows, matrix_rows = rows_of(SYMMETRIC), rows_of(MATRIX)
 
 
 @inlined

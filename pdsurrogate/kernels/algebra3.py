@@ -11,7 +11,7 @@ from .compile import inlined
 DIMENSION, MATRIX, SYMMETRIC = 3, 9, 6
 """Dimension, and reals of a matrix and of a symmetric matrix."""
 
-vector_rows, symmetric_rows, matrix_rows = rows_of(DIMENSION), rows_of(SYMMETRIC), rows_of(MATRIX)
+symmetric_rows, matrix_rows = rows_of(SYMMETRIC), rows_of(MATRIX)
 
 
 @inlined

@@ -13,7 +13,7 @@ BLOCK = 256
 """Values per row of a block: a dozen rows stay within a 32 kB first-level cache, and it is a multiple of every vector width."""
 
 STATE_ROWS = 6
-"""Rows of the states a bond force is evaluated on: a = U_nn, b = U_nm, U_mm, J, C33, l/horizon."""
+"""Rows of the states a bond force is evaluated on: a = U_nn, b = U_nm, U_mm, J, C33, and for those that read it l/horizon."""
 
 TRACTION_ROWS = 3
 """Rows of its result: T_nn, T_nm, T_mm, dimensionless (theory (11))."""

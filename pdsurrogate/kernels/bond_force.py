@@ -53,7 +53,7 @@ def pair_forces(
     positions : (n, 2) doubles.
     records : (n, 4) node records (cos, sin, J, C33).
     first, second : (n_blocks * BLOCK,) the pairs, padded with pairs of point 0 with itself.
-    geometry : (n_blocks, 5, BLOCK) see `pdsurrogate.kernels.reference_state.pair_rows`.
+    geometry : (n_blocks, 4 or 5, BLOCK) see `pdsurrogate.kernels.reference_state.pair_rows`.
     bond_force, sizes, weights : address of the force model's block function, and its constants.
     analytic_bond_force, response, parameters : the exact bond force and the material law behind it.
     guard : UNGUARDED, TURNED or FALL_BACK.
@@ -106,9 +106,11 @@ def pair_forces(
             states[2, k] = lateral_stretch(a, b, J)
             states[3, k] = J
             states[4, k] = C33
-            states[5, k] = reference[4, k]
             bond[0, k] = r1
             bond[1, k] = r2
+        if geometry.shape[1] > 4:
+            for k in range(BLOCK):
+                states[5, k] = reference[4, k]
         call_block(bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], traction)
         if guard != UNGUARDED:
             # Counted in the precision of the lanes, which another width would halve.  Pairs that carry no force are at rest: inside.

@@ -222,50 +222,6 @@ def _exponential(x):
     return implementation
 
 
-def arctangent(y, x):
-    """atan2(y, x) for x > 0 (a bond turned by less than a right angle).  Absolute error below 4e-7 (float32) and 1e-15 (float64)."""
-    return np.arctan2(y, x)
-
-
-@overload(arctangent, jit_options=INLINE_OPTIONS)
-def _arctangent(y, x):
-    # Half-angle steps, tan(t/2) = tan t / (1 + sqrt(1 + tan**2 t)), bring the angle below pi/8 (float64: pi/16); then the odd series.
-    if x == types.float32:
-
-        def implementation(y, x):
-            t = y / (x + np.sqrt(x * x + y * y))
-            t = t / (np.float32(1.0) + np.sqrt(np.float32(1.0) + t * t))
-            s = t * t
-            series = np.float32(1.0 / 13.0) - s * np.float32(1.0 / 15.0)
-            series = np.float32(1.0 / 11.0) - s * series
-            series = np.float32(1.0 / 9.0) - s * series
-            series = np.float32(1.0 / 7.0) - s * series
-            series = np.float32(1.0 / 5.0) - s * series
-            series = np.float32(1.0 / 3.0) - s * series
-            return np.float32(4.0) * (t - t * s * series)
-
-    else:
-
-        def implementation(y, x):
-            t = y / (x + np.sqrt(x * x + y * y))
-            t = t / (1.0 + np.sqrt(1.0 + t * t))
-            t = t / (1.0 + np.sqrt(1.0 + t * t))
-            s = t * t
-            series = 1.0 / 21.0 - s * (1.0 / 23.0)
-            series = 1.0 / 19.0 - s * series
-            series = 1.0 / 17.0 - s * series
-            series = 1.0 / 15.0 - s * series
-            series = 1.0 / 13.0 - s * series
-            series = 1.0 / 11.0 - s * series
-            series = 1.0 / 9.0 - s * series
-            series = 1.0 / 7.0 - s * series
-            series = 1.0 / 5.0 - s * series
-            series = 1.0 / 3.0 - s * series
-            return 8.0 * (t - t * s * series)
-
-    return implementation
-
-
 @inline
 def sum_in_order(values):
     """Sum of an array: numba would spread the ``values.sum()`` of a parallel kernel over its threads, whose number would show in it."""

@@ -14,7 +14,6 @@ from .block_arrays import BLOCK, SCRATCH_ROWS, block_rows
 from .compile import bond_force_signature, call_block, compile_block_function, inlined, widest_vectors
 from .elementary import logarithm
 from .node_state import solve_volume_ratios
-from .smooth_activations import SMOOTH_ACTIVATIONS
 
 INVARIANT_ROWS = 2
 """Rows of the states: tr C and J = det F, in the plane."""
@@ -104,11 +103,11 @@ def network_energy_density(activation, dtype):
 
     Parameters
     ----------
-    activation : str
-        One of `pdsurrogate.kernels.smooth_activations.SMOOTH_ACTIVATIONS`.
+    activation : callable
+        One of `pdsurrogate.kernels.activations.SMOOTH`.
     dtype : float32 or float64
     """
-    activate = inlined(SMOOTH_ACTIVATIONS[activation])
+    activate = inlined(activation)
 
     def energy_density(states, sizes, weights, response, parameters, work, scratch, result):
         widest_vectors()

@@ -14,7 +14,7 @@ from numba import types
 from numba.extending import overload
 
 from .compile import INLINE_OPTIONS
-from .elementary import arctangent, inverse_cube_root, logarithm, quotient
+from .elementary import inverse_cube_root, logarithm, quotient
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,6 @@ class FeatureSet:
 
     Attributes
     ----------
-    name : str
     names : tuple of str
         Of the features.
     shared : callable
@@ -34,21 +33,23 @@ class FeatureSet:
         ``traction(shared, o1, o2, a, b, U_mm, J, C33)`` gives T_nn, T_nm, T_mm from the two outputs.
     outputs : callable
         ``outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33)`` inverts it, for training (NumPy only).
-    anchored : int or None
+    anchored : int, optional
         The output that must vanish at rest for the force to vanish there; there T_nn is `rest_factor` times it.
     gives_transverse : bool
         Whether T_mm is known.
+    needs_length : bool
+        Whether the bond's length is a feature, which the bond pass then keeps for every pair.
     """
 
-    name: str
     names: tuple[str, ...]
     shared: Callable
     inputs: Callable
     traction: Callable
     outputs: Callable
-    anchored: int | None
-    rest_factor: float
-    gives_transverse: bool
+    anchored: int | None = None
+    rest_factor: float = 1.0
+    gives_transverse: bool = True
+    needs_length: bool = False
 
 
 def like(x, value):
@@ -126,64 +127,23 @@ def isochoric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
     return p / c, q * J + C33 * p
 
 
-def paper_shared(a, b, J, C33):
-    """lambda_b and its inverse."""
-    stretch = np.sqrt(a * a + b * b)
-    return stretch, like(a, 1.0) / stretch
-
-
-def paper_inputs(shared, a, b, U_mm, J, C33, length):
-    """lambda_b, dtheta, l_b/delta, C33, det F: the paper's five."""
-    return shared[0], arctangent(b, a), length, C33, J
-
-
-def paper_traction(shared, o1, o2, a, b, U_mm, J, C33):
-    """T_nn, T_nm from t_n and t_tau, the components along and across the deformed bond; T_mm is not known and given as 0."""
-    inverse = shared[1]
-    return (o1 * a - o2 * b) * inverse, (o1 * b + o2 * a) * inverse, like(a, 0.0) * o1
-
-
-def paper_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
-    """Inverse of `paper_traction`."""
-    inverse = shared[1]
-    return (T_nn * a + T_nm * b) * inverse, (T_nm * a - T_nn * b) * inverse
-
-
-FEATURE_SETS = {
-    features.name: features
-    for features in (
-        FeatureSet(
-            "symmetric",
-            ("log U_nn", "log U_mm", "log J", "log J3^2"),
-            symmetric_shared,
-            symmetric_inputs,
-            symmetric_traction,
-            symmetric_outputs,
-            0,
-            2.0,
-            True,
-        ),
-        FeatureSet(
-            "isochoric",
-            ("log Jbar", "tr Cbar/(2 Jbar) - 1"),
-            isochoric_shared,
-            isochoric_inputs,
-            isochoric_traction,
-            isochoric_outputs,
-            1,
-            1.0,
-            True,
-        ),
-        FeatureSet(
-            "paper",
-            ("stretch", "rotation", "length", "C33", "J"),
-            paper_shared,
-            paper_inputs,
-            paper_traction,
-            paper_outputs,
-            None,
-            1.0,
-            False,
-        ),
-    )
+FEATURE_SETS: dict[str, FeatureSet] = {
+    "symmetric": FeatureSet(
+        ("log U_nn", "log U_mm", "log J", "log J3^2"),
+        symmetric_shared,
+        symmetric_inputs,
+        symmetric_traction,
+        symmetric_outputs,
+        anchored=0,
+        rest_factor=2.0,
+    ),
+    "isochoric": FeatureSet(
+        ("log Jbar", "tr Cbar/(2 Jbar) - 1"),
+        isochoric_shared,
+        isochoric_inputs,
+        isochoric_traction,
+        isochoric_outputs,
+        anchored=1,
+    ),
 }
+"""All feature sets by name.  A module that defines another enters it here: ``FEATURE_SETS[name] = FeatureSet(...)``."""

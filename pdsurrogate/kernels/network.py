@@ -10,10 +10,9 @@ from functools import cache
 import numpy as np
 from numba import carray
 
-from .activations import ACTIVATIONS
 from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
 from .compile import bond_force_signature, compile_block_function, inlined, kernel, widest_vectors
-from .feature_sets import FEATURE_SETS
+from .feature_sets import FeatureSet
 
 GROUP = 4
 
@@ -117,23 +116,20 @@ def _pre_activations(rows, n_rows, weights, z):
 
 
 @cache
-def network_block(features, activation, dtype):
+def network_block(features: FeatureSet, activation, dtype):
     """Block function of the networks with a given feature set and activation; layer sizes and weights are arguments of it.
 
     ``sizes`` and ``weights`` are what `pack` returns.
 
     Parameters
     ----------
-    features : str
-        One of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`.
-    activation : str
+    features : FeatureSet
+    activation : callable
         One of `pdsurrogate.kernels.activations.ACTIVATIONS`.
     dtype : float32 or float64
     """
-    shared_of = inlined(FEATURE_SETS[features].shared)
-    inputs = inlined(FEATURE_SETS[features].inputs)
-    traction_of = inlined(FEATURE_SETS[features].traction)
-    activate = inlined(ACTIVATIONS[activation])
+    shared_of, inputs, traction_of = inlined(features.shared), inlined(features.inputs), inlined(features.traction)
+    activate = inlined(activation)
 
     def network(states, sizes, weights, response, parameters, work, scratch, traction):
         widest_vectors()
@@ -167,7 +163,7 @@ def network_block(features, activation, dtype):
                 at += size
                 for r in range(GROUP):
                     for k in range(BLOCK):
-                        z[r, k] = activate(z[r, k])
+                        z[r, k] = activate(z[r, k])[0]
             free += units
             rows = activated
             width = units
@@ -196,10 +192,10 @@ def network_block(features, activation, dtype):
                     x1 = rows[1, k]
                     x2 = rows[2, k]
                     x3 = rows[3, k]
-                    z0 = activate(b0 + w00 * x0 + w10 * x1 + w20 * x2 + w30 * x3)
-                    z1 = activate(b1 + w01 * x0 + w11 * x1 + w21 * x2 + w31 * x3)
-                    z2 = activate(b2 + w02 * x0 + w12 * x1 + w22 * x2 + w32 * x3)
-                    z3 = activate(b3 + w03 * x0 + w13 * x1 + w23 * x2 + w33 * x3)
+                    z0 = activate(b0 + w00 * x0 + w10 * x1 + w20 * x2 + w30 * x3)[0]
+                    z1 = activate(b1 + w01 * x0 + w11 * x1 + w21 * x2 + w31 * x3)[0]
+                    z2 = activate(b2 + w02 * x0 + w12 * x1 + w22 * x2 + w32 * x3)[0]
+                    z3 = activate(b3 + w03 * x0 + w13 * x1 + w23 * x2 + w33 * x3)[0]
                     traction[0, k] += u0 * z0 + u1 * z1 + u2 * z2 + u3 * z3
                     traction[1, k] += v0 * z0 + v1 * z1 + v2 * z2 + v3 * z3
             elif width == PAIR:
@@ -209,19 +205,19 @@ def network_block(features, activation, dtype):
                 for k in range(BLOCK):
                     x0 = rows[0, k]
                     x1 = rows[1, k]
-                    z0 = activate(b0 + w00 * x0 + w10 * x1)
-                    z1 = activate(b1 + w01 * x0 + w11 * x1)
-                    z2 = activate(b2 + w02 * x0 + w12 * x1)
-                    z3 = activate(b3 + w03 * x0 + w13 * x1)
+                    z0 = activate(b0 + w00 * x0 + w10 * x1)[0]
+                    z1 = activate(b1 + w01 * x0 + w11 * x1)[0]
+                    z2 = activate(b2 + w02 * x0 + w12 * x1)[0]
+                    z3 = activate(b3 + w03 * x0 + w13 * x1)[0]
                     traction[0, k] += u0 * z0 + u1 * z1 + u2 * z2 + u3 * z3
                     traction[1, k] += v0 * z0 + v1 * z1 + v2 * z2 + v3 * z3
             else:
                 _pre_activations(rows, width, w, z)
                 for k in range(BLOCK):
-                    z0 = activate(z[0, k])
-                    z1 = activate(z[1, k])
-                    z2 = activate(z[2, k])
-                    z3 = activate(z[3, k])
+                    z0 = activate(z[0, k])[0]
+                    z1 = activate(z[1, k])[0]
+                    z2 = activate(z[2, k])[0]
+                    z3 = activate(z[3, k])[0]
                     traction[0, k] += u0 * z0 + u1 * z1 + u2 * z2 + u3 * z3
                     traction[1, k] += v0 * z0 + v1 * z1 + v2 * z2 + v3 * z3
         rest0 = weights[last + 2]

@@ -12,10 +12,6 @@ MOST_ITERATIONS = 40
 SWELLING = 0.02
 """Share by which J3 grows in an iteration that finds the law at its end."""
 
-POLAR, CONVECTED = 0, 1
-ROTATIONS = {"polar": POLAR, "convected": CONVECTED}
-"""How the rotation of a horizon is taken from F: exactly, or as the paper's mean turn of the two base vectors (22)-(23)."""
-
 
 @kernel
 def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8):
@@ -52,7 +48,7 @@ def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8)
 
 
 @Pass
-def node_states(chunk, chunks, gradients, volume_ratios, rotation, response, parameters, scratch, records):
+def node_states(chunk, chunks, gradients, volume_ratios, response, parameters, scratch, records):
     """Node records (cos, sin, J, C33) from the deformation gradients.
 
     Parameters
@@ -97,15 +93,4 @@ def node_states(chunk, chunks, gradients, volume_ratios, rotation, response, par
             record[k, 1] = s * norm
             record[k, 2] = states[1, k]
             record[k, 3] = thickness * thickness
-        if rotation != POLAR:
-            for k in range(size):
-                angle = convected_rotation(F[k, 0], F[k, 1], F[k, 2], F[k, 3])
-                record[k, 0] = np.cos(angle)
-                record[k, 1] = np.sin(angle)
     return count
-
-
-@kernel
-def convected_rotation(F11, F21, F12, F22):
-    """Mean of the turns of the two convected base vectors, the paper's (22)-(23); folds past a right angle."""
-    return 0.5 * (np.arcsin(F21 / np.sqrt(F11 * F11 + F21 * F21)) - np.arcsin(F12 / np.sqrt(F12 * F12 + F22 * F22)))

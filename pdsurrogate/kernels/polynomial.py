@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 
 from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
 from .compile import bond_force_signature, compile_block_function, inlined, widest_vectors
-from .feature_sets import FEATURE_SETS
+from .feature_sets import FeatureSet
 
 N_OUTPUTS = 2
 
@@ -115,20 +115,17 @@ def chebyshev_sums(typingctx, counts, x1, x2, weights):
 
 
 @cache
-def polynomial_block(features, counts, dtype):
+def polynomial_block(features: FeatureSet, counts, dtype):
     """Block function of the polynomials with certain terms in a feature set of two; coefficients are arguments of it.
 
     Parameters
     ----------
-    features : str
-        One of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`.
+    features : FeatureSet
     counts : tuple of int
         As from `pack`, whose other result is the block function's ``weights``; it takes no sizes.
     dtype : float32 or float64
     """
-    shared_of = inlined(FEATURE_SETS[features].shared)
-    inputs = inlined(FEATURE_SETS[features].inputs)
-    traction_of = inlined(FEATURE_SETS[features].traction)
+    shared_of, inputs, traction_of = inlined(features.shared), inlined(features.inputs), inlined(features.traction)
     terms = ",".join(str(count) for count in counts)
     rest = SCALING + N_OUTPUTS * sum(counts)
     size = rest + N_OUTPUTS

@@ -66,7 +66,7 @@ def pair_rows(chunk, chunks, pairs, first, second, points, strength, inverse_sha
     ----------
     pairs : pairs to compute.
     strength : (n_pairs,) 2 w l V_i V_j, zero where broken.
-    geometry : (n_blocks, 5, BLOCK) out: n1/l, n2/l, alpha l, beta l, l/horizon.
+    geometry : (n_blocks, 4 or 5, BLOCK) out: n1/l, n2/l, alpha l, beta l and, with a fifth row, l/horizon.
     """
     start, stop = share_of(pairs.shape[0], chunk, chunks)
     for r in range(start, stop):
@@ -104,7 +104,8 @@ def pair_rows(chunk, chunks, pairs, first, second, points, strength, inverse_sha
         geometry[block, 1, lane] = x2 / square
         geometry[block, 2, lane] = alpha * length
         geometry[block, 3, lane] = beta * length
-        geometry[block, 4, lane] = length / horizon
+        if geometry.shape[1] > 4:
+            geometry[block, 4, lane] = length / horizon
 
 
 @ByDimension

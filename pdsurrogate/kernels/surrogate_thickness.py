@@ -13,7 +13,7 @@ import numpy as np
 from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
 from .bond_state import is_outside, share_inside
 from .compile import call_block, widest_vectors
-from .node_state import POLAR, convected_rotation, solve_volume_ratios
+from .node_state import solve_volume_ratios
 from .passes import Pass, share_of
 
 MOST_ITERATIONS = 20
@@ -31,7 +31,6 @@ def surrogate_node_states(
     chunks,
     gradients,
     volume_ratios,
-    rotation,
     response,
     volumetric,
     parameters,
@@ -55,7 +54,7 @@ def surrogate_node_states(
     domain : (2, 7) limits of its domain and of the part of it where nothing but the learnt force counts; between them, and outside,
         J3 goes over to the law's smoothly, as the bond force does.
     tolerance : relative step of J3 at which the iteration ends.
-    buffers, work : (n_chunks, rows, BLOCK) in the precision of the learnt force.
+    buffers, work : (n_chunks, rows, BLOCK) in the precision of the learnt force; of the buffers, the bonds' length is given.
     scratch : (n_chunks, SCRATCH_ROWS, BLOCK) doubles.
 
     Returns
@@ -74,7 +73,6 @@ def surrogate_node_states(
     traction = block_rows(buffers[chunk, 6:9])
     outer = (domain[0, 0], domain[0, 1], domain[0, 2], domain[0, 3], domain[0, 4], domain[0, 5], domain[0, 6])
     inner = (domain[1, 0], domain[1, 1], domain[1, 2], domain[1, 3], domain[1, 4], domain[1, 5], domain[1, 6])
-    real = buffers.dtype.type
     count = 0
     for block in range(first_block, last_block):
         at = block * BLOCK
@@ -111,7 +109,6 @@ def surrogate_node_states(
             bond[1, k] = frame[1, k]
             bond[2, k] = frame[2, k]
             bond[3, k] = states[1, k]
-            bond[5, k] = real(1.0)
         largest = 1.0
         for _ in range(MOST_ITERATIONS):
             if largest < tolerance:
@@ -159,9 +156,4 @@ def surrogate_node_states(
             J3[k] = states[2, k]
             record[k, 2] = states[1, k]
             record[k, 3] = thickness * thickness
-        if rotation != POLAR:
-            for k in range(size):
-                angle = convected_rotation(F[k, 0], F[k, 1], F[k, 2], F[k, 3])
-                record[k, 0] = np.cos(angle)
-                record[k, 1] = np.sin(angle)
     return count

@@ -14,7 +14,7 @@ from .export import surrogate_of
 from .fitting import cross_validate, domain_of, store
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .pipeline import bond_force_pipeline
-from .sampling import BondSamples, algorithm_1, reachable_stretches, wide_design
+from .sampling import BondSamples, reachable_stretches, wide_design
 from .sobolev import SobolevRegressor, TorchSobolevRegressor
 from .target import InputAwareTargetRegressor
 from .torch_regressor import TorchMLPRegressor
@@ -29,7 +29,6 @@ __all__ = [
     "SobolevRegressor",
     "TorchMLPRegressor",
     "TorchSobolevRegressor",
-    "algorithm_1",
     "bond_force_pipeline",
     "cross_validate",
     "cross_validate_energy",

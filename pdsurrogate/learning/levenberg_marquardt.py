@@ -29,7 +29,7 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
     ----------
     hidden_layer_sizes : tuple of int, default=(20,)
         Units of each hidden layer.
-    activation : {"logistic", "tanh", "algebraic", "relu", "softplus"}, default="logistic"
+    activation : {"logistic", "tanh", "algebraic", "relu"}, default="logistic"
     max_iter : int, default=500
         Most iterations, each an accepted step.
     validation_fraction, test_fraction : float, default=0.15

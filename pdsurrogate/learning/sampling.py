@@ -15,9 +15,6 @@ COLUMNS = ("stretch", "rotation", "length", "C33", "J")
 TARGETS = ("t_n", "t_tau")
 """Columns of y: bond force along and across the deformed bond."""
 
-LENGTHS, ORIENTATIONS = 2, 5
-"""Bond lengths for every deformation gradient of Algorithm 1, and orientations for every length."""
-
 
 @dataclass(frozen=True)
 class BondSamples:
@@ -39,67 +36,6 @@ class BondSamples:
 
     def __len__(self) -> int:
         return len(self.X)
-
-
-def algorithm_1(
-    law: Law,
-    n_samples: int = 10_000,
-    stretch_range: tuple[float, float] = (0.8, 4.0),
-    horizon: float = 1.0,
-    weight: str = "inverse",
-    nondimensional: bool = True,
-    random_state: int = 0,
-) -> BondSamples:
-    """The paper's Algorithm 1: loops over principal stretches, within them over bond lengths, within these over bond orientations.
-
-    The paper says "for various"; here lengths and orientations are drawn evenly from their ranges, stretches evenly in the logarithm.
-    (On a full grid of values a network can be exact at the grid's few stretches and wrong by percents between them.  Drawn evenly
-    themselves, two stretches out of a thousand pairs come near the corner of least stretches, where C33 is largest, and a network is
-    wrong there by ten times its error elsewhere.)
-
-    Parameters
-    ----------
-    law : Law
-    n_samples : int
-        About how many: one pair of stretches for every `LENGTHS` x `ORIENTATIONS` of them.
-    stretch_range : tuple of float
-        Of both principal stretches.
-    horizon : float
-        delta; lengths run over (0, delta].
-    weight : str
-        Weight function.
-    nondimensional : bool
-        Lengths in units of the horizon, forces as t kappa/(w l mu) [1]; else lengths as they are, forces by Eq. (2) on a full circular
-        horizon, in the unit of the shear modulus over the horizon's cubed.
-    random_state : int
-        Seed.
-
-    Returns
-    -------
-    BondSamples
-    """
-    low, high = checked_range(stretch_range)
-    random = np.random.default_rng(random_state)
-    pairs = max(1, round(n_samples / (LENGTHS * ORIENTATIONS)))
-    stretches = np.repeat(np.exp(log_stretches(random, pairs, low, high, near_rest=0.0)), LENGTHS * ORIENTATIONS, axis=0)
-    length = np.repeat(horizon * (1 - random.uniform(0, 1, pairs * LENGTHS)), ORIENTATIONS)
-    angle = 2 * np.pi * (1 - random.uniform(0, 1, len(length)))
-    U_nn, U_nm, J, C33 = _on_surface(law, *stretches.T, angle)
-    X, y = _bond_force(law, U_nn, U_nm, J, C33, length)
-    if nondimensional:
-        X[:, 2] /= horizon
-    else:
-        y *= force_factor(length, horizon, weight, law.shear_modulus)[:, None]
-    design = {
-        "name": "algorithm 1",
-        "n_samples": len(X),
-        "stretch_range": [low, high],
-        "horizon": horizon,
-        "weight": weight,
-        "nondimensional": nondimensional,
-        "random_state": random_state,
-    }
-    return BondSamples(X, y, design)
 
 
 def wide_design(
@@ -138,11 +74,11 @@ def wide_design(
     logs = log_stretches(random, n_samples, low, high, near_rest)
     angle = random.uniform(0, 2 * np.pi, n_samples)
     length = random.uniform(0, 1, n_samples)
-    U_nn, U_nm, J, C33 = _on_surface(law, *np.exp(logs).T, angle)
+    U_nn, U_nm, J, C33 = on_surface(law, *np.exp(logs).T, angle)
 
     perturbed = random.random(n_samples) < off_surface
     U_nn, U_nm, C33 = perturb(U_nn, U_nm, C33, np.abs(logs).max(axis=1) * perturbed, random)
-    X, y = _bond_force(law, U_nn, U_nm, J, C33, 1 - length)
+    X, y = force_on_bonds(law, U_nn, U_nm, J, C33, 1 - length)
     if not np.isfinite(y).all():
         least, greatest = reachable_stretches(law, (low, high))
         raise ValueError(
@@ -227,8 +163,8 @@ def states_of_strain(
     low, high = checked_range(stretch_range)
     random = np.random.default_rng(random_state)
     first, second = stretches_of_strain(random, strains, low, high, n_samples)
-    U_nn, U_nm, J, C33 = _on_surface(law, first, second, random.uniform(0, 2 * np.pi, n_samples))
-    X, y = _bond_force(law, U_nn, U_nm, J, C33, 1 - random.uniform(0, 1, n_samples))
+    U_nn, U_nm, J, C33 = on_surface(law, first, second, random.uniform(0, 2 * np.pi, n_samples))
+    X, y = force_on_bonds(law, U_nn, U_nm, J, C33, 1 - random.uniform(0, 1, n_samples))
     return BondSamples(X, y, {"name": "strain bin", "strains": list(strains), "n_samples": n_samples, "random_state": random_state})
 
 
@@ -265,7 +201,7 @@ def checked_range(stretch_range) -> tuple[float, float]:
     return low, high
 
 
-def _on_surface(law, stretch_1, stretch_2, angle):
+def on_surface(law, stretch_1, stretch_2, angle):
     """U_nn, U_nm, J and the plane-stress C33 of bonds at an angle to the principal axes."""
     cos, sin = np.cos(angle), np.sin(angle)
     J = stretch_1 * stretch_2
@@ -273,7 +209,8 @@ def _on_surface(law, stretch_1, stretch_2, angle):
     return stretch_1 * cos**2 + stretch_2 * sin**2, (stretch_2 - stretch_1) * sin * cos, J, C33
 
 
-def _bond_force(law, U_nn, U_nm, J, C33, length):
+def force_on_bonds(law, U_nn, U_nm, J, C33, length):
+    """X and y of `BondSamples` for bonds in given states."""
     T_nn, T_nm, _ = plane_stress.bond_traction(law, U_nn, U_nm, J, C33)
     stretch = np.hypot(U_nn, U_nm)
     X = np.stack([stretch, np.arctan2(U_nm, U_nn), length, C33, J], axis=1)

@@ -13,7 +13,7 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted, validate_data
 from threadpoolctl import threadpool_limits
 
-from ..kernels.smooth_activations import SMOOTH_ACTIVATIONS
+from ..kernels.activations import ACTIVATIONS, SMOOTH
 from .marquardt import improved
 
 
@@ -26,7 +26,7 @@ class SobolevNetwork(RegressorMixin, BaseEstimator):
 
     _parameter_constraints: ClassVar = {
         "n_units": [Interval(Integral, 1, None, closed="left")],
-        "activation": [StrOptions(set(SMOOTH_ACTIVATIONS))],
+        "activation": [StrOptions(set(SMOOTH))],
         "gradient_weight": [Interval(Real, 0, None, closed="neither")],
         "anchor": ["array-like", None],
         "flat": ["array-like"],
@@ -105,7 +105,7 @@ class SobolevNetwork(RegressorMixin, BaseEstimator):
         return outputs if self._with_gradient else outputs[:, 0]
 
     def _outputs(self, X):
-        value, slope, _ = SMOOTH_ACTIVATIONS[self.activation](X @ self.hidden_weights_ + self.hidden_biases_)
+        value, slope, _ = ACTIVATIONS[self.activation](X @ self.hidden_weights_ + self.hidden_biases_)
         gradient = (slope * self.output_weights_) @ self.hidden_weights_.T + self.slopes_
         return np.column_stack([value @ self.output_weights_ + self.intercept_ + (X - self.anchor_) @ self.slopes_, gradient])
 
@@ -334,7 +334,7 @@ class _Function:
 
     def _raw(self, theta, X, columns):
         W, b, v, constant = self.parts(theta)
-        value, slope, _ = SMOOTH_ACTIVATIONS[self.activation](X @ W + b)
+        value, slope, _ = ACTIVATIONS[self.activation](X @ W + b)
         outputs = np.empty((len(X), columns))
         outputs[:, 0] = value @ v + constant
         if columns > 1:
@@ -344,7 +344,7 @@ class _Function:
     def _raw_jacobian(self, theta, X, columns):
         W, b, v, _ = self.parts(theta)
         n, d, units = len(X), self.d, self.units
-        value, slope, curvature = SMOOTH_ACTIVATIONS[self.activation](X @ W + b)
+        value, slope, curvature = ACTIVATIONS[self.activation](X @ W + b)
         slope_v, curvature_v = slope * v, curvature * v
         jacobian = np.zeros((n, columns, self.n_parameters))
         if not self.anchored:

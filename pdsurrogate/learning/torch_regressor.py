@@ -25,7 +25,7 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
     Parameters
     ----------
     hidden_layer_sizes : tuple of int, default=(64, 64)
-    activation : {"algebraic", "logistic", "tanh", "relu", "softplus"}, default="tanh"
+    activation : {"algebraic", "logistic", "tanh", "relu"}, default="tanh"
     learning_rate : float, default=3e-3
         At the start; it falls to a hundredth along a cosine.
     max_epochs : int, default=300
@@ -42,8 +42,8 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
     intercepts_ : list of ndarray, shape (n_out,)
     n_iter_ : int
         Epochs.
-    loss_, validation_loss_, test_score_ : float
-        Mean squared errors of the two parts; there is no test part, and `test_score_` is NaN.
+    loss_, validation_loss_ : float
+        Mean squared errors of all samples, and of the validation part; NaN if there is none.
     n_features_in_ : int
     """
 
@@ -126,7 +126,6 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
         )
         self.coefs_, self.intercepts_, self.n_iter_, self.validation_loss_ = trained
         self.loss_ = float(((self._outputs(X) - Y) ** 2).mean())
-        self.test_score_ = float("nan")
         return self
 
     def predict(self, X):

@@ -25,7 +25,6 @@ ACTIVATIONS = {
     "logistic": torch.nn.Sigmoid,
     "tanh": torch.nn.Tanh,
     "relu": torch.nn.ReLU,
-    "softplus": torch.nn.Softplus,
 }
 
 

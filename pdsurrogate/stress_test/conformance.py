@@ -26,8 +26,7 @@ from ..artifacts import load_card
 from ..body import Body, ReflectionPlane
 from ..forces import FORCES, AnalyticBondForce, ForceModel, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
-from ..forces.settings import OUTSIDE_POLICIES, PRECISIONS
-from ..kernels.node_state import ROTATIONS
+from ..forces.settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
 from ..kernels.reference_state import CORRECTIONS
 from ..kernels.threads import thread_count
 from ..learning import wide_design

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..body import Body
-from ..forces import InternalForce, InvalidState
+from ..forces import InternalForce
 from ..materials import homogeneous
-from .case import STOPS, Case, Outcome, Subject, middle_point, spring_stiffness, square_sheet
+from .case import Case, Outcome, Subject, middle_point, spring_stiffness, square_sheet
 
 CELLS = 12
 
@@ -163,11 +163,6 @@ def symmetry(subject: Subject) -> Outcome:
 def resistance(subject: Subject, body: Body, F: np.ndarray) -> float:
     """Least eigenvalue of the tangent of any sheet in a homogeneous state, over that of a membrane."""
     return tangent(subject.bind(body), body.points @ F.T).least / least_of_a_continuum(body, subject.law.shear_modulus)
-
-
-def stopped(error: InvalidState) -> Outcome:
-    """A clear stop."""
-    return Outcome(STOPS, str(error))
 
 
 CASES = (
