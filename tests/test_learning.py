@@ -1,19 +1,22 @@
 """Sampling, estimators, the pipeline, and its agreement with the kernels."""
 
+import dataclasses
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from bodies import sheet
 from conftest import SHIPPED
 from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.base import clone
+from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import Pipeline
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 import pdsurrogate as pd
 from pdsurrogate.artifacts import load_pipeline, load_surrogate
-from pdsurrogate.forces import AnalyticBondForce
+from pdsurrogate.forces import AnalyticBondForce, ForceSettings
 from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
 from pdsurrogate.kernels.activations import ACTIVATIONS
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
@@ -210,6 +213,32 @@ def test_kernels_of_every_size_and_activation(random, hidden, features, activati
     for dtype in (np.float32, np.float64):
         compiled = kernel_bond_force(model, LAW, dtype)(*X.T)
         assert np.abs(compiled - exact).max() < 100 * np.finfo(dtype).eps * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("activation", ["identity", "logistic", "tanh", "relu"])
+def test_every_activation_of_scikit_learns_networks_becomes_a_surrogate(activation):
+    samples = pd.wide_design(LAW, 400, random_state=0)
+    network = MLPRegressor(hidden_layer_sizes=(8,), activation=activation, max_iter=300, tol=1e-2, random_state=0)
+    model = pd.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
+    surrogate = surrogate_of(model, LAW, domain_of(samples))
+    expected = model.predict(samples.X)
+    np.testing.assert_allclose(surrogate.bond_force(*samples.X.T), expected, atol=1e-12)
+    np.testing.assert_allclose(kernel_bond_force(surrogate, LAW, np.float64)(*samples.X.T), expected, atol=1e-12)
+
+
+def test_a_feature_set_is_one_entry_of_a_table(monkeypatch):
+    monkeypatch.setitem(FEATURE_SETS, "mine", dataclasses.replace(FEATURE_SETS["symmetric"], names=("a", "b", "c", "d")))
+    samples = pd.wide_design(LAW, 400, random_state=0)
+    model = pd.bond_force_pipeline("mine", pd.LevenbergMarquardtRegressor((4,), max_iter=5, random_state=0)).fit(samples.X, samples.y)
+    surrogate = surrogate_of(model, LAW, domain_of(samples))
+    assert surrogate.features == ("a", "b", "c", "d")
+    found = kernel_bond_force(surrogate, LAW, np.float64)(*samples.X.T)
+    np.testing.assert_allclose(found, model.predict(samples.X), atol=1e-12)
+
+
+def test_only_a_model_that_reads_it_keeps_the_length_of_every_pair():
+    for name, rows in (("neo-hookean", 4), ("neo-hookean-paper", 5)):
+        assert load_surrogate(SHIPPED / name).bind(sheet(), LAW, ForceSettings()).geometry.shape[1] == rows
 
 
 def test_transverse_traction_follows_from_coaxiality(random):

@@ -33,8 +33,9 @@ def bond_force_pipeline(
 
     Parameters
     ----------
-    features : {"symmetric", "isochoric", "paper"}
-        What the regressor sees.  With the first two the force is isotropic, mirror symmetric, and zero at rest by construction.
+    features : str
+        What the regressor sees, one of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`.  With "symmetric" and "isochoric" ones the force is
+        isotropic, mirror symmetric, and zero at rest by construction.
     regressor : estimator, optional
         Regressor of the scaled outputs by the scaled features; a Levenberg-Marquardt network of 20 units by default.
     horizon : float
