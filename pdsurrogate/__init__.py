@@ -47,7 +47,7 @@ _HOMES = {
     "TorchMLPRegressor": "learning",
     "TorchSobolevRegressor": "learning",
     "Yeoh": "materials",
-    "algorithm_1": "paper.sampling",
+    "algorithm_1": "learning.algorithm_1",
     "bond_force_pipeline": "learning",
     "critical_stretch_of": "run.fracture",
     "cross_validate": "learning",

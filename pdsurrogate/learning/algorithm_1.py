@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..learning.sampling import BondSamples, checked_range, force_factor, force_on_bonds, log_stretches, on_surface
 from ..materials import Law
+from .sampling import BondSamples, checked_range, force_factor, force_on_bonds, log_stretches, on_surface
 
 LENGTHS, ORIENTATIONS = 2, 5
 """Bond lengths for every deformation gradient of Algorithm 1, and orientations for every length."""
