@@ -251,7 +251,7 @@ def test_shares_of_the_bonds_are_those_of_greatest_entropy(name, random):
         plain = body.weigh(body.horizon * np.linalg.norm(xi, axis=1)) * body.all_volumes[bonds.neighbours[mine]]
         tilt = minimize(lambda a, w=plain, xi=xi: np.log(w @ np.exp(-xi @ a)) + 0.005 * a @ a, np.zeros(2), tol=1e-12).x
         expected = plain * np.exp(-xi @ tilt)
-        shares = force._shares[mine] / body.volumes[i]
+        shares = force.bond_shares[mine] / body.volumes[i]
         np.testing.assert_allclose(shares, expected / expected.sum(), rtol=1e-4)
         assert shares.sum() == pytest.approx(1, rel=1e-12)
         mean = np.linalg.norm(shares @ xi)

@@ -29,7 +29,15 @@ class BANOSBForce(ForceModel):
 
 
 class BANOSBEvaluation(Evaluation):
-    """BA-NOSB bound to a body; the points' own deformation gradients are no part of it, and formed only where they are asked for."""
+    """BA-NOSB bound to a body; the points' own deformation gradients are no part of it, and formed only where they are asked for.
+
+    Attributes
+    ----------
+    bond_vectors : ndarray, shape (n_bonds, 2)
+        What the stress of every directed bond is multiplied with, those of the ghosts after the points'.
+    bond_forces : ndarray, shape (n_bonds, 2)
+        The product in the state last evaluated, over the shear modulus.
+    """
 
     def __init__(self, body: Body, law: Law, settings: ForceSettings) -> None:
         super().__init__(body, law, "float64", "none", settings)
@@ -83,7 +91,7 @@ class BANOSBEvaluation(Evaluation):
             if count:
                 self._common = np.empty(int(self._common_pointers[-1]), dtype=np.uint16)
         direction = points[self._targets] - points[owners]
-        self._vectors = np.ascontiguousarray(direction * body.weigh(np.linalg.norm(direction, axis=1))[:, None])
+        self.bond_vectors = np.ascontiguousarray(direction * body.weigh(np.linalg.norm(direction, axis=1))[:, None])
         self._inverse_shapes = np.empty((len(owners), 3))
         ba_nosb.bond_references(
             points,
@@ -97,7 +105,7 @@ class BANOSBEvaluation(Evaluation):
             self._common,
             horizon_volumes,
             self._inverse_shapes,
-            self._vectors,
+            self.bond_vectors,
         )
         chunks = self._kinematics.chunks
         longest = int(np.diff(self._table_pointers).max())
@@ -105,7 +113,7 @@ class BANOSBEvaluation(Evaluation):
         self._tables = aligned_rows((chunks, longest, 4))
         self._sums = aligned_rows((chunks, BLOCK, 4), value=1)
         self._scratch = aligned_rows((chunks, SCRATCH_ROWS + 4, BLOCK), value=1)
-        self._forces = np.empty((len(owners), 2))
+        self.bond_forces = np.empty((len(owners), 2))
         self._find_forces = ba_nosb.ba_nosb_forces.bind(
             self._kinematics.positions,
             self._table_pointers,
@@ -115,17 +123,17 @@ class BANOSBEvaluation(Evaluation):
             self._common_pointers,
             self._common,
             self._inverse_shapes,
-            self._vectors,
+            self.bond_vectors,
             self._volume_ratios,
             self._kinematics.response.address,
             self._kinematics.parameters,
             self._tables,
             self._sums,
             self._scratch,
-            self._forces,
+            self.bond_forces,
             chunks=chunks,
         )
-        sums = self._forces, self._bond_pointers, self._reverse, law.shear_modulus
+        sums = self.bond_forces, self._bond_pointers, self._reverse, law.shear_modulus
         self._sum_forces = ba_nosb.sum_bond_forces[2].bind(*sums, np.empty_like(body.points), chunks=chunks)
 
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
@@ -173,7 +181,7 @@ class BANOSBEvaluation(Evaluation):
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
         forward = np.flatnonzero(owners == bonds.first[bonds.pair_of])
         forces = np.empty((len(bonds.first), 2))
-        forces[bonds.pair_of[forward]] = self._forces[forward] - self._forces[self._reverse[forward]]
+        forces[bonds.pair_of[forward]] = self.bond_forces[forward] - self.bond_forces[self._reverse[forward]]
         return self.law.shear_modulus * forces
 
 

@@ -78,6 +78,13 @@ class BondEnergyEvaluation(ModelEvaluation):
 
     The energy is that of the body's own points: of a pair with a ghost, the point's share counts and the ghost's, which lies beyond the
     grip, does not.  Ghosts are functions of the points they mirror, so what the energy says about a ghost is handed on to that point.
+
+    Attributes
+    ----------
+    bond_shares : ndarray, shape (n_bonds,)
+        Volume of its point that every directed bond stands for.
+    bond_weights : ndarray, shape (n_pairs,)
+        Volume beta that the energy of every pair counts for; zero of those that carry nothing.
     """
 
     has_energy = True
@@ -92,7 +99,7 @@ class BondEnergyEvaluation(ModelEvaluation):
         length = np.linalg.norm(vectors, axis=1)
         self._strength = body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
         self._intact = np.ones(self._n_pairs, dtype=bool)
-        self._weights = np.zeros(self._n_pairs)
+        self.bond_weights = np.zeros(self._n_pairs)
         self.geometry = aligned_rows((blocks, 4, BLOCK), self.precision)
         rows = np.zeros((4, size))
         rows[:3, : self._n_pairs] = vectors[:, 0] / length, vectors[:, 1] / length, 1 / length
@@ -114,7 +121,7 @@ class BondEnergyEvaluation(ModelEvaluation):
         self._ghost_pointers[1:] = np.cumsum(np.bincount(bonds.neighbours[towards] - n, minlength=total - n))
         # In the precision of the points' own: another would have `point_forces` compiled a second time.
         self._ghost_weighted_bonds = aligned_rows((len(towards), 2), self.precision)
-        self._counted, self._shares = np.zeros(self._n_pairs), np.zeros(len(bonds.neighbours))
+        self._counted, self.bond_shares = np.zeros(self._n_pairs), np.zeros(len(bonds.neighbours))
         self._weigh_pairs(np.arange(self._n_pairs))
 
         compiled = model.compiled(self.precision)
@@ -319,11 +326,6 @@ class BondEnergyEvaluation(ModelEvaluation):
         """Weights of the neighbours' positions in the points' F, K^-1 w x V_j of every directed bond, shape (n_bonds, 2)."""
         return self._kinematics.gradient_weights()
 
-    @property
-    def bond_weights(self) -> np.ndarray:
-        """Share beta of every pair: the volume that its energy counts for, shape (n_pairs,); zero of those that carry nothing."""
-        return self._weights
-
     def take_out(self, pairs: np.ndarray) -> Release:
         """Of the horizons, the deformation gradients and the sum of energies.
 
@@ -346,7 +348,7 @@ class BondEnergyEvaluation(ModelEvaluation):
         if not self._collapsed:
             return np.empty(0, dtype=np.int64)
         c, e = self.bond_columns()
-        return np.flatnonzero((self._weights > 0) & ~(c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0] > bond_energy.COLLAPSED))
+        return np.flatnonzero((self.bond_weights > 0) & ~(c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0] > bond_energy.COLLAPSED))
 
     def _energy_at_present(self, out: np.ndarray) -> float:
         """Energy at the positions last placed, NaN where there is none; forces to `out`."""
@@ -370,11 +372,11 @@ class BondEnergyEvaluation(ModelEvaluation):
         entries = np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
         around = np.unique(bonds.pair_of[entries])
         directed = bonds.pointers, bonds.neighbours, bonds.pair_of
-        bond_shares[2](touched, *directed, body.all_points, body.volumes, self._counted, body.horizon, self._shares)
+        bond_shares[2](touched, *directed, body.all_points, body.volumes, self._counted, body.horizon, self.bond_shares)
         entries, starts = self._kinematics.pair_entries
         one, other = entries[starts[around]], entries[starts[around + 1] - 1]
-        self._weights[around] = self._shares[one] + np.where(other != one, self._shares[other], 0.0)
-        self.geometry[around // BLOCK, 3, around % BLOCK] = self._weights[around]
+        self.bond_weights[around] = self.bond_shares[one] + np.where(other != one, self.bond_shares[other], 0.0)
+        self.geometry[around // BLOCK, 3, around % BLOCK] = self.bond_weights[around]
         bond, volumes = self._kinematics.weighted_bonds[self._ghost_bonds], body.all_volumes
         ratio = volumes[self._ghost_neighbours] / volumes[bonds.neighbours[self._ghost_bonds]]
         self._ghost_weighted_bonds[:] = -bond * ratio[:, None]
@@ -382,7 +384,7 @@ class BondEnergyEvaluation(ModelEvaluation):
     def _diagnose(self) -> str:
         """Say which bond has no energy, and why."""
         c, e = self.bond_columns()
-        bonds, alive = self.body.bonds, self._weights > 0
+        bonds, alive = self.body.bonds, self.bond_weights > 0
         J = c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0]
         broken = alive & ~np.isfinite(J)
         if broken.any():

@@ -41,8 +41,7 @@ class Evaluation(InternalForce):
         return self._kinematics.positions
 
     def deformation_gradients(self) -> np.ndarray:
-        self._kinematics.form_gradients()
-        return self._kinematics.gradients[: len(self.body)].reshape(-1, 2, 2).transpose(0, 2, 1)
+        return self._kinematics.deformation_gradients()
 
     def volume_ratios(self) -> np.ndarray:
         self._kinematics.find_states()

@@ -193,6 +193,11 @@ class Kinematics:
             chunks=self.chunks,
         )
 
+    def deformation_gradients(self) -> np.ndarray:
+        """F of the body's points, shape (n, 2, 2)."""
+        self.form_gradients()
+        return self.gradients[: len(self.body)].reshape(-1, 2, 2).transpose(0, 2, 1)
+
     def _diagnose(self) -> str:
         """Say which point has no state, and why.  The volume ratios are reset, so that a later evaluation starts afresh."""
         self.volume_ratios[:] = 1.0

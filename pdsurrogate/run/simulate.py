@@ -150,8 +150,10 @@ def _model_of(force, scene: Scene) -> ForceModel:
         return artifacts.load_surrogate(force)
     if isinstance(force, ForceModel):
         return force
-    if not isinstance(force, type) and hasattr(force, "predict"):
-        # Imported here: only those who have a pipeline have scikit-learn loaded.
+    # Imported here: only those who have a pipeline have scikit-learn loaded.
+    from sklearn.base import BaseEstimator
+
+    if isinstance(force, BaseEstimator):
         from ..learning.force_model import force_model_of
 
         return force_model_of(force, scene.material.build())

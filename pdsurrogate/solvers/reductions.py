@@ -11,8 +11,8 @@ class LocalReductions:
     """Reductions of a body whose points are all here.
 
     Two kinds of argument are told apart.  An array by points, shape (n, ...), has a row for every point that is here; a body in several
-    parts would count a point in one of them.  A part is what has been formed of the points and bonds that are here: a number, or a small
-    array that is taken element by element.
+    parts would count a point in one of them.  A part is what has been formed of the points and bonds that are here: a number, a few
+    of them, or a small array, taken one by one.
     """
 
     def dot(self, first: np.ndarray, second: np.ndarray, weights: np.ndarray | None = None) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable
 
@@ -82,12 +83,13 @@ class DynamicRelaxation(SteppingSolver):
         mass = caution * self.MARGIN / 4 * self.frequency(force, positions) * self.volumes
         velocities, last_forces = np.zeros_like(positions), np.zeros_like(positions)
 
+        quotient, take = rayleigh_parts[positions.shape[1]], relaxation_step[positions.shape[1]]
+
         def step(forces):
-            dimension = positions.shape[1]
-            stiffness, inertia = self.reductions.total_of_parts(np.array(rayleigh_parts[dimension](velocities, forces, last_forces, mass)))
+            stiffness, inertia = self.reductions.total_of_parts(quotient(velocities, forces, last_forces, mass))
             # Beyond 2 the step would be unstable for the fastest mode.
-            damping = min(2 * np.sqrt(stiffness / inertia), 1.9) if stiffness > 0 and inertia > 0 else 0.0
-            relaxation_step[dimension](positions, velocities, forces, last_forces, self.free, mass, damping)
+            damping = min(2 * math.sqrt(stiffness / inertia), 1.9) if stiffness > 0 and inertia > 0 else 0.0
+            take(positions, velocities, forces, last_forces, self.free, mass, damping)
 
         return step
 
