@@ -15,7 +15,8 @@ from rich.console import Console
 
 import pdsurrogate as pd
 from pdsurrogate.forces import ForceSettings
-from pdsurrogate.materials import homogeneous, plane_stress
+from pdsurrogate.materials import homogeneous
+from pdsurrogate.results import measures
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.solvers import SOLVERS, FrequencyEstimate
 
@@ -57,7 +58,7 @@ def modes() -> str:
         for F in STATES.values():
             y = body.points @ F.T
             bound = pd.load_surrogate(force).bind(body, law, DOUBLE)
-            A = bound.tangent(y).matrix().toarray() if hasattr(bound, "tangent") else difference_tangent(bound, y)
+            A = bound.tangent(y).matrix().toarray() if bound.has_tangent else difference_tangent(bound, y)
             n = len(y)
             rigid = np.zeros((2 * n, 3))
             rigid[0::2, 0] = rigid[1::2, 1] = 1
@@ -110,16 +111,8 @@ def drift() -> str:
         mass, y, f = body.volumes[:, None], start.copy(), np.empty_like(start)
         step = 0.05 * 2 / np.sqrt(FrequencyEstimate(body.volumes, np.ones_like(y))(force, y))
 
-        def stored(force=force, y=y):
-            if hasattr(force, "energy"):
-                return force.energy()
-            if force.correction == "none":
-                force.kinematics.update(y)
-            trace, J = plane_stress.invariants(force.kinematics.deformation_gradients())
-            return float((plane_stress.response(law, trace, J, force.kinematics.volume_ratios[: len(body)])[4] * body.volumes).sum())
-
         force(y, f)
-        v, first = np.zeros_like(y), stored()
+        v, first = np.zeros_like(y), measures.strain_energy(force)
         totals, failure = [], ""
         try:
             for _ in range(STEPS):
@@ -127,7 +120,7 @@ def drift() -> str:
                 y += step * v
                 force(y, f)
                 v += 0.5 * step * f / mass
-                totals.append(0.5 * float((mass * v * v).sum()) + stored())
+                totals.append(0.5 * float((mass * v * v).sum()) + measures.strain_energy(force))
         except RuntimeError:
             failure = f"stops after {len(totals)} steps"
         totals = np.array(totals) / first - 1

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pdsurrogate.forces import FORCES, ForceSettings
-from pdsurrogate.forces.nosb import NOSBForce
+from pdsurrogate.forces.nosb import NOSBEvaluation, NOSBForce
 from pdsurrogate.stress_test.case import INAPPLICABLE, PASS, WEAK, WEAKNESSES, Subject
 from pdsurrogate.stress_test.conformance import (
     PROPERTIES,
@@ -80,17 +80,13 @@ class Spoilt(NOSBForce):
     added = 1e-6
 
     def bind(self, body, law, settings):
-        force, added = super().bind(body, law, ForceSettings(breakable=True)), self.added
+        return SpoiltEvaluation(body, law, ForceSettings(breakable=True))
 
-        class Evaluation:
-            def __getattr__(self, name):
-                return getattr(force, name)
 
-            def __call__(self, positions, out):
-                force(positions, out)
-                out += [0.0, added]
-
-        return Evaluation()
+class SpoiltEvaluation(NOSBEvaluation):
+    def evaluate(self, positions, out):
+        super().evaluate(positions, out)
+        out += [0.0, Spoilt.added]
 
 
 @pytest.mark.parametrize("added", [1e-6, np.nan])

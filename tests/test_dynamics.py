@@ -374,14 +374,14 @@ def test_the_last_good_state_is_recorded_once(monkeypatch):
         raise InvalidState
 
     for since_output in (0, 1):
-        motion._step()
+        motion.step()
         if since_output == 0:
-            motion._output()
+            motion.output()
         reached = motion.account.time
         monkeypatch.setattr(motion.integrator, "evaluate", fail)
         with pytest.raises(InvalidState):
-            motion._step()
-        motion._save_last_state()
+            motion.step()
+        motion.save_last_state()
         monkeypatch.undo()
         assert len(run.states) == 1 + since_output
         assert run.states.moments[-1].time == pytest.approx(reached, rel=1e-12)

@@ -9,11 +9,9 @@ from scipy.optimize import minimize
 import pdsurrogate as pd
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import ReflectionPlane
-from pdsurrogate.forces import FORCES, EnergyNetwork, ForceSettings, OutsideDomain
-from pdsurrogate.forces.energy_density import AnalyticEnergyDensity
+from pdsurrogate.forces import FORCES, BondEnergyForce, EnergyNetwork, ForceSettings, OutsideDomain
 from pdsurrogate.forces.protocol import OutsideDomainWarning
 from pdsurrogate.materials import LAWS, Gent, NeoHookean, Ogden, homogeneous, plane_stress
-from pdsurrogate.results import measures
 from pdsurrogate.solvers.preconditioner import NearestBondStiffness
 from pdsurrogate.solvers.stability import NEGATIVE, least_curvature
 from pdsurrogate.stress_test.deformations import wavy
@@ -116,7 +114,7 @@ def test_energy_of_a_homogeneous_state_is_its_density_times_the_volume(name, ran
             cofactor = np.array([[F[1, 1], -F[1, 0]], [-F[0, 1], F[0, 0]]])
             P = LAW.shear_modulus * (2 * own.by_trace[0] * F + own.by_area[0] * cofactor)
             assert force.energy() == pytest.approx(body.volumes.sum() * LAW.shear_modulus * own.psi[0], rel=1e-12)
-            np.testing.assert_allclose(measures.mean_stress(force), P, atol=1e-11)
+            np.testing.assert_allclose(force.mean_stress(), P, atol=1e-11)
             if name == "bond-energy":
                 assert own.psi[0] * LAW.shear_modulus == pytest.approx(plane_stress.energy_density(LAW, F), rel=1e-12)
 
@@ -129,7 +127,7 @@ def test_second_derivatives_of_the_exact_energy(law, random):
     trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)
 
     def exact(trace, J):
-        return AnalyticEnergyDensity().energy_derivatives(law, trace, J)
+        return BondEnergyForce().energy_derivatives(law, trace, J)
 
     found, h = exact(trace, J), 1e-4
     for by_trace, by_area, direction in (("by_trace_trace", "by_trace_area", 0), ("by_trace_area", "by_area_area", 1)):
@@ -253,7 +251,7 @@ def test_shares_of_the_bonds_are_those_of_greatest_entropy(name, random):
         plain = body.weigh(body.horizon * np.linalg.norm(xi, axis=1)) * body.all_volumes[bonds.neighbours[mine]]
         tilt = minimize(lambda a, w=plain, xi=xi: np.log(w @ np.exp(-xi @ a)) + 0.005 * a @ a, np.zeros(2), tol=1e-12).x
         expected = plain * np.exp(-xi @ tilt)
-        shares = force._shares[mine] / body.volumes[i]
+        shares = force.bond_shares[mine] / body.volumes[i]
         np.testing.assert_allclose(shares, expected / expected.sum(), rtol=1e-4)
         assert shares.sum() == pytest.approx(1, rel=1e-12)
         mean = np.linalg.norm(shares @ xi)

@@ -21,7 +21,8 @@ def wavy(points, size=0.03):
 def test_deformation_gradients_against_the_sum(make):
     body = make()
     kinematics = Kinematics(body, NeoHookean(), "float64")
-    kinematics.update(body.points + 0.1 * (wavy(body.points) - body.points))
+    kinematics.place(body.points + 0.1 * (wavy(body.points) - body.points))
+    kinematics.find_states()
     bonds, x, y = body.bonds, body.all_points, kinematics.positions
     for i in range(len(body)):
         mine = slice(int(bonds.pointers[i]), int(bonds.pointers[i + 1]))
@@ -39,7 +40,8 @@ def test_gradients_of_images_equal_the_sum_over_their_own_horizon():
         half = gripped_sheet(parity)
         kinematics = Kinematics(half, NeoHookean(), "float64")
         displacement = 0.05 * np.sin(3 * half.points) * half.points[:, ::-1]
-        kinematics.update(half.points + displacement)
+        kinematics.place(half.points + displacement)
+        kinematics.find_states()
         # The whole neighbourhood of the left plane: the sheet and its full reflection.
         reflected = half.points * [-1, 1]
         both = np.vstack([half.points, reflected])
@@ -59,7 +61,8 @@ def test_gradients_of_images_equal_the_sum_over_their_own_horizon():
 def test_node_states_solve_plane_stress(random):
     body, law = jittered(random), NeoHookean(1, 50)
     kinematics = Kinematics(body, law, "float64")
-    kinematics.update(wavy(body.points))
+    kinematics.place(wavy(body.points))
+    kinematics.find_states()
     F = kinematics.deformation_gradients()
     trace, J = plane_stress.invariants(F)
     np.testing.assert_allclose(kinematics.records[:, 2], J, rtol=1e-12)
@@ -76,7 +79,8 @@ def test_plane_stress_from_far_starts():
     for F in (np.diag([4.0, 4.0]), np.diag([0.3, 0.4]), np.diag([6.0, 0.3]), np.array([[1, 3.0], [0, 1]])):
         for law in (NeoHookean(1, 10), NeoHookean(1, 1e4)):
             kinematics = Kinematics(body, law, "float64")
-            kinematics.update(body.points @ F.T)
+            kinematics.place(body.points @ F.T)
+            kinematics.find_states()
             expected = plane_stress.volume_ratio(law, *plane_stress.invariants(F))
             np.testing.assert_allclose(kinematics.volume_ratios, expected, rtol=1e-11)
 
@@ -123,7 +127,9 @@ def test_signed_sum(random, dtype, count):
 def test_compiled_code_is_cached_and_compilation_is_announced():
     """A kernel in a file is loaded by a second dispatcher; one that cannot be cached still works and is announced."""
     body = gripped_sheet()
-    Kinematics(body, NeoHookean(), "float64").update(body.points)
+    kinematics = Kinematics(body, NeoHookean(), "float64")
+    kinematics.place(body.points)
+    kinematics.find_states()
     again = kernel(ghosts.fill_vectors.py_func)
     announced = []
     with compilation_clock(lambda: announced.append(1)) as clock:

@@ -267,20 +267,20 @@ def test_thickness_from_the_learnt_force(law, precision, random):
     fitted = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((12, 6))).fit(samples.X, samples.y)
     model = surrogate_of(fitted, law, domain_of(samples))
     force = model.bind(body, law, ForceSettings(precision=precision))
-    assert force.kinematics.surrogate_thickness is not None
+    assert force.learnt_thickness
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
     positions = (body.points * [1.9, 0.8] + 0.02 * np.sin(5 * body.points[:, ::-1])) @ turn.T
     out = np.empty_like(positions)
     force(positions, out)
-    trace, J = plane_stress.invariants(force.kinematics.deformation_gradients())
+    trace, J = plane_stress.invariants(force.deformation_gradients())
     exact = plane_stress.volume_ratio(law, trace, J)
-    found = force.kinematics.volume_ratios[: len(body)]
+    found = force.volume_ratios()
     assert np.abs(found / exact - 1).max() < 5e-3 * law.shear_modulus / law.bulk_modulus
     # A surrogate that knows the exact force gives the exact C33; and turned bodies have the same.
-    force.kinematics.update(body.points * [1.9, 0.8])
-    straight = force.kinematics.volume_ratios[: len(body)].copy()
-    force.kinematics.update((body.points * [1.9, 0.8]) @ turn.T)
-    np.testing.assert_allclose(force.kinematics.volume_ratios[: len(body)], straight, rtol=2e-6)
+    force.place(body.points * [1.9, 0.8])
+    straight = force.volume_ratios().copy()
+    force.place((body.points * [1.9, 0.8]) @ turn.T)
+    np.testing.assert_allclose(force.volume_ratios(), straight, rtol=2e-6)
 
 
 def test_points_outside_the_domain_are_left_to_the_law():
@@ -290,8 +290,8 @@ def test_points_outside_the_domain_are_left_to_the_law():
     force = model.bind(body, law, ForceSettings())
     out = np.empty_like(body.points)
     force(body.points * [5.0, 0.45], out)
-    trace, J = plane_stress.invariants(force.kinematics.deformation_gradients())
-    np.testing.assert_allclose(force.kinematics.volume_ratios[: len(body)], plane_stress.volume_ratio(law, trace, J), rtol=1e-9)
+    trace, J = plane_stress.invariants(force.deformation_gradients())
+    np.testing.assert_allclose(force.volume_ratios(), plane_stress.volume_ratio(law, trace, J), rtol=1e-9)
     with pytest.raises(InvalidState, match="turned inside out"):
         force(body.points * [1.0, -1.0], out)
 

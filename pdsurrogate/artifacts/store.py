@@ -187,7 +187,7 @@ def _surrogate_in(folder: Path) -> ForceModel:
     except (ValueError, TypeError, OverflowError) as error:
         raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE}: {error}") from None
     stated = card.features.get("set")
-    if getattr(model, "feature_set", stated) != stated:
+    if model.feature_set != stated:
         raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE} has {model.feature_set} features, the card states {stated}")
     return model
 

@@ -2,15 +2,14 @@
 
 from .analytic import AnalyticBondForce
 from .ba_nosb import BANOSBForce
-from .bond_energy import BondEnergyForce
-from .energy_density import EnergySurrogate
+from .bond_energy import BondEnergyForce, EnergySurrogate
+from .bond_force import ForceSurrogate
 from .learnt import LearntBondForce
 from .learnt_energy import EnergyNetwork
-from .model import BindableForce
 from .network import NetworkForce
 from .nosb import NOSBForce
 from .polynomial import PolynomialForce
-from .protocol import Domain, ForceModel, ForceSurrogate, InternalForce, InvalidState, OutsideDomain, OutsideDomainWarning
+from .protocol import Domain, ForceModel, InternalForce, InvalidState, OutsideDomain, OutsideDomainWarning
 from .settings import ForceSettings
 
 FORCES = {model.name: model for model in (AnalyticBondForce, BANOSBForce, BondEnergyForce, NOSBForce)}
@@ -20,7 +19,6 @@ __all__ = [
     "FORCES",
     "AnalyticBondForce",
     "BANOSBForce",
-    "BindableForce",
     "BondEnergyForce",
     "Domain",
     "EnergyNetwork",

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..body import Body
 from ..kernels.analytic import analytic_bond_force
 from ..materials import Law, NeoHookean, plane_stress
-from .bond_force import BondForceEvaluation, honoured_by_bond_forces
-from .model import BindableForce
+from .bond_force import ForceSurrogate
 from .protocol import CompiledBondForce, Domain
-from .settings import ForceSettings
 
 
-class AnalyticBondForce(BindableForce):
+class AnalyticBondForce(ForceSurrogate):
     """Exact bond force of a material law.
 
     Parameters
@@ -27,7 +24,6 @@ class AnalyticBondForce(BindableForce):
     domain: Domain | None = None
     gives_transverse = True
     default_precision = "float64"
-    honours = honoured_by_bond_forces(gives_transverse=True, has_domain=False)
 
     def __init__(self, law: Law | None = None) -> None:
         self.law = law or NeoHookean()
@@ -42,13 +38,6 @@ class AnalyticBondForce(BindableForce):
     def compiled(self, dtype) -> CompiledBondForce:
         """Block function of the exact bond force, whose law the bond pass supplies."""
         return CompiledBondForce(analytic_bond_force(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
-
-    def check_material(self, law: Law) -> None:
-        """Every law has its exact bond force."""
-
-    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
-        """The evaluation on a body."""
-        return BondForceEvaluation(self, body, law, settings)
 
 
 def bond_arrays(stretch, rotation, length, C33, J) -> list[np.ndarray]:

@@ -11,13 +11,13 @@ from ..body import Body
 from ..kernels import ba_nosb
 from ..kernels.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..materials import Law
-from .kinematics import Kinematics, at_point, locate
-from .model import BindableForce
-from .protocol import InvalidState
+from .evaluation import Evaluation
+from .kinematics import at_point, locate
+from .protocol import ForceModel, InvalidState
 from .settings import ForceSettings
 
 
-class BANOSBForce(BindableForce):
+class BANOSBForce(ForceModel):
     """BA-NOSB PD: one deformation gradient a bond, over the points that both its ends' horizons share.  No zero-energy modes."""
 
     name = "ba-nosb"
@@ -25,22 +25,22 @@ class BANOSBForce(BindableForce):
     honours: ClassVar = {"precision": ("float64",), "correction": ("none",)}
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BANOSBEvaluation:
-        """The evaluation on a body."""
-        return BANOSBEvaluation(body, law)
+        return BANOSBEvaluation(body, law, settings)
 
 
-class BANOSBEvaluation:
-    """BA-NOSB bound to a body."""
+class BANOSBEvaluation(Evaluation):
+    """BA-NOSB bound to a body; the points' own deformation gradients are no part of it, and formed only where they are asked for.
 
-    precision = "float64"
-    correction = "none"
-    fraction_outside = 0.0
+    Attributes
+    ----------
+    bond_vectors : ndarray, shape (n_bonds, 2)
+        What the stress of every directed bond is multiplied with, those of the ghosts after the points'.
+    bond_forces : ndarray, shape (n_bonds, 2)
+        The product in the state last evaluated, over the shear modulus.
+    """
 
-    def __init__(self, body: Body, law: Law) -> None:
-        self.body, self.law = body, law
-        self.evaluations = 0
-        # The points' own deformation gradients are not part of the method: they are formed for output alone, on request.
-        self.kinematics = Kinematics(body, law, "float64")
+    def __init__(self, body: Body, law: Law, settings: ForceSettings) -> None:
+        super().__init__(body, law, "float64", "none", settings)
         bonds, points, volumes = body.bonds, body.all_points, body.all_volumes
         n, total = len(body), len(points)
 
@@ -91,7 +91,7 @@ class BANOSBEvaluation:
             if count:
                 self._common = np.empty(int(self._common_pointers[-1]), dtype=np.uint16)
         direction = points[self._targets] - points[owners]
-        self._vectors = np.ascontiguousarray(direction * body.weigh(np.linalg.norm(direction, axis=1))[:, None])
+        self.bond_vectors = np.ascontiguousarray(direction * body.weigh(np.linalg.norm(direction, axis=1))[:, None])
         self._inverse_shapes = np.empty((len(owners), 3))
         ba_nosb.bond_references(
             points,
@@ -105,17 +105,17 @@ class BANOSBEvaluation:
             self._common,
             horizon_volumes,
             self._inverse_shapes,
-            self._vectors,
+            self.bond_vectors,
         )
-        chunks = self.kinematics.chunks
+        chunks = self._kinematics.chunks
         longest = int(np.diff(self._table_pointers).max())
         self._volume_ratios = np.ones(len(owners))
         self._tables = aligned_rows((chunks, longest, 4))
         self._sums = aligned_rows((chunks, BLOCK, 4), value=1)
         self._scratch = aligned_rows((chunks, SCRATCH_ROWS + 4, BLOCK), value=1)
-        self._forces = np.empty((len(owners), 2))
+        self.bond_forces = np.empty((len(owners), 2))
         self._find_forces = ba_nosb.ba_nosb_forces.bind(
-            self.kinematics.positions,
+            self._kinematics.positions,
             self._table_pointers,
             self._table,
             self._table_weights,
@@ -123,22 +123,21 @@ class BANOSBEvaluation:
             self._common_pointers,
             self._common,
             self._inverse_shapes,
-            self._vectors,
+            self.bond_vectors,
             self._volume_ratios,
-            self.kinematics.response.address,
-            self.kinematics.parameters,
+            self._kinematics.response.address,
+            self._kinematics.parameters,
             self._tables,
             self._sums,
             self._scratch,
-            self._forces,
+            self.bond_forces,
             chunks=chunks,
         )
-        sums = self._forces, self._bond_pointers, self._reverse, law.shear_modulus
+        sums = self.bond_forces, self._bond_pointers, self._reverse, law.shear_modulus
         self._sum_forces = ba_nosb.sum_bond_forces[2].bind(*sums, np.empty_like(body.points), chunks=chunks)
 
-    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        self.evaluations += 1
-        self.kinematics.place(positions)
+    def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
+        self._kinematics.place(positions)
         unsolved, strange = self.pass_bonds(out)
         if unsolved:
             self._volume_ratios[:] = 1.0
@@ -148,7 +147,7 @@ class BANOSBEvaluation:
 
     def _diagnose(self) -> str:
         """Say which bond has no state: that of the least det F, formed anew for all of them."""
-        body, positions = self.body, self.kinematics.positions
+        body, positions = self.body, self._kinematics.positions
         owners = np.repeat(np.arange(len(positions)), np.diff(self._bond_pointers).astype(np.int64))
         bonds = np.repeat(np.arange(len(owners)), np.diff(self._common_pointers).astype(np.int64))
         entries = self._table_pointers[owners[bonds]].astype(np.int64) + self._common
@@ -174,25 +173,15 @@ class BANOSBEvaluation:
         self._sum_forces.give("out", out)
         return unsolved, self._sum_forces()
 
-    def break_bonds(self, pairs: np.ndarray) -> None:
-        """Refused: its bonds do not break."""
-        self.kinematics.break_bonds(pairs)
-
     def state_arrays(self) -> dict[str, np.ndarray]:
-        """See `InternalForce`."""
-        return {**self.kinematics.state_arrays(), "bond_volume_ratios": self._volume_ratios}
-
-    def move_plane(self, plane: int, displacement) -> None:
-        """Displace a reflection plane of the body."""
-        self.kinematics.move_plane(plane, displacement)
+        return {**super().state_arrays(), "bond_volume_ratios": self._volume_ratios}
 
     def pair_forces(self) -> np.ndarray:
-        """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2)."""
         bonds, n = self.body.bonds, len(self.body)
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
         forward = np.flatnonzero(owners == bonds.first[bonds.pair_of])
         forces = np.empty((len(bonds.first), 2))
-        forces[bonds.pair_of[forward]] = self._forces[forward] - self._forces[self._reverse[forward]]
+        forces[bonds.pair_of[forward]] = self.bond_forces[forward] - self.bond_forces[self._reverse[forward]]
         return self.law.shear_modulus * forces
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,47 +16,81 @@ from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import point_forces, sum_moments, weigh_moments
-from ..materials import Law
-from .domain_counter import DomainCounter
-from .energy_density import AnalyticEnergyDensity, EnergyDerivatives, EnergySurrogate, blended, domain_constants
-from .kinematics import Kinematics, at_point, locate
-from .model import BindableForce
-from .protocol import InvalidState, Release
+from ..materials import Law, plane_stress
+from .energy_density import EnergyDerivatives, blended, domain_constants
+from .evaluation import ModelEvaluation
+from .kinematics import at_point, locate
+from .protocol import CompiledBondForce, Domain, ForceModel, InvalidState, Release
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ForceSettings
 
-HONOURED = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,)}
-"""Settings that an energy honours: it is exact on incomplete horizons, and its invariants know no rotation."""
-
-HONOURED_WITH_DOMAIN = {**HONOURED, "outside": tuple(OUTSIDE_POLICIES)}
-"""The same for a learnt energy, whose domain bonds can leave."""
+if TYPE_CHECKING:
+    from .tangent import Tangent
 
 
-class BondEnergyForce(AnalyticEnergyDensity, BindableForce):
-    """Forces that are the gradient of a sum of bond energies, with the exact plane-stress energy of any law."""
+class EnergySurrogate(ForceModel):
+    """A force model that maps the invariants of a bond's deformation gradient to its energy: a surrogate, or the exact energy.
 
-    name = "bond-energy"
-    honours = HONOURED
+    Attributes
+    ----------
+    domain : Domain or None
+        Where it was trained, as bounds of the principal stretches; None if it holds everywhere.
+    default_precision : str
+    """
+
+    domain: Domain | None
+    default_precision: str
+
+    @property
+    def honours(self) -> Mapping[str, tuple]:
+        # It is exact on incomplete horizons, and its invariants know no rotation.
+        honours = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,)}
+        return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
-        """The evaluation on a body."""
         return BondEnergyEvaluation(self, body, law, settings)
 
+    @abstractmethod
+    def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
+        """Energy and derivatives in NumPy, for checking and for the tangent."""
 
-class BondEnergyEvaluation(DomainCounter):
+    @abstractmethod
+    def compiled(self, dtype) -> CompiledBondForce:
+        """Energy and first derivatives for the pass over the pairs (`pdsurrogate.kernels.energy_density`)."""
+
+
+class BondEnergyForce(EnergySurrogate):
+    """The exact plane-stress energy of any law, C33 solved in every evaluation."""
+
+    name = "bond-energy"
+    domain = None
+    default_precision = "float64"
+
+    def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
+        return EnergyDerivatives(*plane_stress.energy_derivatives(law, trace, area_ratio))
+
+    def compiled(self, dtype) -> CompiledBondForce:
+        """Block function of the exact energy, whose law the pass supplies."""
+        return CompiledBondForce(analytic_energy_density(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
+
+
+class BondEnergyEvaluation(ModelEvaluation):
     """An energy bound to a body: gradient pass, a pass over each pair once, and the sums to points.
 
     The energy is that of the body's own points: of a pair with a ghost, the point's share counts and the ghost's, which lies beyond the
     grip, does not.  Ghosts are functions of the points they mirror, so what the energy says about a ghost is handed on to that point.
+
+    Attributes
+    ----------
+    bond_shares : ndarray, shape (n_bonds,)
+        Volume of its point that every directed bond stands for.
+    bond_weights : ndarray, shape (n_pairs,)
+        Volume beta that the energy of every pair counts for; zero of those that carry nothing.
     """
 
-    correction = "none"
+    has_energy = True
 
     def __init__(self, model: EnergySurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
-        model.check_material(law)
-        self.body, self.law = body, law
-        self.precision = settings.precision or model.default_precision
-        super().__init__(model, settings.outside, len(body.bonds.first), "energy", "energy")
-        self.kinematics = Kinematics(body, law, self.precision, breakable=settings.breakable)
+        super().__init__(model, body, law, "none", settings, "energy", "energy")
         bonds, n, total = body.bonds, len(body), len(body.all_points)
         self._first, self._second = bonds.ends_in_blocks(BLOCK)
         size = len(self._first)
@@ -63,7 +99,7 @@ class BondEnergyEvaluation(DomainCounter):
         length = np.linalg.norm(vectors, axis=1)
         self._strength = body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
         self._intact = np.ones(self._n_pairs, dtype=bool)
-        self._weights = np.zeros(self._n_pairs)
+        self.bond_weights = np.zeros(self._n_pairs)
         self.geometry = aligned_rows((blocks, 4, BLOCK), self.precision)
         rows = np.zeros((4, size))
         rows[:3, : self._n_pairs] = vectors[:, 0] / length, vectors[:, 1] / length, 1 / length
@@ -85,7 +121,7 @@ class BondEnergyEvaluation(DomainCounter):
         self._ghost_pointers[1:] = np.cumsum(np.bincount(bonds.neighbours[towards] - n, minlength=total - n))
         # In the precision of the points' own: another would have `point_forces` compiled a second time.
         self._ghost_weighted_bonds = aligned_rows((len(towards), 2), self.precision)
-        self._counted, self._shares = np.zeros(self._n_pairs), np.zeros(len(bonds.neighbours))
+        self._counted, self.bond_shares = np.zeros(self._n_pairs), np.zeros(len(bonds.neighbours))
         self._weigh_pairs(np.arange(self._n_pairs))
 
         compiled = model.compiled(self.precision)
@@ -94,7 +130,7 @@ class BondEnergyEvaluation(DomainCounter):
         domain = model.domain
         self._guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(self.outside, bond_energy.COUNTED) if domain else UNGUARDED
         self._domain = domain_constants(domain, self.precision) if domain else np.zeros(bond_energy.DOMAIN_SIZE, self.precision)
-        chunks = self.kinematics.chunks
+        chunks = self._kinematics.chunks
         self._buffers = aligned_rows((chunks, bond_energy.BUFFER_ROWS, BLOCK), self.precision)
         self._sums = aligned_rows((chunks, 4, BLOCK))
         self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), self.precision)
@@ -106,8 +142,8 @@ class BondEnergyEvaluation(DomainCounter):
         self._stresses = aligned_rows((total, 4))
         self._node_parts, self._all_forces = np.zeros((total, 2)), np.zeros((total, 2))
         self._find_energies = bond_energy.pair_energies.bind(
-            self.kinematics.positions,
-            self.kinematics.gradients,
+            self._kinematics.positions,
+            self._kinematics.gradients,
             self._first,
             self._second,
             self.geometry,
@@ -115,14 +151,14 @@ class BondEnergyEvaluation(DomainCounter):
             compiled.sizes,
             compiled.weights,
             self._exact.address,
-            self.kinematics.response.address,
-            self.kinematics.parameters,
+            self._kinematics.response.address,
+            self._kinematics.parameters,
             self._guard,
             self._domain,
             self._buffers,
             self._sums,
             self._work,
-            self.kinematics.scratch,
+            self._kinematics.scratch,
             self._counts,
             self._energies,
             self._forces,
@@ -131,9 +167,9 @@ class BondEnergyEvaluation(DomainCounter):
         )
         self._own_sums = self.sums_of(self._forces, self._moments)
 
-    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        self.evaluations += 1
-        self.kinematics.update_gradients(positions)
+    def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
+        self._kinematics.place(positions)
+        self._kinematics.form_gradients()
         outside, invalid, strange = self.pass_bonds(out)
         self._report_outside(outside)
         if invalid or not np.isfinite(self._energy):
@@ -157,7 +193,7 @@ class BondEnergyEvaluation(DomainCounter):
         What falls to a ghost goes to the point behind it.  Called with the array to write to, it returns the number of points and ghosts
         without a force.
         """
-        body, bonds, ghosts, kinematics = self.body, self.body.bonds, self.body.ghosts, self.kinematics
+        body, bonds, ghosts, kinematics = self.body, self.body.bonds, self.body.ghosts, self._kinematics
         n, chunks = len(body), kinematics.chunks
         pairs = self._pair_pointers, self._incidence_pointers, self._incidence
         gather = sum_moments[2].bind(moments, *pairs, self._stresses, chunks=chunks)
@@ -184,19 +220,10 @@ class BondEnergyEvaluation(DomainCounter):
         return to_points
 
     def energy(self) -> float:
-        """Stored energy per unit thickness in the state last evaluated."""
         return self.law.shear_modulus * self._energy
 
-    def state_arrays(self) -> dict[str, np.ndarray]:
-        """See `InternalForce`."""
-        return self.kinematics.state_arrays()
-
-    def move_plane(self, plane: int, displacement) -> None:
-        """Displace a reflection plane of the body."""
-        self.kinematics.move_plane(plane, displacement)
-
     def mean_stress(self) -> np.ndarray:
-        """Volume mean of the bonds' first Piola-Kirchhoff stress, the derivative of the energy by a homogeneous F; shape (2, 2)."""
+        # Of the bonds' own stresses: the derivative of the energy by a homogeneous F.
         bonds, points = self.body.bonds, self.body.all_points
         vectors = points[bonds.second] - points[bonds.first]
         along = self._forces[: self._n_pairs].astype(float).T @ vectors
@@ -205,10 +232,9 @@ class BondEnergyEvaluation(DomainCounter):
         return self.law.shear_modulus * (along + across) / self.body.volumes.sum()
 
     def pair_forces(self) -> np.ndarray:
-        """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2).
+        """The pair's own part, and what the two ends' S exert along it.
 
-        The pair's own part, and what the two ends' S exert along it.  Of a pair with a ghost, that includes what the energy of the
-        mirrored pair says about the ghost of this point.
+        Of a pair with a ghost, that includes what the energy of the mirrored pair says about the ghost of this point.
         """
         bonds, body, n = self.body.bonds, self.body, len(self.body)
         ghosts = body.ghosts
@@ -238,8 +264,9 @@ class BondEnergyEvaluation(DomainCounter):
         return outer[order[np.searchsorted(keys[order], partner[0] * total + partner[1])]]
 
     def bond_columns(self) -> tuple[np.ndarray, np.ndarray]:
-        """C = F_ij n and e = F_ij m of every pair with the deformation gradients last formed, shape (n_pairs, 2) each."""
-        kinematics, bonds, body = self.kinematics, self.body.bonds, self.body
+        """C = F_ij n and e = F_ij m of every pair at the positions last given, shape (n_pairs, 2) each."""
+        kinematics, bonds, body = self._kinematics, self.body.bonds, self.body
+        kinematics.form_gradients()
         vectors = body.all_points[bonds.second] - body.all_points[bonds.first]
         length = np.linalg.norm(vectors, axis=1)[:, None]
         m = np.stack([-vectors[:, 1], vectors[:, 0]], axis=1) / length
@@ -252,43 +279,80 @@ class BondEnergyEvaluation(DomainCounter):
         found = model.energy_derivatives(self.law, trace, area_ratio)
         if domain is None or self.outside != "fallback":
             return found
-        exact = AnalyticEnergyDensity().energy_derivatives(self.law, trace, area_ratio)
+        exact = BondEnergyForce().energy_derivatives(self.law, trace, area_ratio)
         return blended(found, exact, domain, trace, area_ratio)
 
-    def tangent(self, positions: np.ndarray):
-        """The second derivative of the energy at positions of the points; see `pdsurrogate.forces.tangent.Tangent`."""
+    @property
+    def has_tangent(self) -> bool:
+        # Rounding in single precision would be most of what differences of the energy leave.
+        return self.precision == "float64"
+
+    def tangent(self, positions: np.ndarray) -> Tangent:
         from .tangent import Tangent
 
         return Tangent(self, positions)
 
-    def break_bonds(self, pairs: np.ndarray) -> Release:
-        """Take pairs out of the horizons, the deformation gradients and the sum of energies.
+    def tangent_pass(self, linearised: np.ndarray) -> Callable[[np.ndarray, np.ndarray], None]:
+        """What multiplies the tangent by displacements of the points.
+
+        Parameters
+        ----------
+        linearised : ndarray, shape (n_blocks, 9, BLOCK)
+            See `pdsurrogate.kernels.bond_energy.pair_tangents`.
+
+        Returns
+        -------
+        callable
+            Called with displacements (n, 2), it writes minus the tangent times them to its second argument.
+        """
+        ghosts, n, chunks = self.body.ghosts, len(self.body), self._kinematics.chunks
+        changes, gradients = np.zeros_like(self.positions), np.zeros_like(self._kinematics.gradients)
+        forces, moments = np.zeros(self._forces.shape), np.zeros(self._moments.shape)
+        form, to_points = self._kinematics.gradient_pass(changes, gradients, 0.0), self.sums_of(forces, moments)
+        bonds, memory = (self._first, self._second, self.geometry), (self._buffers, self._sums)
+        find = bond_energy.pair_tangents.bind(changes, gradients, *bonds, linearised, *memory, forces, moments, chunks=chunks)
+
+        def multiply(displacements: np.ndarray, out: np.ndarray) -> None:
+            changes[:n] = displacements
+            ghosts.fill_displacements(changes)
+            form()
+            ghosts.fill_changes(gradients)
+            find()
+            to_points(out)
+
+        return multiply
+
+    def gradient_weights(self) -> np.ndarray:
+        """Weights of the neighbours' positions in the points' F, K^-1 w x V_j of every directed bond, shape (n_bonds, 2)."""
+        return self._kinematics.gradient_weights()
+
+    def take_out(self, pairs: np.ndarray) -> Release:
+        """Of the horizons, the deformation gradients and the sum of energies.
 
         Returns
         -------
         Release
             What they had held, at the positions last placed; nothing where the body has no finite energy before or after.
         """
-        self.kinematics.check_breakable()
         forces, remaining = np.zeros_like(self.body.points), np.zeros_like(self.body.points)
         before = self._energy_at_present(forces)
         self._intact[pairs] = False
-        self._weigh_pairs(self.kinematics.break_bonds(pairs))
+        self._weigh_pairs(self._kinematics.break_bonds(pairs))
         energy, forces = before - self._energy_at_present(remaining), forces - remaining
         if not (np.isfinite(energy) and np.isfinite(forces).all()):
             return Release(0.0, np.zeros_like(forces))
         return Release(energy, forces)
 
     def collapsed_pairs(self) -> np.ndarray:
-        """Numbers of the pairs that were turned inside out in the last evaluation, or pressed below a third of their area."""
+        """Of the pairs that were turned inside out, or pressed below a third of their area."""
         if not self._collapsed:
             return np.empty(0, dtype=np.int64)
         c, e = self.bond_columns()
-        return np.flatnonzero((self._weights > 0) & ~(c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0] > bond_energy.COLLAPSED))
+        return np.flatnonzero((self.bond_weights > 0) & ~(c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0] > bond_energy.COLLAPSED))
 
     def _energy_at_present(self, out: np.ndarray) -> float:
         """Energy at the positions last placed, NaN where there is none; forces to `out`."""
-        self.kinematics.update_gradients(self.kinematics.positions[: len(self.body)].copy())
+        self._kinematics.form_gradients()
         _, invalid, _ = self.pass_bonds(out)
         return np.nan if invalid else self.energy()
 
@@ -298,7 +362,7 @@ class BondEnergyEvaluation(DomainCounter):
         Of a pair with a ghost only the point's share counts.
         """
         bonds, body, n = self.body.bonds, self.body, len(self.body)
-        supported = self.kinematics.supported.astype(bool)
+        supported = self._kinematics.supported.astype(bool)
         # A point without support has no gradient; its bonds carry nothing, and so take no share of the other end's volume either.
         carries = self._intact[pairs] & supported[bonds.first[pairs]] & supported[bonds.second[pairs]]
         self._counted[pairs] = np.where(carries, self._strength[pairs], 0.0)
@@ -308,19 +372,19 @@ class BondEnergyEvaluation(DomainCounter):
         entries = np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
         around = np.unique(bonds.pair_of[entries])
         directed = bonds.pointers, bonds.neighbours, bonds.pair_of
-        bond_shares[2](touched, *directed, body.all_points, body.volumes, self._counted, body.horizon, self._shares)
-        entries, starts = self.kinematics.pair_entries
+        bond_shares[2](touched, *directed, body.all_points, body.volumes, self._counted, body.horizon, self.bond_shares)
+        entries, starts = self._kinematics.pair_entries
         one, other = entries[starts[around]], entries[starts[around + 1] - 1]
-        self._weights[around] = self._shares[one] + np.where(other != one, self._shares[other], 0.0)
-        self.geometry[around // BLOCK, 3, around % BLOCK] = self._weights[around]
-        bond, volumes = self.kinematics.weighted_bonds[self._ghost_bonds], body.all_volumes
+        self.bond_weights[around] = self.bond_shares[one] + np.where(other != one, self.bond_shares[other], 0.0)
+        self.geometry[around // BLOCK, 3, around % BLOCK] = self.bond_weights[around]
+        bond, volumes = self._kinematics.weighted_bonds[self._ghost_bonds], body.all_volumes
         ratio = volumes[self._ghost_neighbours] / volumes[bonds.neighbours[self._ghost_bonds]]
         self._ghost_weighted_bonds[:] = -bond * ratio[:, None]
 
     def _diagnose(self) -> str:
         """Say which bond has no energy, and why."""
         c, e = self.bond_columns()
-        bonds, alive = self.body.bonds, self._weights > 0
+        bonds, alive = self.body.bonds, self.bond_weights > 0
         J = c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0]
         broken = alive & ~np.isfinite(J)
         if broken.any():
@@ -332,25 +396,9 @@ class BondEnergyEvaluation(DomainCounter):
         trace = (c * c).sum(axis=1) + (e * e).sum(axis=1)
         for pair in np.argsort(np.where(alive, -trace, np.inf))[:100]:
             try:
-                AnalyticEnergyDensity().energy_derivatives(self.law, trace[[pair]], J[[pair]])
+                BondEnergyForce().energy_derivatives(self.law, trace[[pair]], J[[pair]])
             except ValueError as error:
                 return at_point(self.body, int(bonds.first[pair]), str(error))
         worst = int(np.where(alive, trace, -np.inf).argmax())
         what = f"one of the bonds has no energy; of the most strained one, tr C = {trace[worst]:.4g} and det F = {J[worst]:.4g}"
         return at_point(self.body, int(bonds.first[worst]), what)
-
-    def change_pass(self, changes: np.ndarray, gradients: np.ndarray) -> Callable[[np.ndarray], None]:
-        """What forms the changes of all F under displacements of the points, the linear part of `Kinematics.update_gradients`.
-
-        Called with displacements (n, 2), it writes those of points and ghosts to `changes`, and the changes of F to `gradients`.
-        """
-        ghosts, n = self.body.ghosts, len(self.body)
-        form = self.kinematics.gradient_pass(changes, gradients, 0.0)
-
-        def change(displacements: np.ndarray) -> None:
-            changes[:n] = displacements
-            ghosts.fill_displacements(changes)
-            form()
-            ghosts.fill_changes(gradients)
-
-        return change

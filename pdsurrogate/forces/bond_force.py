@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,39 +13,74 @@ from ..kernels.analytic import analytic_bond_force
 from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.sums import sum_pair_forces
 from ..materials import Law
-from .domain_counter import DomainCounter
-from .kinematics import Kinematics, at_point, locate
-from .protocol import EVERYWHERE, ForceSurrogate, InvalidState
+from .evaluation import ModelEvaluation
+from .kinematics import at_point, locate
+from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel, InvalidState
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, ForceSettings
 from .surrogate_thickness import SurrogateThickness
 
 
-def honoured_by_bond_forces(gives_transverse: bool, has_domain: bool) -> Mapping[str, tuple]:
-    """The settings that `BondForceEvaluation` honours, see `pdsurrogate.forces.model.BindableForce`.
+class ForceSurrogate(ForceModel):
+    """A force model that maps bond quantities to the force of the bond: a surrogate, or the exact map.
 
-    Parameters
+    Attributes
     ----------
+    features : tuple of str
+        What the model sees of a bond.
+    domain : Domain or None
+        Where it was trained; None if it holds everywhere.
     gives_transverse : bool
-        Whether the model knows T_mm, which the tensor correction needs.
-    has_domain : bool
-        Whether bonds can be outside a domain.
+        Whether it knows T_mm, which the tensor correction needs.
+    default_precision : str
     """
-    corrections = tuple(name for name in reference_state.CORRECTIONS if gives_transverse or name != "tensor")
-    honours = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,)}
-    return honours | ({"outside": tuple(OUTSIDE_POLICIES)} if has_domain else {})
+
+    features: tuple[str, ...]
+    domain: Domain | None
+    gives_transverse: bool
+    default_precision: str
+
+    @property
+    def honours(self) -> Mapping[str, tuple]:
+        corrections = tuple(name for name in reference_state.CORRECTIONS if self.gives_transverse or name != "tensor")
+        honours = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,)}
+        return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
+
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
+        return BondForceEvaluation(self, body, law, settings)
+
+    @abstractmethod
+    def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
+        """Dimensionless bond force, theory (9), in NumPy, for checking.
+
+        Parameters
+        ----------
+        stretch : array_like, shape (n,)
+            lambda_b.
+        rotation : array_like, shape (n,)
+            dtheta in radians: turn of the bond relative to its horizon, counter-clockwise.
+        length : array_like, shape (n,)
+            l_b/delta.
+        C33 : array_like, shape (n,)
+        J : array_like, shape (n,)
+            det F in the plane.
+
+        Returns
+        -------
+        ndarray, shape (n, 2)
+            t_n and t_tau, along and across the deformed bond, times kappa/(w l mu).
+        """
+
+    @abstractmethod
+    def compiled(self, dtype) -> CompiledBondForce:
+        """The same for the bond pass, in the given precision."""
 
 
-class BondForceEvaluation(DomainCounter):
+class BondForceEvaluation(ModelEvaluation):
     """A bond-force model bound to a body: node pass, bond pass over each pair once, and the sum to points."""
 
     def __init__(self, model: ForceSurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
-        model.check_material(law)
-        self.body, self.law = body, law
-        self.precision = settings.precision or model.default_precision
-        self.correction = settings.correction or ("tensor" if model.gives_transverse else "scalar")
-        super().__init__(model, settings.outside, len(body.bonds.first), "force", "bond force")
-        self.kinematics = Kinematics(body, law, self.precision, settings.rotation, settings.breakable)
-
+        correction = settings.correction or ("tensor" if model.gives_transverse else "scalar")
+        super().__init__(model, body, law, correction, settings, "force", "bond force")
         bonds = body.bonds
         self._first, self._second = bonds.ends_in_blocks(BLOCK)
         blocks = len(self._first) // BLOCK
@@ -57,19 +93,20 @@ class BondForceEvaluation(DomainCounter):
         if not settings.breakable:
             self._strength = None
         if law.costly and model.domain is not None and model.gives_transverse:
-            self.kinematics.surrogate_thickness = SurrogateThickness(compiled, model.domain, law, self.precision, self.kinematics.chunks)
+            self.learnt_thickness = True
+            self._kinematics.surrogate_thickness = SurrogateThickness(compiled, model.domain, law, self.precision, self._kinematics.chunks)
         self._exact = analytic_bond_force(self.precision)
         self._guard = OUTSIDE_POLICIES[self.outside] if model.domain is not None else bond_force.UNGUARDED
         domain = EVERYWHERE if model.domain is None or self.outside == "extrapolate" else model.domain
         within = domain.interior if self.outside == "fallback" else domain
         self._domain = np.stack([domain.limits(self.precision), within.limits(self.precision)])
-        chunks = self.kinematics.chunks
+        chunks = self._kinematics.chunks
         self._buffers = aligned_rows((chunks, bond_force.BUFFER_ROWS, BLOCK), self.precision)
         self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), self.precision)
         self._forces = aligned_rows((len(self._first), 2), self.precision)
         self._find_forces = bond_force.pair_forces.bind(
-            self.kinematics.positions,
-            self.kinematics.records,
+            self._kinematics.positions,
+            self._kinematics.records,
             self._first,
             self._second,
             self.geometry,
@@ -77,22 +114,22 @@ class BondForceEvaluation(DomainCounter):
             compiled.sizes,
             compiled.weights,
             self._exact.address,
-            self.kinematics.response.address,
-            self.kinematics.parameters,
+            self._kinematics.response.address,
+            self._kinematics.parameters,
             self._guard,
             self._domain,
             self._buffers,
             self._work,
-            self.kinematics.scratch,
+            self._kinematics.scratch,
             self._forces,
             chunks=chunks,
         )
         sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
         self._sum_forces = sum_pair_forces[2].bind(*sums, law.shear_modulus, np.empty_like(body.points), chunks=chunks)
 
-    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        self.evaluations += 1
-        self.kinematics.update(positions)
+    def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
+        self._kinematics.place(positions)
+        self._kinematics.find_states()
         outside, strange = self.pass_bonds(out)
         self._report_outside(outside)
         if strange:
@@ -104,7 +141,7 @@ class BondForceEvaluation(DomainCounter):
         if len(broken) == 0:
             return locate(self.body, out, "the force on it is not finite")
         i, j = int(self.body.bonds.first[broken[0]]), int(self.body.bonds.second[broken[0]])
-        kinematics, points = self.kinematics, self.body.all_points
+        kinematics, points = self._kinematics, self.body.all_points
         stretch = np.linalg.norm(kinematics.positions[j] - kinematics.positions[i]) / np.linalg.norm(points[j] - points[i])
         J = kinematics.records[[i, j], 2].mean()
         x1, x2 = points[j]
@@ -125,28 +162,18 @@ class BondForceEvaluation(DomainCounter):
             bonds.second,
             body.all_points,
             self._strength,
-            self.kinematics.inverse_shape,
-            self.kinematics.supported,
+            self._kinematics.inverse_shape,
+            self._kinematics.supported,
             reference_state.CORRECTIONS[self.correction],
             body.kappa,
             body.horizon,
             self.geometry,
         )
 
-    def break_bonds(self, pairs: np.ndarray) -> None:
-        """Take pairs out of the horizons, the correction and the forces."""
-        changed = self.kinematics.break_bonds(pairs)
+    def take_out(self, pairs: np.ndarray) -> None:
+        changed = self._kinematics.break_bonds(pairs)
         self._strength[pairs] = 0.0
         self._find_geometry(changed)
 
-    def state_arrays(self) -> dict[str, np.ndarray]:
-        """See `InternalForce`."""
-        return self.kinematics.state_arrays()
-
-    def move_plane(self, plane: int, displacement) -> None:
-        """Displace a reflection plane of the body."""
-        self.kinematics.move_plane(plane, displacement)
-
     def pair_forces(self) -> np.ndarray:
-        """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2)."""
         return self.law.shear_modulus * self._forces[: self._n_pairs].astype(float)

@@ -1,15 +1,12 @@
-"""What a model of the plane-stress energy gives, and the energy of every law as such a model."""
+"""What a model of the plane-stress energy gives, and how a learnt one goes over into the exact one at the edge of its domain."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from ..kernels.energy_density import analytic_energy_density
-from ..materials import Law, plane_stress
-from .protocol import CompiledBondForce, Domain
+from .protocol import Domain
 
 BLEND = 0.1
 """Relative width, in squared stretch, of the band inside the edge of a surrogate's domain over which the exact energy takes over."""
@@ -25,50 +22,6 @@ class EnergyDerivatives:
     by_trace_trace: np.ndarray
     by_trace_area: np.ndarray
     by_area_area: np.ndarray
-
-
-@runtime_checkable
-class EnergySurrogate(Protocol):
-    """A force model that maps the invariants of a bond's deformation gradient to its energy: a surrogate, or the exact energy.
-
-    Attributes
-    ----------
-    name : str
-    domain : Domain or None
-        Where it was trained, as bounds of the principal stretches; None if it holds everywhere.
-    default_precision : str
-    """
-
-    name: str
-    domain: Domain | None
-    default_precision: str
-
-    def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
-        """Energy and derivatives in NumPy, for checking and for the tangent."""
-
-    def compiled(self, dtype) -> CompiledBondForce:
-        """Energy and first derivatives for the pass over the pairs (`pdsurrogate.kernels.energy_density`)."""
-
-    def check_material(self, law: Law) -> None:
-        """Raise ValueError if the model does not describe this material."""
-
-
-class AnalyticEnergyDensity:
-    """The energy of a law under plane stress, C33 solved in every evaluation."""
-
-    domain: Domain | None = None
-    default_precision = "float64"
-
-    def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
-        """See `EnergySurrogate`."""
-        return EnergyDerivatives(*plane_stress.energy_derivatives(law, trace, area_ratio))
-
-    def compiled(self, dtype) -> CompiledBondForce:
-        """See `EnergySurrogate`; the law is supplied by the pass."""
-        return CompiledBondForce(analytic_energy_density(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
-
-    def check_material(self, law: Law) -> None:
-        """Every law has its exact energy."""
 
 
 def domain_constants(domain: Domain, dtype) -> np.ndarray:

@@ -10,8 +10,8 @@ from ..kernels.compile import call_block, kernel
 from ..kernels.energy_density import ENERGY_ROWS
 from ..materials import Law, plane_stress
 from .analytic import bond_arrays
-from .energy_density import EnergySurrogate
-from .protocol import ForceSurrogate
+from .bond_energy import EnergySurrogate
+from .bond_force import ForceSurrogate
 
 
 def kernel_tractions(model: ForceSurrogate, law: Law, dtype, stretch, rotation, length, C33, J) -> np.ndarray:

@@ -31,8 +31,6 @@ class Kinematics:
         Of the node records and the weighted bonds; positions, gradients and what is summed are double.
     rotation : {"polar", "convected"}, optional
         In the node records, which only bond forces read.
-    breakable : bool
-        Whether bonds may break.
 
     Attributes
     ----------
@@ -48,12 +46,14 @@ class Kinematics:
         w x V_j of every directed bond, zero where broken.
     inverse_shape : ndarray, shape (n + m, 3)
         K^-1 as (11, 12, 22), zero where the bonds do not span the plane.
+    supported : ndarray of uint8, shape (n + m,)
+        1 where the bonds span the plane.
     surrogate_thickness : SurrogateThickness or None
         What solves the plane-stress condition in the place of the law.
     """
 
-    def __init__(self, body: Body, law: Law, precision: str, rotation: str | None = None, breakable: bool = False) -> None:
-        self.body, self.law, self._breakable = body, law, breakable
+    def __init__(self, body: Body, law: Law, precision: str, rotation: str | None = None) -> None:
+        self.body, self.law = body, law
         bonds, points = body.bonds, body.all_points
         n, total = len(body), len(points)
         self.chunks = threads_in_use()
@@ -71,6 +71,7 @@ class Kinematics:
         self._find_shapes(np.arange(n, dtype=np.uint32))
 
         self.positions = points.copy()
+        self._formed = self._found = False
         self._plane_displacements = np.zeros((len(body.planes), dimension))
         self._shifts = body.ghosts.shifts(body.points, self._plane_displacements)
         self.gradients = aligned_rows((total, dimension * dimension))
@@ -96,7 +97,6 @@ class Kinematics:
         )
         body.ghosts.fill_shapes(self.inverse_shape)
         body.ghosts.fill(self.supported)
-        self.unsupported = np.flatnonzero(self.supported[: len(body)] == 0)
 
     def break_bonds(self, pairs: np.ndarray) -> np.ndarray:
         """Take pairs out of their ends' horizons.
@@ -106,28 +106,19 @@ class Kinematics:
         ndarray
             All pairs at which anything changed: those of every point that lost a bond, and of its images.
         """
-        self.check_breakable()
         bonds, n = self.body.bonds, len(self.body)
         entries, starts = self.pair_entries
         self.weighted_bonds[np.concatenate([entries[starts[pairs]], entries[starts[pairs + 1] - 1]])] = 0.0
         ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
         touched = np.unique(ends[ends < n])
         self._find_shapes(touched)
+        self._formed = self._found = False
         reached = np.zeros(len(self.body.all_points), dtype=bool)
         reached[touched] = True
         self.body.ghosts.fill(reached)
         outer = self._outer_pairs
         own = [bonds.pair_of[bonds.pointers[i] : bonds.pointers[i + 1]] for i in touched]
         return np.unique(np.concatenate([*own, outer[reached[bonds.second[outer]]]]))
-
-    def check_breakable(self) -> None:
-        """Raise ValueError if the force was bound without bonds that may break."""
-        if not self._breakable:
-            raise ValueError("this force was bound without bonds that break; bind it with ForceSettings(breakable=True)")
-
-    def state_arrays(self) -> dict[str, np.ndarray]:
-        """What an evaluation starts from beside positions and broken bonds, see `InternalForce`."""
-        return {"volume_ratios": self.volume_ratios}
 
     @cached_property
     def pair_entries(self) -> tuple[np.ndarray, np.ndarray]:
@@ -142,6 +133,12 @@ class Kinematics:
         """Numbers of the pairs with an image."""
         return np.flatnonzero(self.body.bonds.second >= len(self.body)).astype(np.uint32)
 
+    def gradient_weights(self) -> np.ndarray:
+        """K^-1 w x V_j of every directed bond, shape (n_bonds, 2)."""
+        pointers = self.body.bonds.pointers
+        owners = np.repeat(np.arange(len(self.body)), np.diff(pointers).astype(np.int64))
+        return np.einsum("bij,bj->bi", self.inverse_shape[owners][:, [[0, 1], [1, 2]]], self.weighted_bonds)
+
     def gradient_pass(self, positions: np.ndarray, gradients: np.ndarray, unsupported: float) -> BoundPass:
         """The pass that forms the points' deformation gradients from positions; with `unsupported` 0, changes from displacements."""
         bonds = self.body.bonds
@@ -154,15 +151,33 @@ class Kinematics:
         self._shifts[:] = self.body.ghosts.shifts(self.body.points, self._plane_displacements)
 
     def place(self, positions: np.ndarray) -> None:
-        """Take new positions of the body's points, and move the ghosts with them; nothing else."""
+        """Take new positions of the body's points, and move the ghosts with them; gradients and states follow when they are asked for."""
         self.positions[: len(self.body)] = positions
         self.body.ghosts.fill_positions(self.positions, self._shifts)
+        self._formed = self._found = False
 
-    def update_gradients(self, positions: np.ndarray) -> None:
-        """Take new positions of the body's points, and form the deformation gradients of points and ghosts; nothing else."""
-        self.place(positions)
-        self._form_gradients()
-        self.body.ghosts.fill_gradients(self.gradients)
+    def form_gradients(self) -> None:
+        """Bring the deformation gradients of points and ghosts up to date."""
+        if not self._formed:
+            self._form_gradients()
+            self.body.ghosts.fill_gradients(self.gradients)
+            self._formed = True
+
+    def find_states(self) -> None:
+        """Bring gradients, volume ratios and records up to date.
+
+        Raises
+        ------
+        InvalidState
+            Where det F <= 0, the law ends, or numbers are not finite; names the point.
+        """
+        self.form_gradients()
+        if not self._found:
+            if self._find_states():
+                raise InvalidState(self._diagnose())
+            if self._turn:
+                self._turn()
+            self._found = True
 
     @cached_property
     def _find_states(self) -> Callable[[], int]:
@@ -180,22 +195,9 @@ class Kinematics:
             chunks=self.chunks,
         )
 
-    def update(self, positions: np.ndarray) -> None:
-        """Take new positions of the body's points, and bring everything else up to date.
-
-        Raises
-        ------
-        InvalidState
-            Where det F <= 0, the law ends, or numbers are not finite; names the point.
-        """
-        self.update_gradients(positions)
-        if self._find_states():
-            raise InvalidState(self._diagnose())
-        if self._turn:
-            self._turn()
-
     def deformation_gradients(self) -> np.ndarray:
         """F of the body's points, shape (n, 2, 2)."""
+        self.form_gradients()
         return self.gradients[: len(self.body)].reshape(-1, 2, 2).transpose(0, 2, 1)
 
     def _diagnose(self) -> str:

@@ -9,24 +9,21 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..body import Body
 from ..kernels.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
 from ..kernels.bond_state import lateral_stretch
 from ..kernels.compile import call_block, kernel
 from ..kernels.feature_sets import FEATURE_SETS
 from ..materials import Law
 from .analytic import bond_arrays
-from .bond_force import BondForceEvaluation, honoured_by_bond_forces
-from .model import BindableForce
+from .bond_force import ForceSurrogate
 from .protocol import CompiledBondForce, Domain
-from .settings import ForceSettings
 
 N_OUTPUTS = 2
 """Outputs of every learnt bond force; its feature set says what they mean."""
 
 
 @dataclass(frozen=True)
-class LearntBondForce(BindableForce):
+class LearntBondForce(ForceSurrogate):
     """A learnt map from features of a bond to its dimensionless force.
 
     Parameters
@@ -65,10 +62,6 @@ class LearntBondForce(BindableForce):
         The last `N_OUTPUTS` weights are `at_rest`.
         """
 
-    @abstractmethod
-    def payload(self) -> dict[str, np.ndarray | str]:
-        """Arrays of doubles and names that `from_payload` builds the same model from."""
-
     @classmethod
     @abstractmethod
     def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> LearntBondForce:
@@ -81,11 +74,6 @@ class LearntBondForce(BindableForce):
         """
 
     @property
-    @abstractmethod
-    def size(self) -> str:
-        """The model's size in words, for tables."""
-
-    @property
     def features(self) -> tuple[str, ...]:
         """Names of the features."""
         return FEATURE_SETS[self.feature_set].names
@@ -94,11 +82,6 @@ class LearntBondForce(BindableForce):
     def gives_transverse(self) -> bool:
         """Whether T_mm is known: from coaxiality, or not at all with the paper's features."""
         return FEATURE_SETS[self.feature_set].gives_transverse
-
-    @property
-    def honours(self) -> Mapping[str, tuple]:
-        """The settings that it honours, see `BindableForce`."""
-        return honoured_by_bond_forces(self.gives_transverse, has_domain=True)
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
         """Dimensionless (t_n, t_tau) of theory (9); see `ForceSurrogate.bond_force`."""
@@ -128,10 +111,6 @@ class LearntBondForce(BindableForce):
     def check_material(self, law: Law) -> None:
         """Raise ValueError if the model was not trained for this material."""
         check_described(self, law, law.shape, "analytic")
-
-    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
-        """The evaluation on a body."""
-        return BondForceEvaluation(self, body, law, settings)
 
 
 @kernel

@@ -8,17 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..body import Body
 from ..kernels.activations import ACTIVATIONS, SMOOTH
 from ..kernels.block_arrays import BLOCK
 from ..kernels.energy_density import ENERGY_ROWS, INVARIANT_ROWS, N_CONSTANTS, NETWORK_WORK_ROWS, network_energy_density, pack_network
 from ..materials import Law
-from .bond_energy import HONOURED_WITH_DOMAIN, BondEnergyEvaluation
+from .bond_energy import EnergySurrogate
 from .energy_density import EnergyDerivatives
 from .learnt import check_described, checked_array, evaluate_block
-from .model import BindableForce
 from .protocol import CompiledBondForce, Domain
-from .settings import ForceSettings
 
 ENERGY_FEATURES = ("log J", "log(tr C/(2 J))")
 """What an energy network sees: the logarithms of the area ratio and of cosh(log lambda_1/lambda_2); both vanish at rest."""
@@ -33,7 +30,7 @@ def energy_shape(law: Law) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class EnergyNetwork(BindableForce):
+class EnergyNetwork(EnergySurrogate):
     """A network of one hidden layer for psi(tr C, J), without energy and stress at rest by construction.
 
     Parameters
@@ -63,7 +60,6 @@ class EnergyNetwork(BindableForce):
 
     kind: ClassVar[str] = "energy-network"
     default_precision: ClassVar[str] = "float32"
-    honours: ClassVar[Mapping[str, tuple]] = HONOURED_WITH_DOMAIN
     feature_set: ClassVar[str] = "invariants"
     features: ClassVar[tuple[str, ...]] = ENERGY_FEATURES
 
@@ -123,10 +119,6 @@ class EnergyNetwork(BindableForce):
     def check_material(self, law: Law) -> None:
         """Raise ValueError if the model was not trained for this material."""
         check_described(self, law, energy_shape(law), "bond-energy")
-
-    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
-        """The evaluation on a body."""
-        return BondEnergyEvaluation(self, body, law, settings)
 
     def payload(self) -> dict[str, np.ndarray | str]:
         """Arrays of doubles and names that `from_payload` builds the same model from."""

@@ -10,13 +10,13 @@ from ..body import Body
 from ..kernels import nosb
 from ..kernels.block_arrays import aligned_rows
 from ..materials import Law
-from .kinematics import Kinematics, locate
-from .model import BindableForce
-from .protocol import InvalidState
+from .evaluation import Evaluation
+from .kinematics import locate
+from .protocol import ForceModel, InvalidState
 from .settings import ForceSettings
 
 
-class NOSBForce(BindableForce):
+class NOSBForce(ForceModel):
     """NOSB PD: t_i = w P_i K_i^-1 x.  Exact in homogeneous deformation; blind to modes that leave F alone."""
 
     name = "nosb"
@@ -24,22 +24,15 @@ class NOSBForce(BindableForce):
     honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "breakable": (True,)}
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> NOSBEvaluation:
-        """The evaluation on a body."""
         return NOSBEvaluation(body, law, settings)
 
 
-class NOSBEvaluation:
+class NOSBEvaluation(Evaluation):
     """NOSB bound to a body."""
 
-    precision = "float64"
-    correction = "none"
-    fraction_outside = 0.0
-
     def __init__(self, body: Body, law: Law, settings: ForceSettings) -> None:
-        self.body, self.law = body, law
-        self.evaluations = 0
-        self.kinematics = Kinematics(body, law, "float64", breakable=settings.breakable)
-        kinematics, bonds = self.kinematics, body.bonds
+        super().__init__(body, law, "float64", "none", settings)
+        kinematics, bonds = self._kinematics, body.bonds
         self._stresses = aligned_rows((len(body.all_points), 4))
         self._weigh_stresses = nosb.weighted_stresses[2].bind(
             kinematics.gradients,
@@ -56,9 +49,9 @@ class NOSBEvaluation:
         self._sum_forces = nosb.nosb_forces[2].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
         self._broken = np.zeros(len(body.bonds.first), dtype=bool) if settings.breakable else None
 
-    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        self.evaluations += 1
-        self.kinematics.update(positions)
+    def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
+        self._kinematics.place(positions)
+        self._kinematics.find_states()
         if self.pass_bonds(out):
             raise InvalidState(locate(self.body, out, "the force on it is not finite"))
 
@@ -68,21 +61,11 @@ class NOSBEvaluation:
         self._sum_forces.give("out", out)
         return self._sum_forces()
 
-    def break_bonds(self, pairs: np.ndarray) -> None:
-        """Take pairs out of the horizons, and with them out of the forces."""
-        self.kinematics.break_bonds(pairs)
+    def take_out(self, pairs: np.ndarray) -> None:
+        self._kinematics.break_bonds(pairs)
         self._broken[pairs] = True
 
-    def state_arrays(self) -> dict[str, np.ndarray]:
-        """See `InternalForce`."""
-        return self.kinematics.state_arrays()
-
-    def move_plane(self, plane: int, displacement) -> None:
-        """Displace a reflection plane of the body."""
-        self.kinematics.move_plane(plane, displacement)
-
     def pair_forces(self) -> np.ndarray:
-        """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2)."""
         bonds, body = self.body.bonds, self.body
         bond = body.all_points[bonds.second] - body.all_points[bonds.first]
         factor = body.weigh(np.linalg.norm(bond, axis=1)) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]

@@ -1,10 +1,11 @@
-"""What the solver asks of a force model."""
+"""What solvers, measures, tests and runs may ask of a force model, and of one bound to a body."""
 
 from __future__ import annotations
 
+import time
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -104,43 +105,161 @@ class Release:
     forces: np.ndarray
 
 
-class InternalForce(Protocol):
-    """A force model bound to a body: what a solver calls."""
+class InternalForce(ABC):
+    """A force model bound to a body: all that may be asked of it, and what is answered where a model says nothing else.
 
-    body: Body
-    law: Law
-    evaluations: int
+    `pdsurrogate.forces.evaluation.Evaluation` is the base of those that stand on the deformation gradients of the points.
+
+    Attributes
+    ----------
+    body : Body
+    law : Law
+    precision : {"float32", "float64"}
+        Of the bond pass.
+    correction : str
+        Of incomplete horizons, see `ForceSettings`.
+    breakable : bool
+        Whether `break_bonds` is allowed.
+    has_energy : bool
+        Whether the forces are minus the derivative of an energy, which `energy` gives.
+    has_tangent : bool
+        Whether `tangent` gives the second derivative of that energy.
+    learnt_thickness : bool
+        Whether the points' J3 is found with a learnt force, and not by the law itself.
+    evaluations : int
+        Begun so far.
+    pairs_outside : int
+        Pairs outside the model's domain, summed over all evaluations.
+    seconds : float
+        Spent in `timed` finished evaluations; both may be set back.
+    timed : int
+    """
+
+    has_energy = False
+    has_tangent = False
+    learnt_thickness = False
+
+    def __init__(self, body: Body, law: Law, precision: str, correction: str, breakable: bool) -> None:
+        self.body, self.law, self.precision, self.correction, self.breakable = body, law, precision, correction, breakable
+        self.evaluations, self.pairs_outside = 0, 0
+        self.seconds, self.timed = 0.0, 0
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        """Internal force on every point per unit thickness at positions (n, 2), written to `out` (n, 2)."""
+        """Internal force on every point per unit thickness at positions (n, d), written to `out` (n, d).
 
-    def move_plane(self, plane: int, displacement) -> None:
-        """Displace a reflection plane of the body."""
-
-    def break_bonds(self, pairs: np.ndarray) -> Release | None:
-        """Take pairs out of everything: horizons, corrections and forces.  Needs `ForceSettings.breakable`.
-
-        Says what is released, where the force has an energy.
+        Raises
+        ------
+        InvalidState
+            Where the state has no force; names a point.
+        OutsideDomain
+            If bonds are outside the model's domain, and that was to stop it.
         """
+        self.evaluations += 1
+        began = time.perf_counter()
+        self.evaluate(positions, out)
+        self.seconds += time.perf_counter() - began
+        self.timed += 1
 
+    @abstractmethod
+    def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
+        """What a call does, apart from counting and timing it."""
+
+    @abstractmethod
+    def pass_bonds(self, out: np.ndarray) -> object:
+        """The part of an evaluation that comes after the points' own states, anew in those last found; to time it by itself."""
+
+    @abstractmethod
+    def place(self, positions: np.ndarray) -> None:
+        """Take positions (n, d) for what is asked about the points, without forces; ghosts follow."""
+
+    @abstractmethod
+    def move_plane(self, plane: int, displacement) -> None:
+        """Displace a reflection plane of the body; its ghosts follow when positions are next given."""
+
+    @property
+    @abstractmethod
+    def positions(self) -> np.ndarray:
+        """Of points and ghosts as last given to `place` or a call, shape (n + m, d)."""
+
+    @abstractmethod
+    def deformation_gradients(self) -> np.ndarray:
+        """F of the points at the positions last given, shape (n, d, d)."""
+
+    @abstractmethod
+    def volume_ratios(self) -> np.ndarray:
+        """J3 of the points at the positions last given, shape (n,); raises InvalidState where there is none."""
+
+    @property
+    @abstractmethod
+    def supported(self) -> np.ndarray:
+        """Which points have bonds enough for a deformation gradient, bool, shape (n,); of others F is the identity."""
+
+    @abstractmethod
     def pair_forces(self) -> np.ndarray:
-        """Force on the first point of every pair in the state last evaluated, shape (n_pairs, 2)."""
+        """Force on the first point of every pair in the state last evaluated, shape (n_pairs, d)."""
 
+    @abstractmethod
     def state_arrays(self) -> dict[str, np.ndarray]:
         """Arrays of doubles that the next evaluation starts from, beside positions and broken bonds.
 
         A solution saved with copies of them, and copied back into them, goes on to the same bits.
         """
 
+    def mean_stress(self) -> np.ndarray:
+        """Volume mean of the first Piola-Kirchhoff stress in the state last evaluated, shape (d, d).
 
-class ForceModel(Protocol):
-    """Any force model: it can be bound to a body.
+        (1/V) sum of f (x) x over the bonds, work-conjugate to the mean deformation gradient; of a bond with a ghost, half lies within the
+        body.
+        """
+        bonds, points = self.body.bonds, self.body.all_points
+        share = np.where(bonds.second < len(self.body), 1.0, 0.5)
+        vectors = points[bonds.second] - points[bonds.first]
+        return np.einsum("b,bi,bj->ij", share, self.pair_forces(), vectors) / self.body.volumes.sum()
+
+    def energy(self) -> float:
+        """Stored energy per unit thickness in the state last evaluated; of a force that `has_energy`."""
+        raise TypeError(f"{type(self).__name__} has no energy")
+
+    def tangent(self, positions: np.ndarray):
+        """Second derivative of the energy at positions of the points (`forces.tangent.Tangent`); of a force that `has_tangent`."""
+        raise TypeError(f"{type(self).__name__} has no tangent")
+
+    def break_bonds(self, pairs: np.ndarray) -> Release | None:
+        """Take pairs out of everything: horizons, corrections and forces.
+
+        Says what is released, where the force has an energy.
+
+        Raises
+        ------
+        ValueError
+            If the force was bound without `ForceSettings.breakable`.
+        """
+        if not self.breakable:
+            raise ValueError("this force was bound without bonds that break; bind it with ForceSettings(breakable=True)")
+        return self.take_out(pairs)
+
+    def take_out(self, pairs: np.ndarray) -> Release | None:
+        """What `break_bonds` does; of a model that honours `ForceSettings.breakable`."""
+        raise NotImplementedError
+
+    def collapsed_pairs(self) -> np.ndarray:
+        """Numbers of the pairs that were turned inside out in the last evaluation, or nearly; none where pairs have no gradient."""
+        return np.empty(0, dtype=np.int64)
+
+    @property
+    def fraction_outside(self) -> float:
+        """Share of all pair evaluations so far that were outside the model's domain."""
+        return self.pairs_outside / max(1, self.evaluations * len(self.body.bonds.first))
+
+
+class ForceModel(ABC):
+    """A force model: it says which settings it honours, and is bound to a body with none that it does not.
 
     Attributes
     ----------
     name : str
     honours : mapping
-        The values that it can honour of every field of `ForceSettings` that it has a use for; `bind` refuses others.
+        The values that it can honour of every field of `ForceSettings` that it has a use for.
     """
 
     name: str
@@ -154,56 +273,22 @@ class ForceModel(Protocol):
         ValueError
             If the model does not fit the material, or cannot honour a setting.
         """
+        settings.check(self.name, self.honours)
+        self.check_material(law)
+        return self.evaluation(body, law, settings)
 
+    @abstractmethod
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
+        """The evaluation on a body, with settings that it can honour."""
 
-@runtime_checkable
-class ForceSurrogate(Protocol):
-    """A force model that maps bond quantities to the force of the bond: a surrogate, or the exact map.
+    def check_material(self, law: Law) -> None:  # noqa: B027 - most models have nothing to check
+        """Raise ValueError if the model does not describe this material; one that has learnt nothing serves every law."""
 
-    Attributes
-    ----------
-    name : str
-    features : tuple of str
-        What the model sees of a bond.
-    domain : Domain or None
-        Where it was trained; None if it holds everywhere.
-    gives_transverse : bool
-        Whether it knows T_mm, which the tensor correction needs.
-    default_precision : str
-    """
+    def payload(self) -> dict:
+        """Plain containers and arrays that tell this model from others of its name: what it has learnt."""
+        return {}
 
-    name: str
-    features: tuple[str, ...]
-    domain: Domain | None
-    gives_transverse: bool
-    default_precision: str
-
-    def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
-        """Dimensionless bond force, theory (9), in NumPy, for checking.
-
-        Parameters
-        ----------
-        stretch : array_like, shape (n,)
-            lambda_b.
-        rotation : array_like, shape (n,)
-            dtheta in radians: turn of the bond relative to its horizon, counter-clockwise.
-        length : array_like, shape (n,)
-            l_b/delta.
-        C33 : array_like, shape (n,)
-        J : array_like, shape (n,)
-            det F in the plane.
-
-        Returns
-        -------
-        ndarray, shape (n, 2)
-            t_n and t_tau, along and across the deformed bond, times kappa/(w l mu).
-        """
-
-    def compiled(self, dtype) -> CompiledBondForce:
-        """The same for the bond pass, in the given precision."""
-
-    def check_material(self, law: Law) -> None:
-        """Raise ValueError if the model does not describe this material."""
-
-    def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
-        """Prepare the evaluation of this model on a body of a material."""
+    @property
+    def size(self) -> str:
+        """What it has learnt in words, for tables."""
+        return ""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy import sparse
 
-from ..kernels import bond_energy
 from ..kernels.block_arrays import BLOCK
-from .bond_energy import BondEnergyEvaluation
+
+if TYPE_CHECKING:
+    from .bond_energy import BondEnergyEvaluation
 
 
 class Tangent:
@@ -27,16 +30,16 @@ class Tangent:
     """
 
     def __init__(self, force: BondEnergyEvaluation, positions: np.ndarray) -> None:
-        if force.precision != "float64":
+        if not force.has_tangent:
             raise ValueError("a tangent is formed in float64 only")
         self.force = force
-        force.kinematics.update_gradients(positions)
+        force.place(positions)
         c, e = force.bond_columns()
-        alive = force._weights > 0
+        beta = force.bond_weights
+        alive = beta > 0
         trace = np.where(alive, (c * c).sum(axis=1) + (e * e).sum(axis=1), 2.0)
         J = np.where(alive, c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0], 1.0)
         energy = force.energy_derivatives(trace, J)
-        beta = force._weights
         self._columns = c, e
         self._derivatives = tuple(
             beta * value for value in (energy.by_trace, energy.by_area, energy.by_trace_trace, energy.by_trace_area, energy.by_area_area)
@@ -44,32 +47,12 @@ class Tangent:
         n_blocks = len(force.geometry)
         rows = np.zeros((9, n_blocks * BLOCK))
         rows[:, : len(beta)] = *c.T, *e.T, *self._derivatives
-        self._linearised = np.ascontiguousarray(rows.reshape(9, n_blocks, BLOCK).transpose(1, 0, 2))
-        total = len(force.body.all_points)
-        self._positions, self._gradients = np.zeros((total, 2)), np.zeros((total, 4))
-        self._forces, self._moments = np.zeros((n_blocks * BLOCK, 2)), np.zeros((n_blocks * BLOCK, 4))
-        self._change = force.change_pass(self._positions, self._gradients)
-        self._sum = force.sums_of(self._forces, self._moments)
-        self._find_tangents = bond_energy.pair_tangents.bind(
-            self._positions,
-            self._gradients,
-            force._first,
-            force._second,
-            force.geometry,
-            self._linearised,
-            force._buffers,
-            force._sums,
-            self._forces,
-            self._moments,
-            chunks=force.kinematics.chunks,
-        )
+        self._multiply = force.tangent_pass(np.ascontiguousarray(rows.reshape(9, n_blocks, BLOCK).transpose(1, 0, 2)))
 
     def product(self, displacements: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
         """The tangent times displacements (n, 2), of the same shape; costs about one force evaluation."""
         out = np.empty_like(displacements) if out is None else out
-        self._change(displacements)
-        self._find_tangents()
-        self._sum(out)
+        self._multiply(displacements, out)
         np.negative(out, out=out)
         return out
 
@@ -86,8 +69,7 @@ class Tangent:
         length = np.linalg.norm(vectors, axis=1)
         m = np.stack([-vectors[:, 1], vectors[:, 0]]) / length
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
-        inverse_shape = force.kinematics.inverse_shape[owners][:, [[0, 1], [1, 2]]]
-        weights = np.einsum("bij,bj->bi", inverse_shape, force.kinematics.weighted_bonds)
+        weights = force.gradient_weights()
         gradient = []
         for b in range(2):
             values = np.concatenate([weights[:, b], -np.bincount(owners, weights[:, b], n)])

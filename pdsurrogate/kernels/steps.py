@@ -7,16 +7,36 @@ from .passes import ByDimension
 
 
 @ByDimension
-def relaxation_step(algebra):
-    """One step of adaptive dynamic relaxation with unit time step."""
+def rayleigh_parts(algebra):
+    """Numerator and denominator of the Rayleigh quotient of the velocities, v . K v and v . M v."""
     dimension = algebra.DIMENSION
 
     @kernel
-    def relaxation_step(positions, velocities, forces, last_forces, free, mass, damping_floor):
-        """One step of adaptive dynamic relaxation with unit time step.
+    def rayleigh_parts(velocities, forces, last_forces, mass):
+        """Numerator and denominator of the Rayleigh quotient of the velocities, v . K v and v . M v.
 
-        The damping is critical for the mode that moves: its frequency is the Rayleigh quotient of the velocity, with K v
-        taken from the change of the force over the last step (Underwood 1983).
+        K v is taken from the change of the forces (n, d) over the last step of unit length.
+        """
+        stiffness = 0.0
+        inertia = 0.0
+        for i in range(velocities.shape[0]):
+            for c in range(dimension):
+                v = velocities[i, c]
+                stiffness -= v * (forces[i, c] - last_forces[i, c])
+                inertia += mass[i] * v * v
+        return stiffness, inertia
+
+    return rayleigh_parts
+
+
+@ByDimension
+def relaxation_step(algebra):
+    """One step of dynamic relaxation with unit time step."""
+    dimension = algebra.DIMENSION
+
+    @kernel
+    def relaxation_step(positions, velocities, forces, last_forces, free, mass, damping):
+        """One step of dynamic relaxation with unit time step.
 
         Parameters
         ----------
@@ -24,26 +44,14 @@ def relaxation_step(algebra):
         forces, last_forces : (n, d) now, and one step ago; the latter is overwritten with the former.
         free : (n, d) 1 where a component may move.
         mass : (n,) fictitious mass.
-        damping_floor : least damping.
+        damping : rate, below 2.
         """
-        stiffness = 0.0
-        inertia = 0.0
-        for i in range(positions.shape[0]):
-            for c in range(dimension):
-                v = velocities[i, c]
-                stiffness -= v * (forces[i, c] - last_forces[i, c])
-                inertia += mass[i] * v * v
-        damping = damping_floor
-        if stiffness > 0.0 and inertia > 0.0:
-            # 1.9: beyond 2 the step would be unstable for the fastest mode.
-            damping = min(max(2.0 * np.sqrt(stiffness / inertia), damping_floor), 1.9)
         for i in range(positions.shape[0]):
             for c in range(dimension):
                 v = ((2.0 - damping) * velocities[i, c] + 2.0 * forces[i, c] / mass[i]) / (2.0 + damping) * free[i, c]
                 velocities[i, c] = v
                 positions[i, c] += v
                 last_forces[i, c] = forces[i, c]
-        return damping
 
     return relaxation_step
 

@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..artifacts import save_artifact
 from ..forces import Domain, EnergyNetwork
-from ..forces.energy_density import EnergySurrogate
+from ..forces.bond_energy import EnergySurrogate
 from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
 from ..materials import Law, plane_stress
 from .fitting import versions
@@ -262,9 +262,9 @@ def evaluate_energy(
 
 
 def _exact(law, samples):
-    from ..forces.energy_density import AnalyticEnergyDensity
+    from ..forces import BondEnergyForce
 
-    return AnalyticEnergyDensity().energy_derivatives(law, *samples.X.T)
+    return BondEnergyForce().energy_derivatives(law, *samples.X.T)
 
 
 def _stability(energy, samples) -> tuple[float, float]:

@@ -35,11 +35,11 @@ def force_model_of(model: InputAwareTargetRegressor, law: Law) -> LearntBondForc
             f"a {type(model).__name__} is no force model: a fitted bond_force_pipeline or energy_pipeline is taken, or an artefact of one"
         )
     check_is_fitted(model)
-    if not hasattr(model, "_trained_on"):
+    if model.training_inputs_ is None:
         raise ValueError(
             "a pipeline read from a file does not say which stretches it was fitted to: give the artefact instead, or fit it here"
         )
-    X = model._trained_on
+    X = model.training_inputs_
     if model.func is derivatives_by_features:
         low, high = _range_of(*X.T)
         return energy_network(model, law, (low, high), X, NAME)

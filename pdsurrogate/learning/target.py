@@ -31,8 +31,12 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
     regressor_ : estimator
     offsets_ : ndarray, shape (n_outputs,)
         Taken off the transformed outputs.
+    training_inputs_ : ndarray, shape (n_samples, n_features), or None
+        What it was fitted to; None of one that was read from a file.
     n_features_in_ : int
     """
+
+    training_inputs_ = None
 
     def __init__(self, regressor=None, func=None, inverse_func=None, anchor=None, anchored_outputs=()):
         self.regressor = regressor
@@ -68,7 +72,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         if (self.func is None) != (self.inverse_func is None):
             raise ValueError("func and inverse_func are given together or not at all")
         X, y = validate_data(self, X, y, multi_output=True, y_numeric=True)
-        self._trained_on = np.array(X, dtype=float)
+        self.training_inputs_ = np.array(X, dtype=float)
         z = y if self.func is None else np.asarray(self.func(X, y))
         if not np.isfinite(z).all():
             first = np.flatnonzero(~np.isfinite(z).reshape(len(X), -1).all(axis=1))[0]
@@ -84,7 +88,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
 
     def __getstate__(self):
         # The inputs tell where a fitted model holds (`force_model_of`) as long as it is in memory; a file of it comes with a card.
-        return {key: value for key, value in super().__getstate__().items() if key != "_trained_on"}
+        return {key: value for key, value in super().__getstate__().items() if key != "training_inputs_"}
 
     def predict(self, X):
         """Predict the target, shape as in training."""

@@ -173,7 +173,7 @@ def compare(law: Law | None = None, quick: bool = False, say: Callable[[str], No
     rows = []
     for entry, speed in zip(entries, measure_speed(cases, law, patience, say), strict=True):
         say(f"errors of {entry.title}, {entry.precision}")
-        size = getattr(entry.model, "size", "")
+        size = entry.model.size
         rows.append(
             {
                 "force": entry.title,

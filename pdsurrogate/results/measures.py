@@ -1,6 +1,9 @@
-"""What is read from a deformed body: stresses, displacements of its edges, fields on its points."""
+"""What is read from a deformed body: its energy, displacements of its edges, fields on its points."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,17 +12,16 @@ from ..forces import InternalForce
 from ..materials import plane_stress
 
 
-def mean_stress(force: InternalForce) -> np.ndarray:
-    """Volume mean of the first Piola-Kirchhoff stress, work-conjugate to the mean deformation gradient, shape (2, 2).
+def strain_energy(force: InternalForce) -> float:
+    """Stored energy per unit thickness in the state last evaluated.
 
-    (1/V) sum of f (x) x over the bonds; of a bond with an image, half lies within the body.  A force with an energy gives its derivative.
+    The force's own; of a force map, which has none, that of the points' deformation gradients.
     """
-    if hasattr(force, "mean_stress"):
-        return force.mean_stress()
-    bonds, points = force.body.bonds, force.body.all_points
-    share = np.where(bonds.second < len(force.body), 1.0, 0.5)
-    vectors = points[bonds.second] - points[bonds.first]
-    return np.einsum("b,bi,bj->ij", share, force.pair_forces(), vectors) / force.body.volumes.sum()
+    if force.has_energy:
+        return force.energy()
+    trace, J = plane_stress.invariants(force.deformation_gradients())
+    density = plane_stress.response(force.law, trace, J, force.volume_ratios())[4]
+    return float(force.law.shear_modulus * (density * force.body.volumes).sum())
 
 
 def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -65,31 +67,86 @@ def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
     return float(np.sqrt((second**2).mean()) / greatest) if len(second) and greatest > 0 else 0.0
 
 
-def point_fields(force: InternalForce, positions: np.ndarray) -> dict[str, np.ndarray]:
-    """Fields on the points, for result files.
+class PointState:
+    """What the fields on the points are functions of.
 
-    ``displacement`` (n, 3), ``stretch`` (greatest principal stretch), ``J`` (three-dimensional volume ratio),
-    ``stress`` (first Piola-Kirchhoff, in the scene's unit) and ``deformation_gradient``, the last two 3 x 3 row by
-    row.
+    Parameters
+    ----------
+    force : InternalForce
+        Asked for deformation gradients and thickness alone.
+    positions : ndarray, shape (n, 2)
+    damage : ndarray, shape (n,), optional
+        Of a run in which bonds break.
+
+    Attributes
+    ----------
+    F : ndarray, shape (n, 2, 2)
+    trace, area : ndarray, shape (n,)
+        tr C and det F in the plane.
+    volume_ratio : ndarray, shape (n,)
+        J3.
     """
-    kinematics, law, n = force.kinematics, force.law, len(force.body)
-    kinematics.update(positions)  # a model may have no use for the points' own gradients
-    F = kinematics.deformation_gradients()
-    trace, area = (F * F).sum(axis=(1, 2)), np.linalg.det(F)
-    J3 = kinematics.volume_ratios[:n]
-    p, q, *_ = plane_stress.response(law, trace, area, J3)
-    cofactor = np.stack([F[:, 1, 1], -F[:, 1, 0], -F[:, 0, 1], F[:, 0, 0]], axis=1).reshape(n, 2, 2)
-    stress = np.zeros((n, 3, 3))
-    stress[:, :2, :2] = law.shear_modulus * (p[:, None, None] * F + (q / area)[:, None, None] * cofactor)
-    gradient = np.zeros((n, 3, 3))
-    gradient[:, :2, :2] = F
-    gradient[:, 2, 2] = J3 / area
-    displacement = np.zeros((n, 3))
-    displacement[:, :2] = positions - force.body.points
-    return {
-        "displacement": displacement,
-        "stretch": np.sqrt((trace + np.sqrt(np.maximum(trace**2 - 4 * area**2, 0))) / 2),
-        "J": J3.copy(),
-        "stress": stress.reshape(n, 9),
-        "deformation_gradient": gradient.reshape(n, 9),
-    }
+
+    def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
+        force.place(positions)
+        self.law, self.displacement, self.damage = force.law, positions - force.body.points, damage
+        self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
+        self.trace, self.area = (self.F * self.F).sum(axis=(1, 2)), np.linalg.det(self.F)
+
+    def greatest_stretch(self) -> np.ndarray:
+        """Greatest principal stretch in the plane, shape (n,)."""
+        return np.sqrt((self.trace + np.sqrt(np.maximum(self.trace**2 - 4 * self.area**2, 0))) / 2)
+
+    def stress(self) -> np.ndarray:
+        """First Piola-Kirchhoff stress, shape (n, 3, 3)."""
+        F, stress = self.F, np.zeros((len(self.F), 3, 3))
+        p, q, *_ = plane_stress.response(self.law, self.trace, self.area, self.volume_ratio)
+        cofactor = np.stack([F[:, 1, 1], -F[:, 1, 0], -F[:, 0, 1], F[:, 0, 0]], axis=1).reshape(-1, 2, 2)
+        stress[:, :2, :2] = self.law.shear_modulus * (p[:, None, None] * F + (q / self.area)[:, None, None] * cofactor)
+        return stress
+
+    def deformation_gradient(self) -> np.ndarray:
+        """F with the stretch of the thickness, shape (n, 3, 3)."""
+        gradient = np.zeros((len(self.F), 3, 3))
+        gradient[:, :2, :2], gradient[:, 2, 2] = self.F, self.volume_ratio / self.area
+        return gradient
+
+
+@dataclass(frozen=True)
+class PointField:
+    """A field on the points, for result files.
+
+    Attributes
+    ----------
+    values : callable
+        Function of a `PointState`; None where the field has no meaning.
+    components : int
+        Of a point; a tensor has 9, row by row.
+    unit : {"length", "stress", None}
+        Which of the scene's units the values have; None if they have none.
+    """
+
+    values: Callable[[PointState], np.ndarray | None]
+    components: int = 1
+    unit: str | None = None
+
+
+POINT_FIELDS = {
+    "displacement": PointField(lambda state: np.pad(state.displacement, ((0, 0), (0, 1))), 3, "length"),
+    "stretch": PointField(PointState.greatest_stretch),
+    "J": PointField(lambda state: state.volume_ratio.copy()),
+    "stress": PointField(PointState.stress, 9, "stress"),
+    "deformation_gradient": PointField(PointState.deformation_gradient, 9),
+    "damage": PointField(lambda state: state.damage),
+}
+"""All fields on the points, by their names in result files: a new one is one line."""
+
+
+def point_fields(state: PointState) -> dict[str, np.ndarray]:
+    """The fields of `POINT_FIELDS` that have a meaning in a state, shape (n,) or (n, components)."""
+    fields = {}
+    for name, field in POINT_FIELDS.items():
+        values = field.values(state)
+        if values is not None:
+            fields[name] = values if field.components == 1 else values.reshape(-1, field.components)
+    return fields

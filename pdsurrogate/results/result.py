@@ -30,7 +30,7 @@ class Result:
         Rows of ``history.csv``.
     states : States
         Fields on the points at every level, and at every output of the dynamics: pairs of a moment and fields, see
-        `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.point_fields`.
+        `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.POINT_FIELDS`.
     """
 
     scene: Scene

@@ -29,12 +29,12 @@ def solver_of(run: Run) -> EquilibriumSolver:
     """
     spec = run.scene.solver
     solver = SOLVERS[spec.method]
-    if solver.needs_energy and not hasattr(run.force, "energy"):
+    if solver.needs_energy and not run.force.has_energy:
         raise SceneError(
             f"scene {run.scene.name}: solver.method={spec.method} needs a force that has an energy, as bond-energy does; "
             f"{run.model.name} has none, so take another solver.method"
         )
-    return solver(run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations)
+    return solver(run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations, run.reductions)
 
 
 def go_through_levels(run: Run, solver: EquilibriumSolver, damage: Damage | None) -> None:
@@ -43,7 +43,8 @@ def go_through_levels(run: Run, solver: EquilibriumSolver, damage: Damage | None
     Where an increment finds no equilibrium, or not the one looked for, it is taken back and shortened.  Where a bond would break the
     levels end, and the body is put back to the last one: what follows is not in equilibrium.
     """
-    spec, branch = run.scene.solver, Branch(run.loading, run.force, run.levels[-1].get("energy", 0.0) if run.levels else 0.0)
+    spec, energy = run.scene.solver, run.levels[-1].get("energy", 0.0) if run.levels else 0.0
+    branch = Branch(run.loading, run.force, energy, run.reductions)
     for number in range(len(run.levels), len(run.scene.stretches)):
         stretch, reached = run.scene.stretches[number], run.stretch
         run.progress.level(number, stretch)
@@ -59,7 +60,7 @@ def go_through_levels(run: Run, solver: EquilibriumSolver, damage: Damage | None
                 _take_back(run, solver, accepted, increments, error, wasted)
                 continue
             increments.accept()
-            if damage is not None and len(damage.overstretched(run.force.kinematics.positions)):
+            if damage is not None and run.reductions.any(len(damage.overstretched(run.force.positions)) > 0):
                 run.positions[:], run.stretch = last_level
                 run.loading.apply(run.stretch, run.force, run.positions)
                 return
@@ -123,7 +124,7 @@ def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float)
     def report(evaluations: int, residual: float) -> None:
         run.residual = residual
         row = {"stretch": run.target, "increment": target, "evaluation": began + evaluations, "residual": residual}
-        run.history.append(row | ({"energy": run.force.energy()} if hasattr(run.force, "energy") else {}))
+        run.history.append(row | ({"energy": run.strain_energy()} if run.force.has_energy else {}))
         run.progress.residual(evaluations, residual, tolerance)
         run.interruption.check()
 
@@ -140,10 +141,10 @@ def _record(run: Run, equilibrium) -> None:
         "nominal_stress_grip": run.stress_grip.edge,
         "nominal_stress_area": run.grip_areas[run.stress_grip.edge],
         "forces": {grip.edge: reaction.tolist() for grip, reaction in zip(run.scene.grips, reactions, strict=True)},
-        "nominal_stress_work_conjugate": float(measures.mean_stress(run.force)[axis, axis]),
+        "nominal_stress_work_conjugate": float(run.force.mean_stress()[axis, axis]),
     }
-    if hasattr(run.force, "energy"):
-        level["energy"] = run.force.energy()
+    if run.force.has_energy:
+        level["energy"] = run.strain_energy()
     if isinstance(run.scene.body, Rectangle):
         # Other outlines have no straight edges to read displacements from.
         _, low, high = measures.edge_displacements(body, displacements, 1 - axis)
@@ -156,7 +157,7 @@ def _record(run: Run, equilibrium) -> None:
             level[f"{key}_reference"] = float(reference)
             level[f"{key}_error"] = float(level[key] / reference - 1) if reference else None
     run.levels.append(level)
-    run.record(measures.point_fields(run.force, run.positions))
+    run.record()
 
 
 def _references(run: Run, stretch: float) -> dict[str, float]:

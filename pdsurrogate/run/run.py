@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import time
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -14,14 +13,16 @@ import numpy as np
 
 from ..body import Body
 from ..discretisation import discretise, grip_areas
-from ..forces import ForceModel, ForceSettings
+from ..forces import ForceModel, ForceSettings, InternalForce
 from ..kernels.threads import threads_for
 from ..materials import Law
+from ..results import measures
 from ..results.checkpoint import Checkpoint
 from ..results.states import Moment, States, StatesInFiles, StatesInMemory
 from ..scenes import Scene, SceneError
 from ..scenes.model import EDGES
 from ..solvers.conditions import Loading
+from ..solvers.reductions import LOCAL, LocalReductions
 from .interruption import Interruption
 
 
@@ -55,28 +56,6 @@ class Silent:
 
     def dynamics(self, done: float, stretch: float, broken_bonds: int) -> None:
         """Say nothing."""
-
-
-class Stopwatch:
-    """An internal force that measures the time spent in it."""
-
-    def __init__(self, force) -> None:
-        self._force, self.seconds, self.timed = force, 0.0, 0
-
-    def __call__(self, positions, out) -> None:
-        began = time.perf_counter()
-        self._force(positions, out)
-        self.seconds += time.perf_counter() - began
-        self.timed += 1
-
-    def resume(self, evaluations: int, pairs_outside: int) -> None:
-        """Go on counting from where an interrupted run was."""
-        self._force.evaluations = evaluations
-        if hasattr(self._force, "pairs_outside"):
-            self._force.pairs_outside = pairs_outside
-
-    def __getattr__(self, name):
-        return getattr(self._force, name)
 
 
 @dataclass
@@ -115,6 +94,8 @@ class Run:
         What the dynamics tell about a crack.
     interruption : Interruption
         Whether somebody wants it to stop.
+    reductions : LocalReductions
+        Of the body that is here.
     """
 
     scene: Scene
@@ -131,6 +112,7 @@ class Run:
     residual: float | None = None
     crack: dict | None = None
     interruption: Interruption = field(default_factory=Interruption)
+    reductions: LocalReductions = LOCAL
 
     def __post_init__(self) -> None:
         scene = self.scene
@@ -140,9 +122,9 @@ class Run:
         self.threads = self.threads or threads_for(len(self.body.bonds.first))
         settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None)
         try:
-            self.loading = Loading(scene, self.body, lower, upper)
+            self.loading = Loading(scene, self.body, lower, upper, self.reductions)
             numba.set_num_threads(self.threads)
-            self.force = Stopwatch(self.model.bind(self.body, self.law, settings))
+            self.force: InternalForce = self.model.bind(self.body, self.law, settings)
             self._check_support()
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
@@ -154,7 +136,7 @@ class Run:
 
     def _check_support(self) -> None:
         """Refuse points whose bonds lie on one line: only a crack may leave points without a deformation gradient."""
-        alone = self.force.kinematics.unsupported
+        alone = np.flatnonzero(~self.force.supported)
         if len(alone):
             x1, x2 = self.body.points[alone[0]]
             raise ValueError(
@@ -167,24 +149,31 @@ class Run:
         self.force(self.positions, np.empty_like(self.positions))
         self.force.seconds, self.force.timed = 0.0, 0
 
+    def strain_energy(self) -> float:
+        """Stored energy per unit thickness in the state last evaluated, see `measures.strain_energy`."""
+        return self.reductions.total_of_parts(measures.strain_energy(self.force))
+
+    def unsupported_points(self) -> int:
+        """How many points have too few bonds left for a deformation gradient."""
+        return self.reductions.total_of_parts(int(np.count_nonzero(~self.force.supported)))
+
     def nominal_stress(self, reactions: np.ndarray) -> float:
         """Pull of one grip outwards along the loaded axis, over its own cross-section; see `Loading.reactions`."""
         grip = self.stress_grip
         axis, side = EDGES[grip.edge]
         return float(side * reactions[self.scene.grips.index(grip), axis] / self.grip_areas[grip.edge])
 
-    def record(self, fields: dict[str, np.ndarray], time: float = 0.0) -> None:
+    def record(self, damage: np.ndarray | None = None, time: float = 0.0) -> None:
         """Record the present state: of the last level, or so long after it."""
+        fields = measures.point_fields(measures.PointState(self.force, self.positions, damage))
         self.states.append(Moment(len(self.levels) + time, self.stretch, time), fields)
 
     @property
     def identity(self) -> dict:
         """What a checkpoint of this run must have in common with it."""
-        law = self.model.law if hasattr(self.model, "law") else ""
-        payload = self.model.payload() if hasattr(self.model, "payload") else {}
         return {
             "scene": self.scene.model_dump(mode="json"),
-            "force": [self.model.name, str(law), _digest(payload)],
+            "force": [self.model.name, _digest(self.model.payload())],
             "n_points": len(self.body),
             "n_pairs": len(self.body.bonds.first),
         }
@@ -199,7 +188,7 @@ class Run:
             "history": self.history,
             "moments": [astuple(moment) for moment in self.states.moments],
             "evaluations": self.force.evaluations,
-            "outside": int(getattr(self.force, "pairs_outside", 0)),
+            "outside": self.force.pairs_outside,
         }
         held = {"positions": self.positions, **self.force.state_arrays()}
         Checkpoint(self.identity, {**common, **progress}, {**held, **arrays}).write(self.folder)
@@ -213,7 +202,7 @@ class Run:
             array[:] = found.arrays[key]
         self.stretch, self.levels, self.history = progress["stretch"], progress["levels"], progress["history"]
         self.states = StatesInFiles(self.folder, self.body.points, self.scene.name, [Moment(*moment) for moment in progress["moments"]])
-        self.force.resume(progress["evaluations"], progress["outside"])
+        self.force.evaluations, self.force.pairs_outside = progress["evaluations"], progress["outside"]
         return found
 
 

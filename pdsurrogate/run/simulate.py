@@ -148,14 +148,15 @@ def _model_of(force, scene: Scene) -> ForceModel:
         return artifacts.surrogate_for(scene.material.build())
     if isinstance(force, str | Path):
         return artifacts.load_surrogate(force)
-    if not isinstance(force, type):
-        if hasattr(force, "bind"):
-            return force
-        if hasattr(force, "predict"):
-            # Imported here: only those who have a pipeline have scikit-learn loaded.
-            from ..learning.force_model import force_model_of
+    if isinstance(force, ForceModel):
+        return force
+    # Imported here: only those who have a pipeline have scikit-learn loaded.
+    from sklearn.base import BaseEstimator
 
-            return force_model_of(force, scene.material.build())
+    if isinstance(force, BaseEstimator):
+        from ..learning.force_model import force_model_of
+
+        return force_model_of(force, scene.material.build())
     raise TypeError(
         "force must be a force model, the name of one, an artefact (NAME, NAME@VERSION or a path), or a fitted bond_force_pipeline or "
         f"energy_pipeline, not {force!r}"
@@ -241,7 +242,7 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         "ns_per_directed_bond": 1e9 * force.seconds / max(1, force.timed * bonds.n_directed),
         "fallback_fraction": outside if scene.outside in (None, "fallback") else 0.0,
         "fraction_outside_domain": outside,
-        "unsupported_points": len(force.kinematics.unsupported),
+        "unsupported_points": run.unsupported_points(),
         "units": {**scene.units.model_dump(), "force": scene.units.force},
         "grip_areas": run.grip_areas,
         "levels": run.levels,

@@ -8,16 +8,13 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from ..body import Body
 from ..forces import InvalidState
-from ..materials import plane_stress
-from ..results import measures
 from ..results.checkpoint import Checkpoint
 from ..solvers import Diverging, ExplicitDynamics
+from ..solvers.reductions import LOCAL
 from .run import Run
 
 if TYPE_CHECKING:
@@ -105,8 +102,9 @@ class Transient:
             self.spec.damping,
             self.spec.viscosity,
             self.spec.safety,
+            run.reductions,
         )
-        self._keeps_account = hasattr(run.force, "energy")
+        self._keeps_account = run.force.has_energy
         if damage is not None:
             run.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
 
@@ -154,11 +152,11 @@ class Transient:
         saved = clock.monotonic()
         while account.outputs < spec.outputs:
             try:
-                self._step()
+                self.step()
                 if integrator.steps % STEPS_PER_ROW == 0:
                     self._check_inside()
             except InvalidState as error:
-                self._save_last_state()
+                self.save_last_state()
                 raise InvalidState(f"time {account.time:.4g}: {error}") from None
             if run.interruption.asked:
                 self._checkpoint()
@@ -169,7 +167,7 @@ class Transient:
             elif self._keeps_account and integrator.steps - account.last_break < STEPS_PER_ROW:
                 self._take_damping()
             if run.stretch >= account.begin + span * (account.outputs + 1) / spec.outputs - 1e-12:
-                self._output()
+                self.output()
                 if run.crack is not None and run.crack["through"]:
                     break
             elif clock.monotonic() - saved < SECONDS_BETWEEN_CHECKPOINTS:
@@ -177,7 +175,7 @@ class Transient:
             saved = clock.monotonic()
             self._checkpoint()
 
-    def _save_last_state(self) -> None:
+    def save_last_state(self) -> None:
         """Go back to before the step that failed, and record the state there unless it has been."""
         run, integrator = self.run, self.integrator
         run.positions -= integrator.last_step * integrator.velocities
@@ -187,13 +185,13 @@ class Transient:
         if self.account.time > recorded + 0.5 * integrator.last_step:
             with suppress(InvalidState):
                 self._check_inside()
-                self._output()
+                self.output()
 
     def _check_inside(self) -> None:
         """Raise InvalidState if a point has passed through a grip."""
         self.run.loading.check_inside(self.run.stretch, self.run.force, self.run.positions)
 
-    def _step(self) -> None:
+    def step(self) -> None:
         run, account, integrator = self.run, self.account, self.integrator
         integrator.move()
         account.time += integrator.last_step
@@ -203,9 +201,9 @@ class Transient:
         if self.damage is None:
             integrator.evaluate()
             return
-        run.force.kinematics.place(run.positions)
-        pairs = self.damage.overstretched(run.force.kinematics.positions)
-        if len(pairs):
+        run.force.place(run.positions)
+        pairs = self.damage.overstretched(run.force.positions)
+        if run.reductions.any(len(pairs) > 0):
             self._break(pairs)
         while True:
             try:
@@ -214,7 +212,7 @@ class Transient:
             except InvalidState as invalid:
                 error = invalid
             failed = self._bonds_of_failed_points()
-            if len(failed):
+            if run.reductions.any(len(failed) > 0):
                 self._break(failed)
             elif error is not None:
                 raise error
@@ -234,9 +232,9 @@ class Transient:
         """
         run = self.run
         bonds, n, mirror = run.body.bonds, len(run.body), run.body.ghosts.source
-        F = run.force.kinematics.gradients[:n]
-        collapsed = np.flatnonzero(~(F[:, 0] * F[:, 3] - F[:, 1] * F[:, 2] > LEAST_AREA_RATIO))
-        crushed = run.force.collapsed_pairs() if hasattr(run.force, "collapsed_pairs") else collapsed[:0]
+        F = run.force.deformation_gradients()
+        area = F[:, 0, 0] * F[:, 1, 1] - F[:, 1, 0] * F[:, 0, 1]
+        collapsed, crushed = np.flatnonzero(~(area > LEAST_AREA_RATIO)), run.force.collapsed_pairs()
         if not len(collapsed) and not len(crushed):
             return collapsed
         broken = np.flatnonzero(self.damage.broken)
@@ -251,7 +249,7 @@ class Transient:
             failing[crushed[lost[bonds.first[crushed]] | lost[bonds.second[crushed]]]] = True
         pairs = np.flatnonzero(failing & ~self.damage.broken)
         if len(pairs):
-            run.crack["failed_points"] += int(failed[:n].sum())
+            run.crack["failed_points"] += run.reductions.total_of_parts(int(failed[:n].sum()))
         return pairs
 
     def _break(self, pairs: np.ndarray) -> None:
@@ -260,11 +258,11 @@ class Transient:
             where = _midpoints(run.body, pairs).mean(axis=0)
             stress = run.history[-1]["nominal_stress"]
             crack["start"] = {"time": self.account.time, "stretch": run.stretch, "nominal_stress": stress, "x": where.tolist()}
-        crack["broken_bonds"] += len(pairs)
+        crack["broken_bonds"] += run.reductions.total_of_parts(len(pairs))
         self.damage.break_bonds(pairs)
         release = run.force.break_bonds(pairs)
         if release is not None:
-            self.account.released_energy += release.energy
+            self.account.released_energy += run.reductions.total_of_parts(release.energy)
             self.integrator.kick(release.forces)
         self.account.recent += pairs.tolist()
         self.account.last_break = self.integrator.steps
@@ -279,7 +277,7 @@ class Transient:
             raise Diverging("the kinetic energy is not finite")
         power = float((reactions * run.loading.travels()).sum() * rate)
         self._take_damping()
-        strain = self._strain_energy()
+        strain = run.strain_energy()
         if not first:
             account.work += 0.5 * (account.time - account.rate_time) * (account.power + power)
         account.power, account.rate_time = power, account.time
@@ -306,7 +304,7 @@ class Transient:
                 f"of the {put_in:.3g} that was put in"
             )
         if self.damage is not None:
-            row |= {"broken_bonds": run.crack["broken_bonds"], "free_points": len(run.force.kinematics.unsupported)}
+            row |= {"broken_bonds": run.crack["broken_bonds"], "free_points": run.unsupported_points()}
         run.history.append(row)
 
     def _take_damping(self) -> None:
@@ -321,30 +319,26 @@ class Transient:
         account.damped_energy += 0.5 * elapsed * (account.damped_power + power)
         account.damped_power, account.damped_time = power, account.time
 
-    def _strain_energy(self) -> float:
-        """The force's own energy; of a force map, which has none, that of the points' deformation gradients."""
-        if self._keeps_account:
-            return self.run.force.energy()
-        kinematics, law, n = self.run.force.kinematics, self.run.law, len(self.run.body)
-        trace, J = plane_stress.invariants(kinematics.deformation_gradients())
-        density = plane_stress.response(law, trace, J, kinematics.volume_ratios[:n])[4]
-        return float(law.shear_modulus * (density * self.run.body.volumes).sum())
-
-    def _output(self) -> None:
+    def output(self) -> None:
         run, account = self.run, self.account
         self._hold(run.positions, 0.0)
-        fields = measures.point_fields(run.force, run.positions)
         if self.damage is not None:
-            fields["damage"] = self.damage.at_points()
             entry = {"time": account.time, "stretch": run.stretch, "broken_bonds": run.crack["broken_bonds"]}
             tips = crack_tips(run.body, np.array(account.recent, dtype=np.int64))
             # The tip of the largest crack stays where it was while nothing breaks.
             last = run.crack["tips"][-1]["tip"] if run.crack["tips"] else None
             run.crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
-            run.crack["through"] = not connected(run.body, self.damage.broken, *run.loading.ends())
+            run.crack["through"] = not self._connected(*run.loading.ends())
             account.recent = []
-        run.record(fields, account.time)
+        run.record(None if self.damage is None else self.damage.at_points(), account.time)
         account.outputs += 1
+
+    def _connected(self, some: np.ndarray, others: np.ndarray) -> bool:
+        """Whether intact bonds connect any of `some` points with any of the `others`."""
+        bonds, n = self.run.body.bonds, len(self.run.body)
+        intact = (bonds.second < n) & ~self.damage.broken
+        _, piece = self.run.reductions.pieces(n, bonds.first[intact], bonds.second[intact])
+        return bool(np.isin(piece[some], piece[others]).any())
 
     def _checkpoint(self) -> None:
         integrator = self.integrator
@@ -364,8 +358,7 @@ def crack_tips(body: Body, recent: np.ndarray) -> list[list[float]]:
         return []
     places = _midpoints(body, recent)
     near = cKDTree(places).query_pairs(body.horizon, output_type="ndarray")
-    graph = sparse.coo_matrix((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(places),) * 2)
-    count, group = connected_components(graph, directed=False)
+    count, group = LOCAL.pieces(len(places), *near.T)
     sizes = np.bincount(group)
     # The front of a group is where its latest bonds broke: the last tenth of it, in the order of breaking.
     tips = []
@@ -373,15 +366,6 @@ def crack_tips(body: Body, recent: np.ndarray) -> list[list[float]]:
         members = np.flatnonzero(group == number)
         tips.append(places[members[-max(1, len(members) // 10) :]].mean(axis=0).tolist())
     return tips
-
-
-def connected(body: Body, broken: np.ndarray, some: np.ndarray, others: np.ndarray) -> bool:
-    """Whether intact bonds connect any of `some` points with any of the `others`."""
-    bonds, n = body.bonds, len(body)
-    intact = (bonds.second < n) & ~broken
-    graph = sparse.coo_matrix((np.ones(intact.sum()), (bonds.first[intact], bonds.second[intact])), shape=(n, n))
-    _, group = connected_components(graph, directed=False)
-    return bool(np.isin(group[some], group[others]).any())
 
 
 def _midpoints(body: Body, pairs: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from ..forces import InternalForce
 from .conditions import Loading
 from .equilibrium import Unstable
 from .preconditioner import NearestBondStiffness
+from .reductions import LocalReductions
 from .stability import NEGATIVE, least_curvature
 
 JUMP = 0.25
@@ -32,10 +33,11 @@ class Branch:
     force : InternalForce
     energy : float
         Stored in the equilibrium that the loading starts from; force maps have none.
+    reductions : LocalReductions
     """
 
-    def __init__(self, loading: Loading, force: InternalForce, energy: float) -> None:
-        self._loading, self._force, self._energy = loading, force, energy
+    def __init__(self, loading: Loading, force: InternalForce, energy: float, reductions: LocalReductions) -> None:
+        self._loading, self._force, self._energy, self._reductions = loading, force, energy, reductions
         self._stiffness: NearestBondStiffness | None = None
 
     def check(self, before: float, stretch: float, guess: np.ndarray, positions: np.ndarray) -> None:
@@ -58,16 +60,16 @@ class Branch:
         """
         loading, force = self._loading, self._force
         loading.check_inside(stretch, force, positions)
-        growth = abs(stretch - before) * np.ptp(force.body.points, axis=0).max()
-        moved = np.sqrt(np.square(positions - guess).mean())
+        growth = abs(stretch - before) * self._reductions.extent(force.body.points)
+        moved = np.sqrt(self._reductions.total(np.square(positions - guess)) / self._reductions.total_of_parts(positions.size))
         if moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing) and self._pull(positions) < 0:
             raise Unstable(
                 f"the body buckles between the stretches {before:.4g} and {stretch:.4g}: while its length changed by {growth:.3g}, "
                 f"its points moved by {moved:.3g} in the mean from where the states before lead"
             )
-        if not hasattr(force, "energy"):
+        if not force.has_energy:
             return
-        energy = force.energy()
+        energy = self._reductions.total_of_parts(force.energy())
         if (energy - self._energy) * (stretch - before) < 0:
             self._check_stability(stretch, positions)
         self._energy = energy
@@ -77,7 +79,7 @@ class Branch:
         if self._stiffness is None:
             self._stiffness = NearestBondStiffness(force.body, force.law.shear_modulus, loading.free)
         with self._unchanged():
-            curvature = least_curvature(force, positions, loading.free, self._stiffness)
+            curvature = least_curvature(force, positions, loading.free, self._stiffness, self._reductions)
             force(positions, np.empty_like(positions))
         if curvature < NEGATIVE:
             raise Unstable(

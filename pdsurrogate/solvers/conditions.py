@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from ..body import Body, ReflectionPlane
 from ..forces import InternalForce, InvalidState
 from ..forces.kinematics import at_point
 from ..scenes.model import EDGES, Hold, Scene
+from .reductions import LocalReductions
 
 
 def reflection_planes(scene: Scene, lower, upper) -> tuple[ReflectionPlane, ...]:
@@ -52,6 +51,7 @@ class Loading:
     body : Body
     lower, upper : ndarray, shape (2,)
         Bounding box of the body.
+    reductions : LocalReductions
 
     Attributes
     ----------
@@ -66,8 +66,8 @@ class Loading:
         If a condition holds no point, two move a point differently, or a piece of the body is not held; names it.
     """
 
-    def __init__(self, scene: Scene, body: Body, lower, upper) -> None:
-        self.scene, self.body = scene, body
+    def __init__(self, scene: Scene, body: Body, lower, upper, reductions: LocalReductions) -> None:
+        self.scene, self.body, self._reductions = scene, body, reductions
         self.axis = scene.loaded_axis
         self.lower, self.length = lower[self.axis], upper[self.axis] - lower[self.axis]
         self._held = [self._region(number, hold) for number, hold in enumerate(scene.holds)]
@@ -105,8 +105,7 @@ class Loading:
                 if not (self._outer_planes == number).any():
                     raise ValueError(f"grips.{number}: no bond of the body crosses its {grip.edge} edge; do holes take all that is there?")
         within = bonds.second < n
-        ends = bonds.first[within], bonds.second[within]
-        count, piece = connected_components(sparse.coo_matrix((np.ones(len(ends[0]), np.int8), ends), shape=(n, n)), directed=False)
+        count, piece = self._reductions.pieces(n, bonds.first[within], bonds.second[within])
         held = np.zeros(count, dtype=bool)
         held[piece[self.free[:, self.axis] == 0]] = True
         held[piece[bonds.first[~within]]] = True  # by a grip's plane
@@ -166,7 +165,7 @@ class Loading:
         """
         if self.scene.support != "reflected":
             return
-        supported = force.kinematics.supported[: len(self.body)] != 0
+        supported = force.supported
         for plane, grip in zip(self.body.planes, self.scene.grips, strict=True):
             place = plane.position + self._travel(grip)[plane.axis] * (stretch - 1) * self.length
             beyond = np.where(supported, plane.side * (positions[:, plane.axis] - place), 0.0)
@@ -181,7 +180,8 @@ class Loading:
         if self.scene.support == "reflected":
             # What the far side of the plane exerts: all bonds that cross it.
             crossing, planes = pair_forces[self._outer_pairs], self._outer_planes
-            return np.stack([np.bincount(planes, crossing[:, component], len(grips)) for component in (0, 1)], axis=1)
+            forces = np.stack([np.bincount(planes, crossing[:, component], len(grips)) for component in (0, 1)], axis=1)
+            return self._reductions.total_of_parts(forces)
         # Points held by a grip take from it what their bonds pull with, in the components that it holds.
         n, within = len(self.body), bonds.second < len(self.body)
         internal = np.stack(
@@ -196,7 +196,7 @@ class Loading:
         for grip, held in zip(grips, self._held[len(self.scene.holds) :], strict=True):
             for component in held.components:
                 reactions[grip, component] = -internal[held.points, component].sum()
-        return reactions
+        return self._reductions.total_of_parts(reactions)
 
     def travels(self) -> np.ndarray:
         """Displacement of every grip for a unit of elongation, shape (2, 2): grips, components."""

@@ -9,6 +9,7 @@ import numpy as np
 from ..forces import InternalForce
 from ..kernels.steps import central_difference_step
 from .equilibrium import Diverging
+from .reductions import LOCAL, LocalReductions
 from .stability import FrequencyEstimate
 
 FREQUENCY_MARGIN = 1.03
@@ -43,6 +44,7 @@ class ExplicitDynamics:
         tau, a time.
     safety : float
         Time step over the critical one, at most 1.
+    reductions : LocalReductions, optional
 
     Attributes
     ----------
@@ -68,11 +70,13 @@ class ExplicitDynamics:
         damping: float,
         viscosity: float,
         safety: float,
+        reductions: LocalReductions = LOCAL,
     ) -> None:
         self.force, self._hold, self.positions, self.velocities = force, hold, positions, velocities
         self._free, self._mass, self._damping, self._viscosity, self._safety = free, mass, damping, viscosity, safety
+        self._reductions = reductions
         self._ahead, self._elastic = np.empty_like(positions), np.empty_like(positions)
-        self.frequency = FrequencyEstimate(mass, free)
+        self.frequency = FrequencyEstimate(mass, free, self._reductions)
         self.forces = np.empty_like(positions)
         self.time_step = self.last_step = np.inf
         self.steps = 0
@@ -109,7 +113,7 @@ class ExplicitDynamics:
 
     def move(self) -> None:
         """Advance velocities and positions by one step; the forces are still those before it."""
-        fastest = float(max(self.velocities.max(), -self.velocities.min()))
+        fastest = self._reductions.greatest_of_parts(max(self.velocities.max(), -self.velocities.min()))
         step = min(self.time_step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else self.time_step
         scheme = self.forces, self._free, self._mass, self._damping
         central_difference_step[self.positions.shape[1]](self.positions, self.velocities, *scheme, step, self.last_step)
@@ -132,7 +136,7 @@ class ExplicitDynamics:
 
     def kinetic_energy(self) -> float:
         """Of the velocities at the last half step."""
-        return float(0.5 * np.einsum("n,nc,nc->", self._mass, self.velocities, self.velocities))
+        return 0.5 * self._reductions.dot(self.velocities, self.velocities, self._mass)
 
     def damped_power(self) -> float:
         """Power that damping and viscosity take; leaves the force evaluated at the positions themselves.
@@ -144,9 +148,9 @@ class ExplicitDynamics:
         scheme = self.forces, self._free, self._mass, self._damping, self.last_step, self.last_step
         central_difference_step[self.positions.shape[1]](self.positions.copy(), following, *scheme)
         mean = 0.5 * (self.velocities + following)
-        power = self._damping * float(np.einsum("n,nc,nc->", self._mass, mean, mean))
+        power = self._damping * self._reductions.dot(mean, mean, self._mass)
         if self._viscosity > 0:
             self._hold(self.positions, 0.0)
             self.force(self.positions, self._elastic)
-            power += float(np.einsum("nc,nc,nc->", self._free, self._elastic - self.forces, mean))
+            power += self._reductions.dot(self._free * (self._elastic - self.forces), mean)
         return power

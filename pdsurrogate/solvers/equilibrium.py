@@ -10,6 +10,7 @@ import numpy as np
 
 from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
+from .reductions import LOCAL, LocalReductions
 
 Report = Callable[[int, float], None]
 """Called with the force evaluations so far and the residual."""
@@ -62,6 +63,7 @@ class EquilibriumSolver(ABC):
         Of the residual, in units of shear modulus / spacing.
     most_evaluations : int
         Per call of `solve`.
+    reductions : LocalReductions, optional
     """
 
     name: str
@@ -70,8 +72,15 @@ class EquilibriumSolver(ABC):
     gave_up = False
     """Whether a quicker method has been found to fail on this body: all that a solver remembers from one call to the next."""
 
-    def __init__(self, free: np.ndarray, volumes: np.ndarray, tolerance: float = 1e-6, most_evaluations: int = 50_000) -> None:
-        self.free, self.volumes = free, volumes
+    def __init__(
+        self,
+        free: np.ndarray,
+        volumes: np.ndarray,
+        tolerance: float = 1e-6,
+        most_evaluations: int = 50_000,
+        reductions: LocalReductions = LOCAL,
+    ) -> None:
+        self.free, self.volumes, self.reductions = free, volumes, reductions
         self.tolerance, self.most_evaluations = tolerance, most_evaluations
 
     @abstractmethod
@@ -98,9 +107,8 @@ class EquilibriumSolver(ABC):
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
         """Largest force density in units of shear modulus / spacing."""
-        return (
-            float(greatest_force_density[forces.shape[1]](forces, self.free, self.volumes)) * force.body.spacing / force.law.shear_modulus
-        )
+        greatest = self.reductions.greatest_of_parts(greatest_force_density[forces.shape[1]](forces, self.free, self.volumes))
+        return greatest * force.body.spacing / force.law.shear_modulus
 
     def not_converged(self, residual: float, evaluations: int, tolerance: float) -> NotConverged:
         """The error for a residual that is still too large."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..forces import InvalidState
 from .equilibrium import Diverging
-from .quasi_newton import QuasiNewton, inner
+from .quasi_newton import QuasiNewton
 
 
 class EnergyMinimiser(QuasiNewton):
@@ -31,13 +31,13 @@ class EnergyMinimiser(QuasiNewton):
     ROUNDING: ClassVar = {"float32": 1e-5, "float64": 1e-14}
 
     def _advance(self, force, positions, step, forces, trial):
-        slope, before = -inner(forces, step), force.energy()
+        slope, before = -self.reductions.dot(forces, step), self._energy(force)
         if slope >= 0:
             # Rounding has spoilt the curvature that was gathered: the preconditioned force itself is downhill.
             step[:] = self._stiffness.solve(forces) * self.free
             self._bound(force, step)
-            slope = -inner(forces, step)
-        noise = self.ROUNDING[force.precision] * force.law.shear_modulus * self.volumes.sum()
+            slope = -self.reductions.dot(forces, step)
+        noise = self.ROUNDING[force.precision] * force.law.shear_modulus * self.reductions.total(self.volumes)
         following, share = np.empty_like(forces), 1.0
         while share >= self.LEAST_STEP:
             np.multiply(step, share, out=trial)
@@ -46,7 +46,7 @@ class EnergyMinimiser(QuasiNewton):
             try:
                 force(trial, following)
                 following *= self.free
-                change, slope_there = force.energy() - before, -inner(following, step)
+                change, slope_there = self._energy(force) - before, -self.reductions.dot(following, step)
                 falls = change <= self.SUFFICIENT * share * slope
                 if falls or (change <= noise and slope_there <= (2 * self.SUFFICIENT - 1) * slope):
                     step *= share
@@ -59,3 +59,6 @@ class EnergyMinimiser(QuasiNewton):
                 pass
             share *= shorter
         raise Diverging("no step along the direction of descent brings the energy down")
+
+    def _energy(self, force) -> float:
+        return self.reductions.total_of_parts(force.energy())

@@ -13,11 +13,6 @@ from .preconditioner import NearestBondStiffness
 from .stepping import DynamicRelaxation
 
 
-def inner(first: np.ndarray, second: np.ndarray) -> float:
-    """Inner product; not by BLAS, whose threads would wait for those of the kernels, and whose sum depends on their number."""
-    return float(np.einsum("ij,ij->", first, second))
-
-
 class QuasiNewton(EquilibriumSolver):
     """L-BFGS on the residual force, from the factorised stiffness of the nearest bonds.
 
@@ -41,9 +36,7 @@ class QuasiNewton(EquilibriumSolver):
     # Evaluations after which a method that converges at all would have done so: it takes 20 to 60 where it suits.
     PATIENCE = 250
 
-    def __init__(self, free, volumes, tolerance=1e-6, most_evaluations=50_000) -> None:
-        super().__init__(free, volumes, tolerance, most_evaluations)
-        self._stiffness: NearestBondStiffness | None = None
+    _stiffness: NearestBondStiffness | None = None
 
     def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
         tolerance, began = tolerance or self.tolerance, force.evaluations
@@ -61,8 +54,8 @@ class QuasiNewton(EquilibriumSolver):
             residual = self.residual(force, following)
             evaluations = force.evaluations - began
             change = forces - following
-            curvature = inner(step, change)
-            if curvature > 1e-10 * np.sqrt(inner(step, step) * inner(change, change)):
+            curvature = self.reductions.dot(step, change)
+            if curvature > 1e-10 * np.sqrt(self.reductions.dot(step, step) * self.reductions.dot(change, change)):
                 history.append((step, change, 1 / curvature))
             forces = following
             report(evaluations, residual)
@@ -73,12 +66,12 @@ class QuasiNewton(EquilibriumSolver):
     def _bound(self, force, step) -> None:
         """Shorten a step that strains a bond more than may be."""
         bonds = force.body.bonds
-        strain = greatest_strain[step.shape[1]](step, force.body.points, bonds.first, bonds.second)
+        strain = self.reductions.greatest_of_parts(greatest_strain[step.shape[1]](step, force.body.points, bonds.first, bonds.second))
         step *= min(1.0, self.LARGEST_STRAIN / max(strain, 1e-300))
 
     def _advance(self, force, positions, step, forces, trial):
         """Take the longest part of a step that the residual allows; returns the forces there, and scales `step` to what was taken."""
-        square, share = inner(forces, forces), 1.0
+        square, share = self.reductions.dot(forces, forces), 1.0
         following = np.empty_like(forces)
         while share >= self.LEAST_STEP:
             np.multiply(step, share, out=trial)
@@ -86,7 +79,7 @@ class QuasiNewton(EquilibriumSolver):
             try:
                 force(trial, following)
                 following *= self.free
-                if inner(following, following) <= self.MOST_GROWTH**2 * square:
+                if self.reductions.dot(following, following) <= self.MOST_GROWTH**2 * square:
                     step *= share
                     positions[:] = trial
                     return following
@@ -100,12 +93,12 @@ class QuasiNewton(EquilibriumSolver):
         q = forces.copy()
         factors = []
         for step, change, rho in reversed(history):
-            factor = rho * inner(step, q)
+            factor = rho * self.reductions.dot(step, q)
             q -= factor * change
             factors.append(factor)
         q = self._stiffness.solve(q) * self.free
         for (step, change, rho), factor in zip(history, reversed(factors), strict=True):
-            q += (factor - rho * inner(change, q)) * step
+            q += (factor - rho * self.reductions.dot(change, q)) * step
         return q
 
 
@@ -121,12 +114,10 @@ class Automatic(EquilibriumSolver):
     # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor takes some 3 kB a point.
     MOST_POINTS = 1_000_000
 
-    def __init__(self, free, volumes, tolerance=1e-6, most_evaluations=50_000) -> None:
-        super().__init__(free, volumes, tolerance, most_evaluations)
-        settings = (free, volumes, tolerance, most_evaluations)
-        self._quick = QuasiNewton(*settings)
-        self.gave_up = len(volumes) > self.MOST_POINTS
-        self._sure = DynamicRelaxation(*settings)
+    def __init__(self, *settings) -> None:
+        super().__init__(*settings)
+        self._quick, self._sure = QuasiNewton(*settings), DynamicRelaxation(*settings)
+        self.gave_up = self.reductions.total_of_parts(len(self.volumes)) > self.MOST_POINTS
 
     def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
         start, began = positions.copy(), force.evaluations

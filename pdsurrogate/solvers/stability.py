@@ -8,6 +8,7 @@ from scipy.linalg import eigvalsh_tridiagonal
 from ..forces import InternalForce
 from ..kernels.steps import greatest_strain
 from .preconditioner import NearestBondStiffness
+from .reductions import LOCAL, LocalReductions
 
 
 class FrequencyEstimate:
@@ -18,8 +19,7 @@ class FrequencyEstimate:
     mass : ndarray, shape (n,)
     free : ndarray, shape (n, 2)
         1 where a component may move.
-    random_state : int
-        Seed of the first vector.
+    reductions : LocalReductions, optional
 
     Attributes
     ----------
@@ -29,26 +29,26 @@ class FrequencyEstimate:
         Whether it has yet to be improved for the first time.
     """
 
-    def __init__(self, mass: np.ndarray, free: np.ndarray, random_state: int = 0) -> None:
+    def __init__(self, mass: np.ndarray, free: np.ndarray, reductions: LocalReductions = LOCAL) -> None:
         self._mass = mass[:, None]
-        self._free = free
-        self.vector = np.random.default_rng(random_state).standard_normal(free.shape) * free
+        self._free, self._reductions = free, reductions
+        self.vector = np.random.default_rng(0).standard_normal(free.shape) * free
         self.fresh = True
 
     def __call__(self, force: InternalForce, positions: np.ndarray) -> float:
         """Greatest eigenvalue of M^-1 K at the given positions (square of the highest frequency)."""
-        if not self.vector.any():
+        if not self._reductions.any(self.vector.any()):
             return 0.0
         probe = 1e-6 * force.body.spacing
         at_rest, moved = np.empty_like(positions), np.empty_like(positions)
         force(positions, at_rest)
         value = 0.0
         for _ in range(25 if self.fresh else 6):
-            self.vector /= np.abs(self.vector).max()
+            self.vector /= self._reductions.greatest(np.abs(self.vector))
             force(positions + probe * self.vector, moved)
             image = (at_rest - moved) / probe / self._mass * self._free
             # The norm bounds the Rayleigh quotient from above for a tangent that is not quite symmetric.
-            value = np.sqrt((image**2).sum() / (self.vector**2).sum())
+            value = np.sqrt(self._reductions.total(image**2) / self._reductions.total(self.vector**2))
             self.vector = image
         self.fresh = False
         return float(value)
@@ -64,7 +64,13 @@ NEGATIVE = -0.01
 """Least curvature, over that of the body at rest, that is told from zero."""
 
 
-def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarray, stiffness: NearestBondStiffness) -> float:
+def least_curvature(
+    force: InternalForce,
+    positions: np.ndarray,
+    free: np.ndarray,
+    stiffness: NearestBondStiffness,
+    reductions: LocalReductions = LOCAL,
+) -> float:
     """An upper bound of the least curvature of the energy over that of the body at rest, which is near the truth where it is negative.
 
     Lanczos' method on P^-1 K, with K v from force differences and P the stiffness of the nearest bonds, stopped at the first negative
@@ -78,6 +84,7 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
     free : ndarray, shape (n, 2)
         1 where a component may move.
     stiffness : NearestBondStiffness
+    reductions : LocalReductions, optional
     """
     bonds, points = force.body.bonds, force.body.points
     ahead, behind = np.empty_like(positions), np.empty_like(positions)
@@ -87,7 +94,7 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
     least = np.inf
     for _ in range(MOST_PRODUCTS):
         q = stiffness.solve(p) * free
-        norm = np.sqrt(max(np.einsum("ij,ij->", p, q), 0.0))
+        norm = np.sqrt(max(reductions.dot(p, q), 0.0))
         if diagonal:
             if not norm > 1e-10 * max(map(abs, diagonal)):
                 break
@@ -97,14 +104,14 @@ def least_curvature(force: InternalForce, positions: np.ndarray, free: np.ndarra
         p, q = p / norm, q / norm
         displacements.append(q)
         duals.append(p)
-        probe = PROBE / max(greatest_strain[q.shape[1]](q, points, bonds.first, bonds.second), 1e-300)
+        probe = PROBE / max(reductions.greatest_of_parts(greatest_strain[q.shape[1]](q, points, bonds.first, bonds.second)), 1e-300)
         force(positions + probe * q, ahead)
         force(positions - probe * q, behind)
         p = (behind - ahead) / (2 * probe) * free
-        diagonal.append(float(np.einsum("ij,ij->", q, p)))
+        diagonal.append(reductions.dot(q, p))
         least = float(eigvalsh_tridiagonal(diagonal, off_diagonal, select="i", select_range=(0, 0))[0])
         if least < NEGATIVE:
             break
         for displacement, dual in zip(displacements, duals, strict=True):
-            p -= np.einsum("ij,ij->", displacement, p) * dual
+            p -= reductions.dot(displacement, p) * dual
     return least

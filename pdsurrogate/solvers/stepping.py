@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Callable
 
 import numpy as np
 
 from ..forces import InternalForce, InvalidState
-from ..kernels.steps import central_difference_step, relaxation_step
+from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_step
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, no_report
 from .stability import FrequencyEstimate
 
@@ -23,7 +24,7 @@ class SteppingSolver(EquilibriumSolver):
     def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
         start, began = positions.copy(), force.evaluations
         # Anew for every call, so that a run that was resumed does what an uninterrupted one does.
-        self.frequency = FrequencyEstimate(self.volumes, self.free)
+        self.frequency = FrequencyEstimate(self.volumes, self.free, self.reductions)
         for restart in range(self.MOST_RESTARTS):
             try:
                 return self._iterate(force, positions, tolerance or self.tolerance, 2.0**restart, began, report)
@@ -65,6 +66,8 @@ class SteppingSolver(EquilibriumSolver):
 class DynamicRelaxation(SteppingSolver):
     """Adaptive dynamic relaxation: fictitious masses for a unit time step, damping critical for the mode that moves.
 
+    The frequency of that mode is the Rayleigh quotient of the velocity.
+
     References
     ----------
     Underwood, "Dynamic relaxation", in Computational Methods for Transient Analysis (1983) 245-265; Kilic and Madenci, Theor. Appl. Fract.
@@ -80,8 +83,13 @@ class DynamicRelaxation(SteppingSolver):
         mass = caution * self.MARGIN / 4 * self.frequency(force, positions) * self.volumes
         velocities, last_forces = np.zeros_like(positions), np.zeros_like(positions)
 
+        quotient, take = rayleigh_parts[positions.shape[1]], relaxation_step[positions.shape[1]]
+
         def step(forces):
-            relaxation_step[positions.shape[1]](positions, velocities, forces, last_forces, self.free, mass, 0.0)
+            stiffness, inertia = self.reductions.total_of_parts(quotient(velocities, forces, last_forces, mass))
+            # Beyond 2 the step would be unstable for the fastest mode.
+            damping = min(2 * math.sqrt(stiffness / inertia), 1.9) if stiffness > 0 and inertia > 0 else 0.0
+            take(positions, velocities, forces, last_forces, self.free, mass, damping)
 
         return step
 
@@ -100,7 +108,7 @@ class DampedExplicit(SteppingSolver):
     def prepare(self, force, positions, caution):
         step_length = 2 * np.sqrt(self.SAFETY / caution / self.frequency(force, positions))
         # Critical for the slowest longitudinal mode of a bar of the body's extent, held at both ends, with E = 3 mu.
-        extent = np.ptp(force.body.points, axis=0).max()
+        extent = self.reductions.extent(force.body.points)
         damping = 2 * np.pi / extent * np.sqrt(3 * force.law.shear_modulus)
         velocities = np.zeros_like(positions)
 

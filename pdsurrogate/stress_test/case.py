@@ -128,8 +128,6 @@ class Subject:
         """Whether the model can be used for a material."""
         try:
             self.model.check_material(law)
-        except AttributeError:
-            return True
         except ValueError:
             return False
         return True

@@ -24,14 +24,22 @@ import numpy as np
 
 from ..artifacts import load_card
 from ..body import Body, ReflectionPlane
-from ..forces import FORCES, AnalyticBondForce, ForceModel, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning
+from ..forces import (
+    FORCES,
+    AnalyticBondForce,
+    EnergySurrogate,
+    ForceSettings,
+    ForceSurrogate,
+    InvalidState,
+    OutsideDomain,
+    OutsideDomainWarning,
+)
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..forces.settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
 from ..kernels.reference_state import CORRECTIONS
 from ..kernels.threads import thread_count
 from ..learning import wide_design
 from ..materials import Law, plane_stress
-from ..results import measures
 from ..run.run import Silent
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import MaterialSpec, load_scene
@@ -149,7 +157,7 @@ def _settled(force, positions: np.ndarray) -> np.ndarray:
 
 def _energy(force) -> float:
     """Stored energy over mu times the volume; zero of a force that has none."""
-    return force.energy() / (force.law.shear_modulus * force.body.volumes.sum()) if hasattr(force, "energy") else 0.0
+    return force.energy() / (force.law.shear_modulus * force.body.volumes.sum()) if force.has_energy else 0.0
 
 
 def _scale(force, forces: np.ndarray) -> float:
@@ -305,7 +313,7 @@ def homogeneous_stress(subject: Subject) -> Outcome:
         for F in GRADIENTS:
             _forces(force, body.points @ F.T)
             expected = exact(F)
-            errors.append(np.abs(measures.mean_stress(force) - expected).max() / np.abs(expected).max())
+            errors.append(np.abs(force.mean_stress() - expected).max() / np.abs(expected).max())
             limits.append(rounding + _stated_error(subject, F))
     # NaN counts as the greatest.
     worst = int(np.argmax(np.divide(errors, limits)))
@@ -320,7 +328,7 @@ def _exact_stress(force):
 
     def stress(F):
         _forces(exact, force.body.points @ F.T)
-        return measures.mean_stress(exact)
+        return exact.mean_stress()
 
     return stress
 
@@ -355,10 +363,10 @@ def kernel_and_numpy(subject: Subject) -> Outcome:
     against those in float64 as a whole, see `single_precision`.
     """
     model, law = subject.model, subject.law
-    if hasattr(model, "bond_force"):
+    if isinstance(model, ForceSurrogate):
         X = wide_design(law, 1000, (0.8, 3.5), random_state=11).X.T
         found, expected = kernel_bond_force(model, law, np.float64)(*X), model.bond_force(*X)
-    elif hasattr(model, "energy_derivatives"):
+    elif isinstance(model, EnergySurrogate):
         stretches = np.random.default_rng(11).uniform(0.6, 4.5, (1000, 2))
         states = (stretches**2).sum(axis=1), stretches.prod(axis=1)
         own = model.energy_derivatives(law, *states)
@@ -513,16 +521,11 @@ IN_WORDS = {"breakable": "bonds that break"}
 """Settings that messages call by another name, that of a scene."""
 
 
-def honoured_settings(model: ForceModel) -> Mapping[str, tuple] | None:
-    """The values of every setting that a model declares to honour; None if it declares nothing."""
-    return getattr(model, "honours", None)
-
-
 def settings_refused(subject: Subject) -> Outcome:
     """Settings that change nothing, are refused without their name, or are taken or refused against what the model declares."""
-    wrong, declared = [], honoured_settings(subject.model)
+    wrong, declared = [], subject.model.honours
     for key, values in SETTINGS.items():
-        usual, stated, taken = _settings_outcome(subject, key, None), getattr(_bind_with(subject, key, None), key, None), {}
+        usual, stated, taken = _settings_outcome(subject, key, None), _own_choice(subject, key), {}
         for value in values:
             try:
                 taken[value] = _settings_outcome(subject, key, value)
@@ -533,7 +536,7 @@ def settings_refused(subject: Subject) -> Outcome:
         alive = any(outcome != usual for outcome in taken.values())
         same = [value for value, outcome in taken.items() if outcome == usual]
         wrong += [f"{key}={value} changes nothing" for value in same if len(same) > 1 or not (alive or stated == value)]
-        if declared is not None and set(taken) != set(declared.get(key, ())):
+        if set(taken) != set(declared.get(key, ())):
             wrong.append(f"{key} is declared as {declared.get(key, ())} and taken as {tuple(taken)}")
     return _none_may(len(wrong), "refused by name", "; ".join(wrong), "settings ignored")
 
@@ -542,6 +545,12 @@ def _bind_with(subject: Subject, key: str, value):
     """An evaluation with one setting; None leaves it to the model."""
     settings = ForceSettings() if value is None else ForceSettings(**{key: value})
     return subject.model.bind(sheet(), subject.law, settings)
+
+
+def _own_choice(subject: Subject, key: str):
+    """What an evaluation says that it does where nothing is asked; None of what it does not say."""
+    force = _bind_with(subject, key, None)
+    return {"precision": force.precision, "correction": force.correction}.get(key)
 
 
 def _settings_outcome(subject: Subject, key: str, value):

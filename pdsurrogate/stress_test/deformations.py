@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
-from ..forces import InvalidState
+from ..forces import ForceSurrogate, InvalidState
 from ..materials import Gent, Law, plane_stress
-from ..results import measures
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import load_scene
 from ..solvers import Unstable
@@ -58,7 +57,8 @@ def why_inaccurate(subject: Subject) -> str:
     known = {"ba-nosb": "weights do not add up", "nosb": "zero-energy modes"}
     if subject.reference in known:
         return known[subject.reference]
-    return "accuracy" if getattr(subject.model, "gives_transverse", True) else "no transverse stress"
+    blind = isinstance(subject.model, ForceSurrogate) and not subject.model.gives_transverse
+    return "no transverse stress" if blind else "accuracy"
 
 
 def _judged(subject: Subject, found: Outcome | float) -> Outcome:
@@ -90,7 +90,7 @@ def _homogeneous(subject: Subject, F: np.ndarray) -> Outcome:
     force = subject.bind(body)
     force(body.points @ F.T, np.empty_like(body.points))
     exact = plane_stress.first_piola_stress(subject.law, F)
-    error = float(np.abs(measures.mean_stress(force) - exact).max() / np.abs(exact).max())
+    error = float(np.abs(force.mean_stress() - exact).max() / np.abs(exact).max())
     least = resistance(subject, body, F)
     figure = f"{error:.1e}, resistance {least:.2g}"
     if error > MOST_ERROR:

@@ -7,7 +7,6 @@ import numpy as np
 from ..body import Body, ReflectionPlane, grid
 from ..forces import InvalidState
 from ..materials import homogeneous, plane_stress
-from ..results import measures
 from ..solvers import Automatic, Diverging, NotConverged
 from .case import PASS, SPACING, STOPS, WEAK, Case, Outcome, Subject, middle_point, square_sheet
 from .deformations import MOST_ERROR, force_densities, turn, why_inaccurate
@@ -25,7 +24,7 @@ def _patch_error(subject: Subject, body: Body, F: np.ndarray) -> float:
     force = subject.bind(body)
     force(body.points @ F.T, np.empty_like(body.points))
     exact = plane_stress.first_piola_stress(subject.law, F)
-    return float(np.abs(measures.mean_stress(force) - exact).max() / np.abs(exact).max())
+    return float(np.abs(force.mean_stress() - exact).max() / np.abs(exact).max())
 
 
 def jitter(subject: Subject) -> Outcome:
