@@ -138,11 +138,11 @@ class BANOSBEvaluation(Evaluation):
 
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
         self._kinematics.place(positions)
-        unsolved, strange = self.pass_bonds(out)
+        unsolved, without_force = self.pass_bonds(out)
         if unsolved:
             self._volume_ratios[:] = 1.0
             raise InvalidState(self._diagnose())
-        if strange:
+        if without_force:
             raise InvalidState(locate(self.body, out, "the force on it is not finite"))
 
     def _diagnose(self) -> str:

@@ -170,11 +170,11 @@ class BondEnergyEvaluation(ModelEvaluation):
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
         self._kinematics.place(positions)
         self._kinematics.form_gradients()
-        outside, invalid, strange = self.pass_bonds(out)
+        outside, invalid, without_force = self.pass_bonds(out)
         self._report_outside(outside)
         if invalid or not np.isfinite(self._energy):
             raise InvalidState(self._diagnose())
-        if strange:
+        if without_force:
             raise InvalidState(locate(self.body, out, "the force on it is not finite"))
 
     def pass_bonds(self, out: np.ndarray) -> tuple[int, int, int]:
@@ -212,10 +212,10 @@ class BondEnergyEvaluation(ModelEvaluation):
             if not len(ghosts):
                 own.give("out", out)
                 return own()
-            strange = own() + others()
+            without_force = own() + others()
             ghosts.fold_forces(total)
             out[:] = total[:n]
-            return strange
+            return without_force
 
         return to_points
 

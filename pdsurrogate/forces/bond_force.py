@@ -130,9 +130,9 @@ class BondForceEvaluation(ModelEvaluation):
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
         self._kinematics.place(positions)
         self._kinematics.find_states()
-        outside, strange = self.pass_bonds(out)
+        outside, without_force = self.pass_bonds(out)
         self._report_outside(outside)
-        if strange:
+        if without_force:
             raise InvalidState(self._diagnose(out))
 
     def _diagnose(self, out: np.ndarray) -> str:
