@@ -30,12 +30,10 @@ class Branch:
     ----------
     loading : Loading
     force : InternalForce
-    energy : float
-        Stored in the equilibrium that the loading starts from; force maps have none.
     """
 
-    def __init__(self, loading: Loading, force: InternalForce, energy: float) -> None:
-        self._loading, self._force, self._energy = loading, force, energy
+    def __init__(self, loading: Loading, force: InternalForce) -> None:
+        self._loading, self._force = loading, force
         self._stiffness: NearestBondStiffness | None = None
 
     def check(self, before: float, stretch: float, guess: np.ndarray, positions: np.ndarray) -> None:
@@ -60,17 +58,13 @@ class Branch:
         loading.check_inside(stretch, force, positions)
         growth = abs(stretch - before) * np.ptp(force.body.points, axis=0).max()
         moved = np.sqrt(np.square(positions - guess).mean())
-        if moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing) and self._pull(positions) < 0:
+        if moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing) and loading.pull(force) < 0:
             raise Unstable(
                 f"the body buckles between the stretches {before:.4g} and {stretch:.4g}: while its length changed by {growth:.3g}, "
                 f"its points moved by {moved:.3g} in the mean from where the states before lead"
             )
-        if not hasattr(force, "energy"):
-            return
-        energy = force.energy()
-        if (energy - self._energy) * (stretch - before) < 0:
+        if hasattr(force, "energy") and loading.pull(force) < 0:
             self._check_stability(stretch, positions)
-        self._energy = energy
 
     def _check_stability(self, stretch: float, positions: np.ndarray) -> None:
         loading, force = self._loading, self._force
@@ -84,12 +78,6 @@ class Branch:
                 f"the equilibrium at stretch {stretch:.4g} is not stable: along one displacement the energy has "
                 f"{curvature:.2g} times the curvature that it has at rest, so that the body buckles"
             )
-
-    def _pull(self, positions: np.ndarray) -> float:
-        """Force of the grips along the load; negative where they push."""
-        with self._unchanged():
-            self._force(positions, np.empty_like(positions))
-        return float((self._loading.reactions(self._force) * self._loading.travels()).sum())
 
     @contextmanager
     def _unchanged(self) -> Iterator[None]:
