@@ -20,8 +20,8 @@ RASTER = 16
 """Places along either side of a cell at which it is asked whether there is material: an area to some 1/1000 of a cell."""
 
 CLEARANCE = 0.4
-"""Cells without material around a place on a bond, in every direction, that make it empty: bonds beside a round hole of more than some three
-cells' radius, whose chords leave the material by less, stay."""
+"""Cells without material around a place on a bond, in every direction, that make it empty: bonds beside a round hole of more than
+some three cells' radius, whose chords leave the material by less, stay."""
 
 STEP = 0.15
 """Cells between the places on a bond: a gap of one cell is empty over 0.2 of them."""

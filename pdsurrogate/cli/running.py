@@ -87,8 +87,8 @@ def run(
             out.print(f"Results in {folder}", soft_wrap=True)
     if any(level.get("stability") == "not checked" for level in result.levels):
         err.print(
-            f"[yellow]The grips push, and {escape(model.name)} has no energy, so whether the body is stable or would buckle is not checked; "
-            "a force with an energy, such as bond-energy, is.[/]",
+            f"[yellow]The grips push, and {escape(model.name)} has no energy: whether the body would buckle is not checked; "
+            "it is with a force that has one, as bond-energy does.[/]",
             soft_wrap=True,
         )
     outside = result.summary["fraction_outside_domain"]

@@ -1,8 +1,8 @@
 """The folder of a run: which files in it are a run's, and when a new run may take their place.
 
 A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on, ``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name,
-and ``summary.json``, ``history.csv`` and ``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A folder holds a run of a scene if its summary names the scene, or a PVD
-index lists states of that name.
+and ``summary.json``, ``history.csv`` and ``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A folder holds a
+run of a scene if its summary names the scene, or a PVD index lists states of that name.
 """
 
 from __future__ import annotations

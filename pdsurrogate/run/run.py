@@ -136,7 +136,6 @@ class Run:
         self.law: Law = scene.material.build()
         self.body: Body
         self.body, lower, upper = discretise(scene)
-        self.grip_areas = grip_areas(scene, lower, upper)
         self._check_rate((upper - lower)[scene.loaded_axis])
         self.threads = self.threads or threads_for(len(self.body.bonds.first))
         settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None)
@@ -147,12 +146,13 @@ class Run:
             self._check_support()
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
+        self.grip_areas = grip_areas(scene, lower, upper)
         self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
         self.positions = self.body.points.copy()
         self.states: States = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.body.points, scene.name)
 
     def _check_rate(self, length: float) -> None:
-        """Refuse grips that move apart faster than shear waves: the motion that the body starts with would hold more energy than its strain."""
+        """Refuse grips that move apart faster than shear waves: what the body does then hangs on the motion that it is started with."""
         spec = self.scene.dynamics
         if spec is None:
             return
@@ -160,8 +160,8 @@ class Run:
         if speed > wave:
             unit = f"{self.scene.units.length}/{self.scene.units.time}"
             raise SceneError(
-                f"scene {self.scene.name}: dynamics.stretch_rate: the grips would move apart at {speed:.4g} {unit}, faster than shear waves at "
-                f"{wave:.4g} {unit}; the greatest rate is {wave / length:.4g}"
+                f"scene {self.scene.name}: dynamics.stretch_rate: the grips would move apart at {speed:.4g} {unit}, faster than "
+                f"shear waves at {wave:.4g} {unit}; the greatest rate is {wave / length:.4g}"
             )
 
     def _check_support(self) -> None:

@@ -115,7 +115,7 @@ def _text_of(reference: str | Path) -> tuple[str, str]:
     if name in scene_names():
         return (resources.files(__package__) / f"{name}.toml").read_text("utf-8"), f"scene {name}"
     path = Path(reference)
-    if not name or path.suffix != ".toml" and not path.exists():
+    if not name or (path.suffix != ".toml" and not path.exists()):
         raise SceneError(f"unknown scene {name!r}; built in are {', '.join(scene_names())}, anything else is the path of a .toml file")
     try:
         return path.read_text("utf-8"), str(path)
