@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
 from .body import Body, Cells
@@ -17,6 +18,19 @@ from .solvers.conditions import reflection_planes
 
 RASTER = 16
 """Places along either side of a cell at which it is asked whether there is material: an area to some 1/1000 of a cell."""
+
+CLEARANCE = 0.4
+"""Cells without material around a place on a bond, in every direction, that make it empty: bonds beside a round hole of more than
+some three cells' radius, whose chords leave the material by less, stay."""
+
+STEP = 0.15
+"""Cells between the places on a bond: a gap of one cell is empty over 0.2 of them."""
+
+MOST_PLACES = 1_000_000
+"""Places on bonds looked at together, which bounds the memory for them."""
+
+CUT_SHIFT = 1e-6
+"""Distance inside a grip's plane, in extents of the body, of the cut whose area is taken: more than corners in single precision are off."""
 
 
 def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
@@ -40,43 +54,44 @@ def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
         # mean or the larger one some at a distance of (3, 1) cells come in along one direction alone, and errors in pure shear are half as
         # large again.
         horizon = scene.horizon_ratio * min(cell)
-        body = Body(points, volumes, horizon, spacing, scene.weight, planes, _cuts(scene), cell)
+        body = Body(points, volumes, horizon, spacing, scene.weight, planes, _cuts(scene, horizon, cell, lower, upper), cell)
         _check_precuts(scene, body)
         return body, lower, upper
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
 
 
-def grip_areas(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> dict[str, float]:
-    """Cross-section of the body at every grip, by edge: area of its cut half a cell inside the grip's plane, at unit thickness.
-
-    That is the middle of the layer of cells that the grip holds; on a straight edge, the edge itself.
+def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, float]:
+    """Cross-section of the body at every grip, by edge: area of its cut in the grip's plane, at unit thickness.
 
     Parameters
     ----------
     scene : Scene
-    cell : ndarray, shape (2,)
-        Sides of the body's cells.
     lower, upper : ndarray, shape (2,)
         Corners of the bounding box of the body.
 
     Raises
     ------
     SceneError
-        If a grip holds no material.
+        If the body has no straight edge in the plane of a grip, or no material there.
     """
     areas, cells = {}, None
     if isinstance(scene.body, Mesh):
         cells = [block[_outside_holes(scene, _centroids(block)[0])] for block in _mesh_cells(scene.body)]
+
+    def cut(axis: int, position: float) -> float:
+        if cells is not None:
+            return sum(float(_chords(block, axis, position).sum()) for block in cells)
+        return _length_inside(scene, axis, position, lower[1 - axis], upper[1 - axis])
+
     for grip in scene.grips:
         axis, side = EDGES[grip.edge]
-        position = (lower, upper)[side > 0][axis] - side * cell[axis] / 2
-        if cells is not None:
-            areas[grip.edge] = sum(float(_chords(block, axis, position).sum()) for block in cells)
-        else:
-            areas[grip.edge] = _length_inside(scene, axis, position, lower[1 - axis], upper[1 - axis])
-        if not areas[grip.edge] > 0:
-            raise SceneError(f"scene {scene.name}: grips: there is no material at the {grip.edge} edge of the body")
+        shift = CUT_SHIFT * (upper - lower).max()
+        near, far = (cut(axis, (lower, upper)[side > 0][axis] - side * times * shift) for times in (1, 2))
+        # Linear in the distance below a straight edge; below a round or a pointed end all of it is due to the distance.
+        areas[grip.edge] = 2 * near - far
+        if not areas[grip.edge] > 0.9 * near:
+            raise SceneError(f"scene {scene.name}: grips: the body has no straight edge with material at its {grip.edge} end to be held by")
     return areas
 
 
@@ -197,17 +212,60 @@ def _material_of_cells(centres: np.ndarray, kept: np.ndarray, cells: Cells, mate
     return points[whole], volumes[whole]
 
 
-def _cuts(scene: Scene):
-    if not scene.precuts:
+def _cuts(scene: Scene, horizon: float, cell: tuple[float, float], lower: np.ndarray, upper: np.ndarray):
+    """Which bonds precuts and empty space separate; None where there is nothing of either."""
+    tests = [precut.crosses for precut in scene.precuts]
+    if not isinstance(scene.body, Mesh) and (scene.holes or not isinstance(scene.body, Rectangle)):
+        tests.append(_across_empty_space(scene, horizon, np.array(cell), lower, upper))
+    if not tests:
         return None
 
     def separates(starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         crossing = np.zeros(len(starts), dtype=bool)
-        for precut in scene.precuts:
-            crossing |= precut.crosses(starts, ends)
+        for test in tests:
+            crossing |= test(starts, ends)
         return crossing
 
     return separates
+
+
+def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray):
+    """Which bonds cross a hole, or leave the outline: those with a place on them that has no material within `CLEARANCE` of it.
+
+    Beyond the planes of its grips the body is its own image.
+    """
+    # Half a cell apart, some place of this lattice lies within 0.36 cells of any empty place, and in the same emptiness.
+    pitch = cell / 2
+    counts = np.ceil((upper - lower) / pitch).astype(int) + 1
+    lattice = lower + pitch * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 2)
+    there = _material(scene, lattice).reshape(counts)
+    if there.all():
+        return lambda starts, ends: np.zeros(len(starts), dtype=bool)
+    near = distance_transform_edt(there, sampling=pitch) <= horizon / 2 + cell.max()  # of a bond's middle
+    angles = np.pi / 8 * np.arange(16)
+    around = CLEARANCE * cell * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    shares = np.linspace(0, 1, int(np.ceil(horizon / (STEP * cell.min()))) + 2)[1:-1]
+
+    def folded(places: np.ndarray) -> np.ndarray:
+        inner = lower + np.abs(places - lower)
+        return upper - np.abs(upper - inner)
+
+    def material(places: np.ndarray) -> np.ndarray:
+        return scene.body.contains(places) & _outside_holes(scene, places)
+
+    def crosses(starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        middles = np.rint((folded((starts + ends) / 2) - lower) / pitch).astype(int).clip(0, counts - 1)
+        chosen = np.flatnonzero(near[middles[:, 0], middles[:, 1]])
+        crossing = np.zeros(len(starts), dtype=bool)
+        for some in np.array_split(chosen, len(chosen) * len(shares) // MOST_PLACES + 1):
+            places = folded((starts[some, None] + shares[:, None] * (ends[some] - starts[some])[:, None]).reshape(-1, 2))
+            empty = np.flatnonzero(~material(places))
+            for offset in around:
+                empty = empty[~material(places[empty] + offset)]
+            crossing[some[empty // len(shares)]] = True
+        return crossing
+
+    return crosses
 
 
 def _check_precuts(scene: Scene, body: Body) -> None:

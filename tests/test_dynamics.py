@@ -133,6 +133,21 @@ def torn(tmp_path_factory):
     return result, folder
 
 
+def test_grips_faster_than_shear_waves_are_refused():
+    """At rates of 100 and 1e6 the motion that the dynamics start with was energy out of nothing, and the run "converged"."""
+    with pytest.raises(pd.SceneError, match=r"dynamics.stretch_rate: the grips would move apart .* the greatest rate is 2683"):
+        simulate(small(**{"dynamics.stretch_rate": 1e6}), "neo-hookean")
+
+
+def test_the_history_ends_at_the_last_state():
+    """Rows come every 20 steps, and what came after the last of them was in no row, and not in the peak stress."""
+    result = simulate(small(**{"fracture.critical_stretch": 5.0, "dynamics.stretch": 1.203, "dynamics.outputs": 1}), "neo-hookean")
+    last = result.history[-1]
+    assert result.summary["n_steps"] % transient.STEPS_PER_ROW
+    assert (last["time"], last["stretch"]) == (result.states.moments[-1].time, pytest.approx(1.203))
+    assert result.summary["peak_nominal_stress"] >= last["nominal_stress"]
+
+
 def test_the_crack_runs_straight_through(torn):
     result, _ = torn
     crack = result.summary["crack"]

@@ -2,15 +2,21 @@
 
 import csv
 import json
+import os
+import socket
+import subprocess
+import sys
 
 import meshio
 import numpy as np
 import pytest
 from bodies import sheet
+from typer.testing import CliRunner
 
 import pdsurrogate as pd
+from pdsurrogate.cli import app
 from pdsurrogate.results import figures, files, measures
-from pdsurrogate.results.folder import FolderTaken
+from pdsurrogate.results.folder import LOCK, FolderTaken, occupied
 from pdsurrogate.run.simulate import simulate
 
 
@@ -193,3 +199,32 @@ def test_roughness_tells_a_checkerboard_from_a_wave():
     # Second difference of a wave of length L: (2 pi spacing / L)^2, root mean square over its greatest value: / sqrt(2).
     assert measures.roughness(body, smooth, 0) == pytest.approx((2 * np.pi * 0.05 / 3) ** 2 / np.sqrt(2), rel=0.05)
     assert measures.roughness(body, jagged, 0) == pytest.approx(4, rel=0.01)
+
+
+def test_a_folder_holds_one_run_at_a_time(tmp_path):
+    """Two runs in one folder mixed their files."""
+    lock = tmp_path / LOCK
+    lock.write_text(f"{os.getppid()} {socket.gethostname()}")
+    with pytest.raises(FolderTaken, match=f"process {os.getppid()} on .* is writing a run there"):
+        simulate(uniaxial(1.2), "neo-hookean", folder=tmp_path)
+    ended = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", str(tmp_path)])
+    assert (ended.exit_code, names_in(tmp_path)) == (2, [LOCK])
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    for left in (gone.pid, os.getpid()):  # a number that the system has given anew
+        lock.write_text(f"{left} {socket.gethostname()}")
+        with occupied(tmp_path), occupied(tmp_path):
+            assert lock.read_text() == f"{os.getpid()} {socket.gethostname()}"
+        assert names_in(tmp_path) == []
+    lock.write_text("1 another.host")
+    with pytest.raises(FolderTaken, match=r"on another\.host"), occupied(tmp_path):
+        pass
+
+
+def test_results_need_a_folder(tmp_path):
+    (tmp_path / "file").write_text("mine")
+    for given in (str(tmp_path / "file"), os.devnull, ""):
+        ended = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", given])
+        assert ended.exit_code == 2
+        assert "folder" in ended.output
+    assert (tmp_path / "file").read_text() == "mine"

@@ -108,6 +108,11 @@ def test_parsing_of_changes(change, key, value):
         (["spacing"], "a change is written key=value"),
         (["=3"], "a change is written key=value"),
         (["spacing.deep=3"], "spacing is not a table"),
+        (
+            ["stretches=1.5", "stretches.0=1.2"],
+            "stretches.0: stretches is no list but 1.5, which has no entries; change it whole: stretches=",
+        ),
+        (["solver.tolerance=1e300"], "solver.tolerance: Input should be less than or equal to 0.01"),
     ],
 )
 def test_bad_changes_name_the_key(changes, message):
@@ -230,6 +235,8 @@ def test_bad_scene_files(tmp_path, old, new, message):
 def test_scenes_that_are_not_there(tmp_path):
     with pytest.raises(SceneError, match=r"unknown scene 'uniaxal'; built in are .*uniaxial"):
         load_scene("uniaxal")
+    with pytest.raises(SceneError, match="unknown scene ''"):  # "cannot read scene file .: Is a directory"
+        load_scene("")
     with pytest.raises(SceneError, match="cannot read scene file"):
         load_scene(tmp_path / "none.toml")
     binary = tmp_path / "binary.toml"

@@ -502,3 +502,14 @@ loaded = [name for name in ("sklearn", "torch", "skorch", "matplotlib", "meshio"
 assert not loaded, loaded
 """
     subprocess.run([sys.executable, "-c", code, str(SHIPPED / "neo-hookean")], check=True)
+
+
+def test_compression_says_whether_stability_was_checked():
+    """A force map has no energy whose curvature could be looked at; levels under tension need none."""
+    for force, expected in (("analytic", "not checked"), ("bond-energy", "checked")):
+        pulled, pushed = run(force, "spacing=0.1", "stretches=1.05,0.95").levels
+        assert "stability" not in pulled
+        assert pushed["stability"] == expected
+    options = ["--force", "analytic", "--set", "spacing=0.1", "--set", "stretches=0.95"]
+    ended = CliRunner().invoke(app, ["run", "uniaxial", *options])
+    assert "The grips push, and analytic has no energy" in ended.output

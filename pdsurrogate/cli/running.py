@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -38,8 +39,8 @@ def run(
     change: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a parameter of the scene; may be repeated.")
     ] = None,
-    folder: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Write summary, history, VTU/PVD files and a figure here.")
+    out_folder: Annotated[
+        str | None, typer.Option("--out", metavar="DIR", help="Write summary, history, VTU/PVD files and a figure here.")
     ] = None,
     threads: Annotated[
         int | None, typer.Option(help="Threads of the kernels (by default as many as pay); the result does not depend on it.")
@@ -51,12 +52,17 @@ def run(
     from ..artifacts import ArtifactError, load_surrogate, surrogate_for
     from ..results.checkpoint import CheckpointError
     from ..results.files import check_writable
+    from ..results.folder import FolderTaken, occupied
     from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
     from ..scenes import SceneError, load_scene
 
     with bad_input(SceneError, ArtifactError):
         described = load_scene(scene, change or [])
         model = surrogate_for(described.material.build()) if force is None else load_surrogate(force)
+    folder = None if out_folder is None else Path(out_folder)
+    if out_folder == "":
+        err.print("[red]pdsurrogate:[/] --out needs the name of a folder, and it is empty")
+        raise typer.Exit(2)
     if resume and folder is None:
         err.print("[red]pdsurrogate:[/] --resume needs --out, the folder with the checkpoint")
         raise typer.Exit(2)
@@ -64,17 +70,27 @@ def run(
         with bad_input(OSError):
             check_writable(folder)
     failure = None
-    try:
-        with bad_input(SceneError, CheckpointError, ValueError), writing(folder), said_aloud(), _Bar(described) as bar:
-            result = simulate(described, model, threads=threads, progress=bar, folder=folder, resume=resume, overwrite=overwrite)
-    except SimulationFailed as error:
-        failure, result = error, error.result
-    _print_cells(result)
-    _print_levels(result)
-    if folder is not None:
-        with writing(folder):
-            result.save(folder)
-        out.print(f"Results in {folder}", soft_wrap=True)
+    with ExitStack() as held:
+        if folder is not None:
+            with bad_input(FolderTaken), writing(folder):
+                held.enter_context(occupied(folder))
+        try:
+            with bad_input(SceneError, CheckpointError, ValueError), writing(folder), said_aloud(), _Bar(described) as bar:
+                result = simulate(described, model, threads=threads, progress=bar, folder=folder, resume=resume, overwrite=overwrite)
+        except SimulationFailed as error:
+            failure, result = error, error.result
+        _print_cells(result)
+        _print_levels(result)
+        if folder is not None:
+            with writing(folder):
+                result.save(folder)
+            out.print(f"Results in {folder}", soft_wrap=True)
+    if any(level.get("stability") == "not checked" for level in result.levels):
+        err.print(
+            f"[yellow]The grips push, and {escape(model.name)} has no energy: whether the body would buckle is not checked; "
+            "it is with a force that has one, as bond-energy does.[/]",
+            soft_wrap=True,
+        )
     outside = result.summary["fraction_outside_domain"]
     if outside:
         what = (
@@ -172,7 +188,7 @@ def _print_levels(result) -> None:
     summary, units = result.summary, result.summary["units"]
     compared = any("nominal_stress_reference" in level for level in summary["levels"])
     # The mean narrowing where the exact solution is homogeneous, the greatest where it is not.
-    homogeneous = result.scene.reference == "uniaxial"
+    homogeneous = any("lateral_displacement_reference" in level for level in summary["levels"])
     lateral = "lateral_displacement" if homogeneous else "greatest_lateral_displacement"
     table = Table(title=f"{summary['scene']}, force {summary['force']}, {summary['n_points']} points", title_justify="left")
     table.add_column("stretch", justify="right")

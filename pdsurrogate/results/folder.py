@@ -1,14 +1,19 @@
 """The folder of a run: which files in it are a run's, and when a new run may take their place.
 
 A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on, ``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name,
-and ``summary.json``, ``history.csv`` and ``checkpoint.npz``.  A folder holds a run of a scene if its summary names the scene, or a PVD
-index lists states of that name.
+and ``summary.json``, ``history.csv`` and ``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A folder holds a
+run of a scene if its summary names the scene, or a PVD index lists states of that name.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import re
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,6 +24,80 @@ SUMMARY, HISTORY = "summary.json", "history.csv"
 
 class FolderTaken(ValueError):
     """A folder that a run may not write to; the message says what is there and what to do."""
+
+
+LOCK = ".pdsurrogate-run"
+
+_occupied: dict[Path, int] = {}
+"""Folders that this process holds, and the thread that does."""
+
+
+@contextmanager
+def occupied(folder: Path) -> Iterator[None]:
+    """Context in which no other run writes to a folder, which is made if need be; the same thread may enter it again.
+
+    A file that is created exclusively holds the number of the process and its host; that of a process that no longer lives on this host is
+    taken over.
+
+    Raises
+    ------
+    FolderTaken
+        If another run writes there.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    place = folder.resolve()
+    if _occupied.get(place) == threading.get_ident():
+        yield
+        return
+    lock, mine = place / LOCK, f"{os.getpid()} {socket.gethostname()}"
+    while True:
+        try:
+            with lock.open("x", encoding="utf-8") as file:
+                file.write(mine)
+            break
+        except FileExistsError:
+            _remove_if_left(lock, place)
+    _occupied[place] = threading.get_ident()
+    try:
+        yield
+    finally:
+        del _occupied[place]
+        lock.unlink(missing_ok=True)
+
+
+def _remove_if_left(lock: Path, folder: Path) -> None:
+    """Remove the lock of a process that no longer lives; FolderTaken if it may."""
+    try:
+        owner = lock.read_text("utf-8")
+    except FileNotFoundError:
+        return
+    process, _, host = owner.partition(" ")
+    here = host == socket.gethostname() and process.isdecimal()
+    if not here or folder in _occupied or (int(process) != os.getpid() and _lives(int(process))):
+        who = f"process {process} on {host}" if host else "another process"
+        raise FolderTaken(f"{folder}: {who} is writing a run there; give another folder (if there is no such run, remove {lock})")
+    # Moved first, so that of two who find it left neither removes what the other has made since.
+    aside = lock.with_name(f"{LOCK}-{os.getpid()}-{threading.get_ident()}")
+    try:
+        lock.rename(aside)
+    except FileNotFoundError:
+        return
+    if aside.read_text("utf-8") == owner:
+        aside.unlink()
+    else:
+        aside.rename(lock)
+
+
+def _lives(process: int) -> bool:
+    if os.name == "nt":  # there a signal of 0 ends the process
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True
 
 
 def check_room(folder: Path, name: str, overwrite: bool = False) -> None:

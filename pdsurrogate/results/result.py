@@ -12,7 +12,7 @@ import numpy as np
 from ..body import Body
 from ..scenes import Scene
 from .files import write_json, write_text
-from .folder import HISTORY, SUMMARY, make_room
+from .folder import HISTORY, SUMMARY, make_room, occupied
 from .states import States, StatesInFiles, StatesInMemory
 
 
@@ -63,11 +63,15 @@ class Result:
         Raises
         ------
         FolderTaken
-            If the folder holds results of another scene, or a file called like one of these that no run wrote.
+            If the folder holds results of another scene, or a file called like one of these that no run wrote, or a run is writing there.
         """
+        folder = Path(folder)
+        with occupied(folder):
+            self._write(folder, overwrite)
+
+    def _write(self, folder: Path, overwrite: bool) -> None:
         from . import animation, figures
 
-        folder = Path(folder)
         streamed = isinstance(self.states, StatesInFiles) and self.states.folder.resolve() == folder.resolve()
         if not streamed:
             make_room(folder, self.scene.name, overwrite)

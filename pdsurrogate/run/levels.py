@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..forces import InvalidState
-from ..materials import homogeneous
 from ..results import measures
 from ..scenes import Rectangle, SceneError
-from ..scenes.references import finite_element_level
+from ..scenes.references import reference_level
 from ..solvers import SOLVERS, Diverging, Equilibrium, EquilibriumSolver, Increments, NotConverged, Unstable
 from ..solvers.branch import Branch
 from .run import Run
@@ -43,8 +42,7 @@ def go_through_levels(run: Run, solver: EquilibriumSolver, damage: Damage | None
     Where an increment finds no equilibrium, or not the one looked for, it is taken back and shortened.  Where a bond would break the
     levels end, and the body is put back to the last one: what follows is not in equilibrium.
     """
-    spec, energy = run.scene.solver, run.levels[-1].get("energy", 0.0) if run.levels else 0.0
-    branch = Branch(run.loading, run.force, energy, run.reductions)
+    spec, branch = run.scene.solver, Branch(run.loading, run.force, run.reductions)
     for number in range(len(run.levels), len(run.scene.stretches)):
         stretch, reached = run.scene.stretches[number], run.stretch
         run.progress.level(number, stretch)
@@ -145,6 +143,8 @@ def _record(run: Run, equilibrium) -> None:
     }
     if run.force.has_energy:
         level["energy"] = run.strain_energy()
+    if run.loading.pull(run.force) < -run.scene.solver.tolerance * run.law.shear_modulus * min(run.grip_areas.values()):
+        level["stability"] = "checked" if run.force.has_energy else "not checked"
     if isinstance(run.scene.body, Rectangle):
         # Other outlines have no straight edges to read displacements from.
         _, low, high = measures.edge_displacements(body, displacements, 1 - axis)
@@ -152,26 +152,9 @@ def _record(run: Run, equilibrium) -> None:
         level["greatest_lateral_displacement"] = float(max(np.abs(low).max(), np.abs(high).max()))
         level["roughness"] = measures.roughness(body, displacements, axis)
     level |= {"residual": equilibrium.residual, "evaluations": equilibrium.evaluations, "method": equilibrium.method}
-    for key, reference in _references(run, stretch).items():
+    for key, reference in reference_level(run.scene, stretch).items():
         if key in level:
             level[f"{key}_reference"] = float(reference)
             level[f"{key}_error"] = float(level[key] / reference - 1) if reference else None
     run.levels.append(level)
     run.record()
-
-
-def _references(run: Run, stretch: float) -> dict[str, float]:
-    if run.scene.reference == "uniaxial":
-        try:
-            exact = homogeneous.uniaxial(run.law, stretch)
-        except ValueError:  # the law has no such state: there is nothing to compare with
-            return {}
-        narrowing = (1 - exact.lateral_stretch) / 2 * run.width
-        return {
-            "nominal_stress": exact.nominal_stress,
-            "lateral_displacement": narrowing,
-            "greatest_lateral_displacement": narrowing,
-        }
-    if run.scene.reference == "finite-elements":
-        return finite_element_level(run.scene, stretch)
-    return {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -72,8 +73,6 @@ class Run:
         Of the kernels; None for as many as pay for the body.
     law, body, loading, force
         What was built for it.
-    width : float
-        Of the body's bounding box across the loaded direction.
     grip_areas : dict of float
         Cross-section of the body at every grip, by edge.
     stress_grip : Grip
@@ -119,6 +118,7 @@ class Run:
         self.law: Law = scene.material.build()
         self.body: Body
         self.body, lower, upper = discretise(scene)
+        self._check_rate((upper - lower)[scene.loaded_axis])
         self.threads = self.threads or threads_for(len(self.body.bonds.first))
         settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None)
         try:
@@ -128,11 +128,23 @@ class Run:
             self._check_support()
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
-        self.width = (upper - lower)[1 - self.loading.axis]
-        self.grip_areas = grip_areas(scene, self.body.cell, lower, upper)
+        self.grip_areas = grip_areas(scene, lower, upper)
         self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
         self.positions = self.body.points.copy()
         self.states: States = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.body.points, scene.name)
+
+    def _check_rate(self, length: float) -> None:
+        """Refuse grips that move apart faster than shear waves: what the body does then hangs on the motion that it is started with."""
+        spec = self.scene.dynamics
+        if spec is None:
+            return
+        speed, wave = spec.stretch_rate * length, math.sqrt(self.law.shear_modulus / spec.density)
+        if speed > wave:
+            unit = f"{self.scene.units.length}/{self.scene.units.time}"
+            raise SceneError(
+                f"scene {self.scene.name}: dynamics.stretch_rate: the grips would move apart at {speed:.4g} {unit}, faster than "
+                f"shear waves at {wave:.4g} {unit}; the greatest rate is {wave / length:.4g}"
+            )
 
     def _check_support(self) -> None:
         """Refuse points whose bonds lie on one line: only a crack may leave points without a deformation gradient."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from ..kernels.compile import compilation_clock
 from ..kernels.threads import thread_count
 from ..results import Result
 from ..results.checkpoint import CheckpointError
-from ..results.folder import check_room, make_room
+from ..results.folder import check_room, make_room, occupied
 from ..scenes import Scene, load_scene
 from ..solvers import Diverging, NotConverged, Unstable
 from .interruption import Interrupted
@@ -101,7 +102,7 @@ def simulate(
     CheckpointError
         If there is nothing to resume from, or it belongs to another run.
     FolderTaken
-        If `folder` holds results of another scene, or a file called like one of a run's that no run wrote.
+        If `folder` holds results of another scene, or a file called like one of a run's that no run wrote, or another run writes there.
     SimulationInterrupted
         After Ctrl-C, at the next place where the state is whole; the part that was reached is kept.
     SimulationFailed
@@ -118,11 +119,14 @@ def simulate(
         raise ValueError("a run is resumed from the folder of its results: give it")
     if resume and overwrite:
         raise ValueError("a run is either resumed or begun anew: give resume or overwrite, not both")
+    if folder is not None and not str(folder):
+        raise ValueError("a folder is needed for the results, and its name is empty")
     folder = None if folder is None else Path(folder)
     if folder is not None and not resume:
         check_room(folder, scene.name, overwrite)  # before any work
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
-    with thread_count(threads), threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
+    held = nullcontext() if folder is None else occupied(folder)
+    with held, thread_count(threads), threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
         run = Run(scene, model, progress, folder, threads)
         run.warm_up()
         if folder is not None and not resume:

@@ -160,6 +160,7 @@ class Transient:
                 raise InvalidState(f"time {account.time:.4g}: {error}") from None
             if run.interruption.asked:
                 self._checkpoint()
+                self._last_row()
                 run.interruption.check()
             if integrator.steps % STEPS_PER_ROW == 0:
                 self._row()
@@ -167,8 +168,11 @@ class Transient:
             elif self._keeps_account and integrator.steps - account.last_break < STEPS_PER_ROW:
                 self._take_damping()
             if run.stretch >= account.begin + span * (account.outputs + 1) / spec.outputs - 1e-12:
+                through = self._through()
+                if through or account.outputs + 1 == spec.outputs:
+                    self._last_row()
                 self.output()
-                if run.crack is not None and run.crack["through"]:
+                if through:
                     break
             elif clock.monotonic() - saved < SECONDS_BETWEEN_CHECKPOINTS:
                 continue
@@ -183,8 +187,11 @@ class Transient:
         run.stretch = min(self.account.begin + self.spec.stretch_rate * self.account.time, self.spec.stretch)
         recorded = run.states.moments[-1].time if len(run.states) else -np.inf
         if self.account.time > recorded + 0.5 * integrator.last_step:
-            with suppress(InvalidState):
+            with suppress(InvalidState, Diverging):
                 self._check_inside()
+                run.force(run.positions, integrator.forces)
+                self._last_row()
+                self._through()
                 self.output()
 
     def _check_inside(self) -> None:
@@ -267,6 +274,11 @@ class Transient:
         self.account.recent += pairs.tolist()
         self.account.last_break = self.integrator.steps
 
+    def _last_row(self) -> None:
+        """A row at the present state, with which the history ends, unless there is one."""
+        if self.account.time > self.account.rate_time:
+            self._row()
+
     def _row(self, first: bool = False) -> None:
         """A row of the history, and work and damped energy up to it."""
         run, account, integrator = self.run, self.account, self.integrator
@@ -319,6 +331,13 @@ class Transient:
         account.damped_energy += 0.5 * elapsed * (account.damped_power + power)
         account.damped_power, account.damped_time = power, account.time
 
+    def _through(self) -> bool:
+        """Whether the body has come apart between the grips."""
+        if self.damage is None:
+            return False
+        self.run.crack["through"] = not self._connected(*self.run.loading.ends())
+        return self.run.crack["through"]
+
     def output(self) -> None:
         run, account = self.run, self.account
         self._hold(run.positions, 0.0)
@@ -328,7 +347,6 @@ class Transient:
             # The tip of the largest crack stays where it was while nothing breaks.
             last = run.crack["tips"][-1]["tip"] if run.crack["tips"] else None
             run.crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
-            run.crack["through"] = not self._connected(*run.loading.ends())
             account.recent = []
         run.record(None if self.damage is None else self.damage.at_points(), account.time)
         account.outputs += 1

@@ -105,7 +105,7 @@ class SolverSpec(StrictModel):
     """How equilibrium is found."""
 
     method: Literal["automatic", "minimiser", "quasi-newton", "relaxation", "explicit"] = "automatic"
-    tolerance: Positive = 1e-6
+    tolerance: Annotated[Positive, Field(le=1e-2)] = 1e-6
     most_evaluations: Annotated[Whole, Field(gt=0)] = 50_000
     largest_increment: Annotated[Finite, Field(ge=1e-4)] = 0.5
 

@@ -91,6 +91,9 @@ def _apply(data: dict, key: str, value: Any) -> None:
         elif inner is None:
             inner = {}
         if not isinstance(inner, dict | list):
+            if following.isdecimal():
+                name = ".".join(path[:depth])
+                raise SceneError(f"{key}: {name} is no list but {inner!r}, which has no entries; change it whole: {name}=...")
             raise SceneError(f"{key}: {'.'.join(path[:depth])} is not a table")
         place[number] = inner
         place = inner
@@ -112,7 +115,7 @@ def _text_of(reference: str | Path) -> tuple[str, str]:
     if name in scene_names():
         return (resources.files(__package__) / f"{name}.toml").read_text("utf-8"), f"scene {name}"
     path = Path(reference)
-    if path.suffix != ".toml" and not path.exists():
+    if not name or (path.suffix != ".toml" and not path.exists()):
         raise SceneError(f"unknown scene {name!r}; built in are {', '.join(scene_names())}, anything else is the path of a .toml file")
     try:
         return path.read_text("utf-8"), str(path)

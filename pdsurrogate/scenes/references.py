@@ -1,4 +1,4 @@
-"""Finite element solutions that scenes are compared with, kept with the problem that each belongs to."""
+"""What scenes are compared with: exact homogeneous tension, and finite element solutions, kept with the problem that each belongs to."""
 
 from __future__ import annotations
 
@@ -8,12 +8,45 @@ from importlib import resources
 
 import numpy as np
 
+from ..materials import homogeneous
 from .model import Scene
+from .shapes import Rectangle
 
 
 @cache
 def _cases() -> list[dict]:
     return json.loads((resources.files(__package__) / "fem.json").read_text("utf-8"))["cases"]
+
+
+def reference_level(scene: Scene, stretch: float) -> dict[str, float]:
+    """Measures of a level by the reference that the scene names; empty where its problem is another than the reference's."""
+    if scene.reference is None:
+        return {}
+    return {"uniaxial": uniaxial_level, "finite-elements": finite_element_level}[scene.reference](scene, stretch)
+
+
+def uniaxial_level(scene: Scene, stretch: float) -> dict[str, float]:
+    """Homogeneous tension of a rectangle that nothing but its grips holds, along the load alone.
+
+    Returns
+    -------
+    dict
+        nominal_stress, lateral_displacement and greatest_lateral_displacement, in the scene's units; empty if the scene's problem is not
+        homogeneous, or its law has no such state.
+    """
+    others = scene.holes or scene.precuts or scene.holds or scene.fracture
+    if others or not isinstance(scene.body, Rectangle) or any(grip.holds != "normal" for grip in scene.grips):
+        return {}
+    try:
+        exact = homogeneous.uniaxial(scene.material.build(), stretch)
+    except ValueError:
+        return {}
+    narrowing = (1 - exact.lateral_stretch) / 2 * scene.body.size[1 - scene.loaded_axis]
+    return {
+        "nominal_stress": exact.nominal_stress,
+        "lateral_displacement": narrowing,
+        "greatest_lateral_displacement": narrowing,
+    }
 
 
 def finite_element_level(scene: Scene, stretch: float) -> dict[str, float]:

@@ -31,13 +31,11 @@ class Branch:
     ----------
     loading : Loading
     force : InternalForce
-    energy : float
-        Stored in the equilibrium that the loading starts from; force maps have none.
     reductions : LocalReductions
     """
 
-    def __init__(self, loading: Loading, force: InternalForce, energy: float, reductions: LocalReductions) -> None:
-        self._loading, self._force, self._energy, self._reductions = loading, force, energy, reductions
+    def __init__(self, loading: Loading, force: InternalForce, reductions: LocalReductions) -> None:
+        self._loading, self._force, self._reductions = loading, force, reductions
         self._stiffness: NearestBondStiffness | None = None
 
     def check(self, before: float, stretch: float, guess: np.ndarray, positions: np.ndarray) -> None:
@@ -62,17 +60,13 @@ class Branch:
         loading.check_inside(stretch, force, positions)
         growth = abs(stretch - before) * self._reductions.extent(force.body.points)
         moved = np.sqrt(self._reductions.total(np.square(positions - guess)) / self._reductions.total_of_parts(positions.size))
-        if moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing) and self._pull(positions) < 0:
+        if moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing) and loading.pull(force) < 0:
             raise Unstable(
                 f"the body buckles between the stretches {before:.4g} and {stretch:.4g}: while its length changed by {growth:.3g}, "
                 f"its points moved by {moved:.3g} in the mean from where the states before lead"
             )
-        if not force.has_energy:
-            return
-        energy = self._reductions.total_of_parts(force.energy())
-        if (energy - self._energy) * (stretch - before) < 0:
+        if force.has_energy and loading.pull(force) < 0:
             self._check_stability(stretch, positions)
-        self._energy = energy
 
     def _check_stability(self, stretch: float, positions: np.ndarray) -> None:
         loading, force = self._loading, self._force
@@ -86,12 +80,6 @@ class Branch:
                 f"the equilibrium at stretch {stretch:.4g} is not stable: along one displacement the energy has "
                 f"{curvature:.2g} times the curvature that it has at rest, so that the body buckles"
             )
-
-    def _pull(self, positions: np.ndarray) -> float:
-        """Force of the grips along the load; negative where they push."""
-        with self._unchanged():
-            self._force(positions, np.empty_like(positions))
-        return float((self._loading.reactions(self._force) * self._loading.travels()).sum())
 
     @contextmanager
     def _unchanged(self) -> Iterator[None]:

@@ -198,6 +198,10 @@ class Loading:
                 reactions[grip, component] = -internal[held.points, component].sum()
         return self._reductions.total_of_parts(reactions)
 
+    def pull(self, force: InternalForce) -> float:
+        """Force of the grips along the load in the state last evaluated, per unit thickness; negative where they push."""
+        return float((self.reactions(force) * self.travels()).sum())
+
     def travels(self) -> np.ndarray:
         """Displacement of every grip for a unit of elongation, shape (2, 2): grips, components."""
         return np.array([self._travel(grip) for grip in self.scene.grips])
