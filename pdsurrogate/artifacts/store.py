@@ -11,6 +11,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import joblib
@@ -184,7 +185,16 @@ def _surrogate_in(folder: Path) -> ForceModel:
     stated = card.features.get("set")
     if getattr(model, "feature_set", stated) != stated:
         raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE} has {model.feature_set} features, the card states {stated}")
-    return model
+    return replace(model, stated=_stated(card))
+
+
+def _stated(card: Card) -> dict[str, float] | None:
+    """Relative errors on the plane-stress surface of the box trained on, if the card states any."""
+    box = card.errors.get("box")
+    errors = box.get("on_surface") if isinstance(box, dict) else None
+    if not isinstance(errors, dict) or not all(isinstance(errors.get(key), float) for key in ("rms", "max")):
+        return None
+    return {key: errors[key] for key in ("rms", "max")}
 
 
 @_reading()

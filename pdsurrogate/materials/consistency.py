@@ -42,15 +42,20 @@ def check_consistency(law: Law) -> None:
         If a derivative is not that of the energy, or the law at rest is not free of stress or has other moduli; names the derivative, what
         the law gives and what would be right.
     """
-    parameters = np.asarray(law.parameters, dtype=float)
-    names = ("isochoric", "term", "coefficients", "volumetric")
-    key = (type(law), *(getattr(law, name, None) for name in names), parameters.tobytes())
+    key = content_of(law)
     if key in _consistent:
         return
+    parameters = np.asarray(law.parameters, dtype=float)
     with np.errstate(all="ignore"):
         _check_volumetric(law, parameters)
         (_check_invariants if isinstance(law, InvariantLaw) else _check_stretches)(law, parameters)
     _consistent.add(key)
+
+
+def content_of(law: Law) -> tuple:
+    """What the answers of a law depend on: its class, its expressions and its dimensionless parameters."""
+    expressions = (getattr(law, name, None) for name in ("isochoric", "term", "coefficients", "volumetric"))
+    return (type(law), *expressions, np.asarray(law.parameters, dtype=float).tobytes())
 
 
 def _check_volumetric(law, parameters) -> None:
