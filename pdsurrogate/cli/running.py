@@ -17,6 +17,10 @@ INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells give it: 128 and the number of the signal."""
 
 
+CAUTION = 0.01
+"""Relative RMS error stated by an artefact's card from which a run says so."""
+
+
 def how_to_resume(folder: Path | None) -> str:
     """What to do after an interrupt."""
     from ..results.checkpoint import NAME
@@ -57,6 +61,13 @@ def run(
     with bad_input(SceneError, ArtifactError):
         described = load_scene(scene, change or [])
         model = surrogate_for(described.material.build()) if force is None else load_surrogate(force)
+    stated = getattr(model, "stated", None)
+    if stated and stated["rms"] > CAUTION:
+        err.print(
+            f"[yellow]The card of {escape(model.name)} states an RMS error of {100 * stated['rms']:.2g} %: "
+            "results will be off by as much; force=analytic is exact.[/]",
+            soft_wrap=True,
+        )
     if resume and folder is None:
         err.print("[red]pdsurrogate:[/] --resume needs --out, the folder with the checkpoint")
         raise typer.Exit(2)

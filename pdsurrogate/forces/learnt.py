@@ -44,7 +44,8 @@ class LearntBondForce(BindableForce):
     shape : mapping
         Those dimensionless parameters of the law that its bond force depends on.
     stated : mapping, optional
-        Relative errors on the plane-stress surface, ``rms`` and ``max``, that its card states; None without a card.
+        Relative errors on the plane-stress surface, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
+        of the training states; None without a card.
     """
 
     name: str

@@ -52,7 +52,8 @@ class EnergyNetwork(BindableForce):
     shape : mapping
         See `energy_shape`.
     stated : mapping, optional
-        Relative errors of the stress, ``rms`` and ``max``, that its card states; None without a card.
+        Relative errors of the stress, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
+        of the training states; None without a card.
     """
 
     name: str
