@@ -304,7 +304,7 @@ def test_an_identification_that_failed_says_so(tmp_path):
 
 
 def test_a_surrogate_of_no_use_is_not_written(tmp_path):
-    result = invoke("fit", "poor", "--degree", "0", "--samples", "200", "--folds", "0", "--out", tmp_path)
+    result = invoke("fit", "poor", "--law", "ogden", "--degree", "0", "--samples", "200", "--folds", "0", "--out", tmp_path)
     assert result.exit_code == 1
     assert "poor@1 is off by" in result.output
     assert not (tmp_path / "poor").exists()
