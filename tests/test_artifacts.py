@@ -435,3 +435,54 @@ def test_what_cannot_be_read_again_is_not_kept(stored):
     with pytest.raises(ArtifactError, match="one to 2 hidden layers"):
         save_artifact(stored.parents[1], {**card, "version": "2"}, deep)
     assert sorted(stored.parents[1].rglob("*")) == before
+
+
+def test_an_artefact_binds_no_law_that_has_changed_since(tmp_path):
+    """A constant within a law's expressions is in no card: forces are compared instead."""
+    from pdsurrogate.materials import InvariantLaw
+
+    def law_with(b):
+        @dataclasses.dataclass(frozen=True)
+        class Exponential(InvariantLaw):
+            name = "expo"
+            reference = "Demiray 1972"
+
+            @property
+            def parameters(self):
+                return np.array([self.bulk_modulus / self.shear_modulus])
+
+            @staticmethod
+            def isochoric(I1, I2, parameters):
+                growth, zero = np.exp(b * (I1 - 3)), 0 * I1
+                return (growth - 1) / (2 * b), growth / 2, zero, b * growth / 2, zero, zero
+
+        return Exponential()
+
+    law = law_with(0.05)
+    samples = pd.wide_design(law, 1000, (0.6, 2.5))
+    model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((8, 4))).fit(samples.X, samples.y)
+    path = pd.store(model, samples, law, tmp_path, "expo", "1", "a user's own law")
+    load_surrogate(path).check_material(law)
+    with pytest.raises(ValueError, match=r"expo@1 differs from the forces of expo by .* its card states .*: the law has changed since"):
+        load_surrogate(path).check_material(law_with(0.5))
+    unsaved = dataclasses.replace(load_surrogate(path), stated=None)
+    unsaved.check_material(law)
+    with pytest.raises(ValueError, match="of the greatest force, more than 5 %: the law has changed since"):
+        unsaved.check_material(law_with(0.5))
+    with pytest.raises(ValueError, match=r"expo@2 is off by .* more than 10 %, and is not written: fit it"):
+        pd.store(model, samples, law_with(0.5), tmp_path, "expo", "2", "samples of another law")
+    assert not (tmp_path / "expo" / "2").exists()
+
+
+@pytest.mark.parametrize("bulk", [10.0, 1000.0])
+def test_shipped_bond_forces_serve_every_bulk_modulus(bulk):
+    for name in ("neo-hookean", "neo-hookean-paper"):
+        load_surrogate(name).check_material(pd.NeoHookean(2.0, 2.0 * bulk))
+
+
+def test_names_and_versions_of_artefacts_that_would_be_misread(fitted, tmp_path):
+    model, samples = fitted
+    with pytest.raises(ArtifactError, match="'analytic' is not allowed: it is that of a force model"):
+        pd.store(model, samples, LAW, tmp_path, "analytic", "1", "x")
+    with pytest.raises(ArtifactError, match="version 1 is not allowed: it must be text"):
+        pd.store(model, samples, LAW, tmp_path, "rubber", 1, "x")

@@ -294,3 +294,30 @@ def test_a_second_run_compiles_nothing(tmp_path):
         seconds.append(json.loads((tmp_path / "out" / "summary.json").read_text())["seconds_compile"])
     assert announced == [True, False]
     assert seconds[1] == 0 < seconds[0]
+
+
+def test_an_identification_that_failed_says_so(tmp_path):
+    (tmp_path / "falling.csv").write_text("mode,stretch,nominal_stress\nuniaxial,1.2,3\nuniaxial,1.5,2\nuniaxial,2.0,0.1\n")
+    output = " ".join(invoke("identify", tmp_path / "falling.csv", "--law", "gent").output.split())
+    assert "chain_limit ended at the bound of the search" in output
+    assert "gent describes uniaxial worse than the mean stress does (R^2 below 0)" in output
+
+
+def test_a_surrogate_of_no_use_is_not_written(tmp_path):
+    result = invoke("fit", "poor", "--law", "ogden", "--degree", "0", "--samples", "200", "--folds", "0", "--out", tmp_path)
+    assert result.exit_code == 1
+    assert "poor@1 is off by" in result.output
+    assert not (tmp_path / "poor").exists()
+    result = invoke("fit", "analytic", "--out", tmp_path)
+    assert result.exit_code == 2
+    assert "'analytic' is not allowed" in result.output
+
+
+def test_a_run_says_what_error_a_card_states(tmp_path):
+    poor = shutil.copytree(SHIPPED / "neo-hookean" / "1", tmp_path / "poor" / "1")
+    card = json.loads((poor / "card.json").read_text())
+    card["errors"]["box"]["on_surface"]["rms"] = 0.03
+    (poor / "card.json").write_text(json.dumps(card))
+    for force, said in ((poor, True), (SHIPPED / "neo-hookean" / "1", False)):
+        output = " ".join(invoke("run", "uniaxial", *FAST, "--force", force).output.split())
+        assert ("states an RMS error of 3 %" in output) == said

@@ -161,6 +161,8 @@ def test_impossible_fracture_energies(energy, horizon):
 def test_greatest_bond_stretch():
     body = sheet(0.1)
     assert greatest_bond_stretch(body, body.points * [1.0, 1.7]) == pytest.approx(1.7)
+    with pytest.raises(ValueError, match="positions must be those of the body's points, of shape"):
+        greatest_bond_stretch(body, body.points[:-1])
 
 
 @pytest.mark.parametrize("stretch", [1.0, 0.5, np.nan, np.inf])

@@ -217,3 +217,10 @@ def test_bad_stretches_are_refused():
         pd.LawRegressor().fit(np.ones((3, 3)), np.ones(3))
     with pytest.raises(ValueError, match="positive"):
         pd.LawRegressor().fit(-np.ones((3, 2)), np.ones(3))
+
+
+def test_a_column_that_is_twice_in_a_file_is_refused(tmp_path):
+    path = tmp_path / "twice.csv"
+    path.write_text("mode,stretch,nominal_stress,stretch\nuniaxial,1.5,0.4,1.6\n")
+    with pytest.raises(ValueError, match="the file has the column stretch more than once"):
+        load_test_data(path)

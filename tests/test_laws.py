@@ -13,6 +13,7 @@ from pdsurrogate.forces import AnalyticBondForce, ForceSettings, InvalidState
 from pdsurrogate.kernels.langevin import chain_energy, inverse_langevin, langevin
 from pdsurrogate.learning import domain_of, reachable_stretches, surrogate_of
 from pdsurrogate.materials import LAWS, InvariantLaw, homogeneous, plane_stress
+from pdsurrogate.materials.consistency import check_consistency
 
 LIMITED = [pd.Gent(chain_limit=10.0), pd.ArrudaBoyce(chain_links=4.0), pd.FullNetwork(chain_links=9.0)]
 """Laws that lock: all of them before equibiaxial stretch 6."""
@@ -342,3 +343,54 @@ def test_a_users_own_law(random):
         candidate.bind(body, law, ForceSettings())(body.points * [1.8, 0.8], out)
         forces.append(out)
     assert np.linalg.norm(forces[0] - forces[1]) < 2e-3 * np.linalg.norm(forces[1])
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("W1 is", lambda W, W1, W2, W11, W12, W22: (W, 2 * W1, W2, W11, W12, W22)),
+        ("W2 is", lambda W, W1, W2, W11, W12, W22: (W, W1, W2 + 0.01, W11, W12, W22)),
+        ("W11 is", lambda W, W1, W2, W11, W12, W22: (W, W1, W2, 0 * W11, W12, W22)),
+        ("W12 is", lambda W, W1, W2, W11, W12, W22: (W, W1, W2, W11, W11, W22)),
+        ("W22 is", lambda W, W1, W2, W11, W12, W22: (W, W1, W2, W11, W12, W11)),
+        ("2 \\(W1 \\+ W2\\)", lambda *values: tuple(2 * value for value in values)),
+    ],
+)
+def test_a_law_with_a_wrong_derivative_is_refused(name, change):
+    class Wrong(Exponential):
+        @staticmethod
+        def isochoric(I1, I2, parameters):
+            return change(*Exponential.isochoric(I1, I2, parameters))
+
+    for use in (lambda law: plane_stress.volume_ratio(law, 2.0, 1.0), plane_stress.response.block):
+        with pytest.raises(ValueError, match=f"^exponential: {name}.* but "):
+            use(Wrong())
+
+
+def test_wrong_volumetric_and_principal_stretch_derivatives_are_refused():
+    class Volume(pd.NeoHookean):
+        @staticmethod
+        def volumetric(J3, parameters):
+            U, dU, ddU = pd.NeoHookean.volumetric(J3, parameters)
+            return U, dU, ddU / 2
+
+    with pytest.raises(ValueError, match="neo-hookean: U'' is 50 at J3 = 1, but differences make it 100"):
+        plane_stress.volume_ratio(Volume(), 2.0, 1.0)
+    for row, name in enumerate(("g1", "g2", "g3", "h"), start=1):
+
+        class Stretch(pd.Ogden):
+            @staticmethod
+            def term(*arguments, row=row):
+                values = list(pd.Ogden.term(*arguments))
+                values[row] = 2 * values[row]
+                return tuple(values)
+
+        with pytest.raises(ValueError, match=f"ogden: {name} is"):
+            plane_stress.volume_ratio(Stretch(), 2.0, 1.0)
+
+
+def test_the_check_of_a_law_lets_sound_ones_pass():
+    """Near their limits and far from them, and where rounding of the energy is felt."""
+    laws = [pd.Gent(chain_limit=limit) for limit in (0.01, 1e9)] + [pd.ArrudaBoyce(chain_links=links) for links in (1.01, 1e7)]
+    for law in [*laws, *LIMITED, *EXAMPLES, pd.Yeoh(second=10.0, third=10.0), pd.Ogden(moduli=(1e-4, 1.0), exponents=(20.0, 2.0))]:
+        check_consistency(law)

@@ -400,3 +400,39 @@ def test_a_law_that_ends_within_the_range_says_so():
     with pytest.raises(ValueError, match=r"gent ends before all states of stretches from 0.6 to 4; it has those from 0.67\d* to 2.8\d*"):
         pd.wide_design(law, 300, (0.6, 4.0))
     assert len(pd.wide_design(law, 300, pd.reachable_stretches(law, (0.6, 4.0)))) == 300
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: pd.wide_design("neo-hookean"), TypeError, "law must be a material law, such as NeoHookean"),
+        (lambda: pd.energy_design("neo-hookean"), TypeError, "law must be a material law"),
+        (lambda: pd.reachable_stretches("neo-hookean"), TypeError, "law must be a material law"),
+        (lambda: pd.critical_stretch_of("neo-hookean", 1.0, 0.1), TypeError, "law must be a material law"),
+        (lambda: pd.critical_stretch_of(pd.NeoHookean(), "1", 0.1), TypeError, "the fracture energy must be a number"),
+        (lambda: pd.wide_design(pd.NeoHookean(), 0), ValueError, "n_samples must be at least 1, not 0"),
+        (lambda: pd.algorithm_1(pd.NeoHookean(), 10.5), TypeError, "n_samples must be a whole number"),
+        (lambda: pd.evaluate(pd.bond_force_pipeline(), pd.NeoHookean()), TypeError, "force must be a function of"),
+        (lambda: pd.evaluate_energy(pd.energy_pipeline(), pd.NeoHookean()), TypeError, "an energy surrogate is evaluated"),
+        (lambda: pd.NeoHookean(shear_modulus="1"), TypeError, "neo-hookean: shear_modulus must be a number, not '1'"),
+        (lambda: pd.NeoHookean(np.array([1.0])), TypeError, "shear_modulus must be a number"),
+        (lambda: pd.NeoHookean(bulk_modulus=True), TypeError, "bulk_modulus must be a number, not True"),
+        (lambda: pd.Gent(chain_limit="9"), TypeError, "chain_limit must be a number"),
+        (lambda: pd.Ogden(shear_modulus="1"), TypeError, "ogden: shear_modulus must be a number"),
+        (lambda: pd.Ogden(moduli=("1",), exponents=(2.0,)), TypeError, "ogden: moduli must be numbers"),
+    ],
+)
+def test_arguments_of_another_kind_are_refused_by_name(call, error, message):
+    with pytest.raises(error, match=message):
+        call()
+
+
+@pytest.mark.parametrize("columns", [1, 4])
+def test_targets_have_their_columns(columns):
+    samples = pd.wide_design(pd.NeoHookean(), 200)
+    y = np.tile(samples.y, 2)[:, :columns]
+    with pytest.raises(ValueError, match="y must have the 2 columns t_n, t_tau, not shape"):
+        pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(2)).fit(samples.X, y)
+    energies = pd.energy_design(pd.NeoHookean(), 200)
+    with pytest.raises(ValueError, match="y must have the 3 columns psi"):
+        pd.energy_pipeline().fit(energies.X, np.tile(energies.y, 2)[:, :columns])

@@ -343,11 +343,11 @@ def test_steps(random):
     n = 400
     positions, velocities, forces, last, displacements = random.standard_normal((5, n, 3))
     free, mass = (random.random((n, 3)) > 0.2).astype(float), random.uniform(1, 2, n)
-    stiffness, inertia = -(velocities * (forces - last)).sum(), (mass[:, None] * velocities**2).sum()
-    damping = min(max(2 * np.sqrt(max(stiffness, 0) / inertia), 0.3), 1.9) if stiffness > 0 else 0.3
-    v = ((2 - damping) * velocities + 2 * forces / mass[:, None]) / (2 + damping) * free
+    found = steps.rayleigh_parts[3](velocities, forces, last, mass)
+    close(found, (-(velocities * (forces - last)).sum(), (mass[:, None] * velocities**2).sum()))
+    v = ((2 - 0.3) * velocities + 2 * forces / mass[:, None]) / (2 + 0.3) * free
     moved = positions.copy(), velocities.copy()
-    assert steps.relaxation_step[3](*moved, forces, last, free, mass, 0.3) == pytest.approx(damping, rel=1e-12)
+    steps.relaxation_step[3](*moved, forces, last, free, mass, 0.3)
     close(moved[0], positions + v)
     close(moved[1], v)
     np.testing.assert_array_equal(last, forces)

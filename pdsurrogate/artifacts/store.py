@@ -11,6 +11,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import joblib
@@ -189,7 +190,20 @@ def _surrogate_in(folder: Path) -> ForceModel:
     stated = card.features.get("set")
     if model.feature_set != stated:
         raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE} has {model.feature_set} features, the card states {stated}")
-    return model
+    return replace(model, stated=_stated(card))
+
+
+def _stated(card: Card) -> dict[str, float] | None:
+    """Relative errors on the plane-stress surface of the box trained on, and K/mu there, if the card states them all."""
+    try:
+        errors, trained_with = card.errors["box"]["on_surface"], card.material.trained_with
+        return {
+            "rms": float(errors["rms"]),
+            "max": float(errors["max"]),
+            "bulk_ratio": trained_with["bulk_modulus"] / trained_with["shear_modulus"],
+        }
+    except (KeyError, TypeError, ValueError, ZeroDivisionError):
+        return None
 
 
 def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
@@ -255,11 +269,13 @@ def new_artifact(folder: str | Path, name: str, version: str) -> Path:
     Raises
     ------
     ArtifactError
-        If it exists already (versions are immutable), or name or version are not allowed.
+        If it exists already (versions are immutable), or name or version are not allowed, such as the name of a force model.
     """
     for key, value, pattern in (("name", name, NAME_PATTERN), ("version", version, VERSION_PATTERN)):
-        if not re.fullmatch(pattern, str(value)):
-            raise ArtifactError(f"{key} {value!r} is not allowed: it must match {pattern}")
+        if not isinstance(value, str) or not re.fullmatch(pattern, value):
+            raise ArtifactError(f"{key} {value!r} is not allowed: it must be text that matches {pattern}")
+    if name in FORCES:
+        raise ArtifactError(f"name {name!r} is not allowed: it is that of a force model, which would be taken for the artefact")
     target = Path(folder) / name / version
     if target.exists():
         raise ArtifactError(f"{name}@{version} exists already in {folder}; versions never change, choose another")

@@ -58,6 +58,15 @@ def print_identified(found: dict) -> None:
         table.add_row(name, f"{value:.5g}", shown)
     show(table)
     out.print(", ".join(f"R^2 {mode} {value:.4f}" for mode, value in found["r_squared"].items()))
+    law = found["law"]["law"]
+    if found["at_bound"]:
+        err.print(
+            f"[yellow]{law}: {', '.join(found['at_bound'])} ended at the bound of the search: "
+            "the data do not tell it, or want another law.[/]",
+            soft_wrap=True,
+        )
+    if worse := [mode for mode, value in found["r_squared"].items() if value < 0]:
+        err.print(f"[yellow]{law} describes {', '.join(worse)} worse than the mean stress does (R^2 below 0).[/]", soft_wrap=True)
 
 
 @app.command()

@@ -18,6 +18,10 @@ INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells give it: 128 and the number of the signal."""
 
 
+CAUTION = 0.01
+"""Relative RMS error stated by an artefact's card from which a run says so."""
+
+
 def how_to_resume(folder: Path | None) -> str:
     """What to do after an interrupt."""
     from ..results.checkpoint import NAME
@@ -63,6 +67,12 @@ def run(
     if out_folder == "":
         err.print("[red]pdsurrogate:[/] --out needs the name of a folder, and it is empty")
         raise typer.Exit(2)
+    if model.stated and model.stated["rms"] > CAUTION:
+        err.print(
+            f"[yellow]The card of {escape(model.name)} states an RMS error of {100 * model.stated['rms']:.2g} %: "
+            "results will be off by as much; force=analytic is exact.[/]",
+            soft_wrap=True,
+        )
     if resume and folder is None:
         err.print("[red]pdsurrogate:[/] --resume needs --out, the folder with the checkpoint")
         raise typer.Exit(2)

@@ -48,6 +48,7 @@ def fit(
     from ..artifacts import ArtifactError, load_card, new_artifact
     from ..identification import report
     from ..learning import cross_validate, reachable_stretches, store, wide_design
+    from ..learning.fitting import TooInexact
     from ..learning.sampling import checked_range
     from ..results.files import check_writable
     from ..scenes import SceneError
@@ -84,8 +85,12 @@ def fit(
             with err.status(f"Cross-validating, {folds} folds"):
                 table = cross_validate(pipeline, design, folds, seed)
         description = f"Bond force of {law}, {what}"
-        with writing(folder):
-            path = store(pipeline, design, material, folder, name, version, description, table, identification=found)
+        try:
+            with writing(folder):
+                path = store(pipeline, design, material, folder, name, version, description, table, identification=found)
+        except TooInexact as error:
+            err.print(f"[red]pdsurrogate:[/] {escape(str(error))}", soft_wrap=True)
+            raise typer.Exit(1) from None
         card = load_card(path)
     _print_errors(card.errors["box"])
     for row in card.training["cross_validation"]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..kernels.bond_state import lateral_stretch
 from ..kernels.compile import call_block, kernel
 from ..kernels.feature_sets import FEATURE_SETS
 from ..materials import Law
+from .agreement import bond_states, check_agreement
 from .analytic import bond_arrays
 from .bond_force import ForceSurrogate
 from .protocol import CompiledBondForce, Domain
@@ -39,6 +40,9 @@ class LearntBondForce(ForceSurrogate):
         Name of the law that it describes.
     shape : mapping
         Those dimensionless parameters of the law that its bond force depends on.
+    stated : mapping, optional
+        Relative errors on the plane-stress surface, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
+        of the training states; None without a card.
     """
 
     name: str
@@ -47,6 +51,7 @@ class LearntBondForce(ForceSurrogate):
     domain: Domain
     law: str
     shape: Mapping[str, float]
+    stated: Mapping[str, float] | None = field(default=None, kw_only=True)
 
     kind: ClassVar[str]
     default_precision: ClassVar[str] = "float32"
@@ -109,8 +114,9 @@ class LearntBondForce(ForceSurrogate):
         return CompiledBondForce(address, sizes, weights, work_rows, features.needs_length)
 
     def check_material(self, law: Law) -> None:
-        """Raise ValueError if the model was not trained for this material."""
+        """Raise ValueError if the model was not trained for this material, or its forces are not those of the law as it is now."""
         check_described(self, law, law.shape, "analytic")
+        check_agreement(self, law, bond_states, self.bond_force, "analytic")
 
 
 @kernel

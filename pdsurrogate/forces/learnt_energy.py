@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -12,6 +12,7 @@ from ..kernels.activations import ACTIVATIONS, SMOOTH
 from ..kernels.block_arrays import BLOCK
 from ..kernels.energy_density import ENERGY_ROWS, INVARIANT_ROWS, N_CONSTANTS, NETWORK_WORK_ROWS, network_energy_density, pack_network
 from ..materials import Law
+from .agreement import check_agreement, invariant_states
 from .bond_energy import EnergySurrogate
 from .energy_density import EnergyDerivatives
 from .learnt import check_described, checked_array, evaluate_block
@@ -47,6 +48,9 @@ class EnergyNetwork(EnergySurrogate):
         Name of the law that it describes.
     shape : mapping
         See `energy_shape`.
+    stated : mapping, optional
+        Relative errors of the stress, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
+        of the training states; None without a card.
     """
 
     name: str
@@ -57,6 +61,7 @@ class EnergyNetwork(EnergySurrogate):
     domain: Domain
     law: str
     shape: Mapping[str, float]
+    stated: Mapping[str, float] | None = field(default=None, kw_only=True)
 
     kind: ClassVar[str] = "energy-network"
     default_precision: ClassVar[str] = "float32"
@@ -117,8 +122,13 @@ class EnergyNetwork(EnergySurrogate):
         return CompiledBondForce(address, sizes, weights, NETWORK_WORK_ROWS)
 
     def check_material(self, law: Law) -> None:
-        """Raise ValueError if the model was not trained for this material."""
+        """Raise ValueError if the model was not trained for this material, or its stress is not that of the law as it is now."""
         check_described(self, law, energy_shape(law), "bond-energy")
+        check_agreement(self, law, invariant_states, self._principal_stresses, "bond-energy")
+
+    def _principal_stresses(self, trace, J, first, second) -> np.ndarray:
+        _, by_trace, by_J, *_ = self._derivatives(trace, J)
+        return np.stack([2 * by_trace * first + by_J * second, 2 * by_trace * second + by_J * first], axis=1)
 
     def payload(self) -> dict[str, np.ndarray | str]:
         """Arrays of doubles and names that `from_payload` builds the same model from."""

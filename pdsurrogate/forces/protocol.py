@@ -260,10 +260,13 @@ class ForceModel(ABC):
     name : str
     honours : mapping
         The values that it can honour of every field of `ForceSettings` that it has a use for.
+    stated : mapping, optional
+        Errors that the card of a learnt model states, see `pdsurrogate.forces.agreement`.
     """
 
     name: str
     honours: Mapping[str, tuple]
+    stated: Mapping[str, float] | None = None
 
     def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
         """Prepare the evaluation of this model on a body of a material.

@@ -124,7 +124,10 @@ def load_test_data(reference: str | Path) -> TestData:
             raise ValueError(f"cannot read test data {name}: {reason}; shipped are {', '.join(test_data_names())}") from None
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip() and not line.lstrip().startswith("#")]
     reader = csv.DictReader(line for _, line in lines)
-    columns = set(reader.fieldnames or ())
+    named = reader.fieldnames or ()
+    columns = set(named)
+    if twice := sorted({column for column in columns if named.count(column) > 1}):
+        raise ValueError(f"{name}: the file has the column {twice[0]} more than once")
     kind = next((kind for kind in (CURVES, GRID) if columns - {"weight"} == set(kind)), None)
     if kind is None:
         raise ValueError(

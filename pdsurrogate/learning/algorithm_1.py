@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..materials import Law
-from .sampling import BondSamples, checked_range, force_factor, force_on_bonds, log_stretches, on_surface
+from .sampling import BondSamples, checked_count, checked_law, checked_range, force_factor, force_on_bonds, log_stretches, on_surface
 
 LENGTHS, ORIENTATIONS = 2, 5
 """Bond lengths for every deformation gradient of Algorithm 1, and orientations for every length."""
@@ -48,6 +48,8 @@ def algorithm_1(
     -------
     BondSamples
     """
+    checked_law(law)
+    checked_count(n_samples)
     low, high = checked_range(stretch_range)
     random = np.random.default_rng(random_state)
     pairs = max(1, round(n_samples / (LENGTHS * ORIENTATIONS)))

@@ -12,15 +12,16 @@ from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.validation import check_is_fitted
 
-from ..artifacts import save_artifact
+from ..artifacts import new_artifact, save_artifact
 from ..forces import Domain, EnergyNetwork
 from ..forces.bond_energy import EnergySurrogate
 from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
 from ..materials import Law, plane_stress
-from .fitting import versions
-from .sampling import checked_range, log_stretches, stretches_of_strain
+from ..materials.law import checked_law
+from .fitting import check_worth_storing, versions
+from .sampling import checked_count, checked_range, log_stretches, stretches_of_strain
 from .sobolev import SobolevNetwork, SobolevRegressor
-from .target import InputAwareTargetRegressor
+from .target import InputAwareTargetRegressor, check_targets
 from .validation import strain_bins
 
 INVARIANTS = ("tr C", "J")
@@ -71,6 +72,8 @@ def energy_design(
     law: Law, n_samples: int = 2000, stretch_range: tuple[float, float] = (0.5, 5.0), near_rest: float = 0.25, random_state: int = 0
 ) -> EnergySamples:
     """States even in log-stretch, a share of them near rest with strains from 0.1 % to 30 %, even in the logarithm of the strain."""
+    checked_law(law)
+    checked_count(n_samples)
     low, high = checked_range(stretch_range)
     logs = log_stretches(np.random.default_rng(random_state), n_samples, low, high, near_rest)
     design = {
@@ -121,6 +124,7 @@ def rubber_energy_size(features) -> np.ndarray:
 def derivatives_by_features(X, y) -> np.ndarray:
     """Energy and its derivatives by log J and log(tr C/(2 J)), from those by tr C and J."""
     trace, J = _invariants(X)
+    check_targets(y, ENERGY_TARGETS)
     by_ratio = trace * y[:, 1]
     return np.stack([y[:, 0], J * y[:, 2] + by_ratio, by_ratio], axis=1)
 
@@ -231,6 +235,9 @@ def evaluate_energy(
         ``least_curvature_exact``: least eigenvalue of the second derivative by the logarithms of the stretches, positive where the energy
         is convex in them.
     """
+    checked_law(law)
+    if not isinstance(model, EnergySurrogate):
+        raise TypeError(f"an energy surrogate is evaluated, such as energy_surrogate_of makes of a pipeline, not a {type(model).__name__}")
     domain = model.domain
     low, high = stretch_range or ((domain.least_stretch, domain.greatest_stretch) if domain else (0.5, 4.0))
     samples = energy_design(law, n_samples, (low, high), 0.0, random_state)
@@ -314,7 +321,10 @@ def store_energy(
     search: list[dict] | None = None,
 ) -> Path:
     """Write the artefact of a fitted energy pipeline with a full card; the arguments are those of `pdsurrogate.store`."""
-    surrogate = energy_surrogate_of(model, law, samples, f"{name}@{version}")
+    new_artifact(folder, name, version)
+    surrogate = energy_surrogate_of(model, checked_law(law), samples, f"{name}@{version}")
+    errors = evaluate_energy(surrogate, law)
+    check_worth_storing(errors, f"{name}@{version}")
     regressor = model.regressor_[-1]
     parameters = {
         key: list(value) if isinstance(value, tuple) else getattr(value, "__name__", value) for key, value in regressor.get_params().items()
@@ -343,7 +353,7 @@ def store_energy(
             "search": search or [],
         },
         "domain": asdict(surrogate.domain),
-        "errors": {"box": evaluate_energy(surrogate, law), "stretches 0.8 to 4": evaluate_energy(surrogate, law, (0.8, 4.0))},
+        "errors": {"box": errors, "stretches 0.8 to 4": evaluate_energy(surrogate, law, (0.8, 4.0))},
         "made_with": versions(),
     }
     return save_artifact(folder, card, surrogate, model)

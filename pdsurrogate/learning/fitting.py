@@ -12,14 +12,33 @@ from joblib import Parallel, delayed
 from sklearn.base import clone
 from sklearn.model_selection import KFold
 
-from ..artifacts import save_artifact
+from ..artifacts import new_artifact, save_artifact
 from ..body import WEIGHT_FUNCTIONS
 from ..forces import Domain
 from ..materials import Law
+from ..materials.law import checked_law
 from .export import shift_and_scale, surrogate_of
 from .pipeline import parts_of
 from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples, reachable_stretches
 from .validation import evaluate, relative_errors
+
+MOST_STORED = 0.1
+"""RMS error on the plane-stress surface, relative to the force, beyond which a surrogate describes nothing and is not stored."""
+
+
+class TooInexact(ValueError):
+    """A fitted model that is too far from its law to be of use."""
+
+
+def check_worth_storing(errors: dict, what: str) -> None:
+    """Raise `TooInexact` if the report of a model (`evaluate`, `evaluate_energy`) says that it is too far from its law."""
+    rms = errors["on_surface"]["rms"]
+    if not rms <= MOST_STORED:
+        low, high = errors["stretch_range"]
+        raise TooInexact(
+            f"{what} is off by {100 * rms:.3g} % RMS at stretches from {low:g} to {high:g}, more than {100 * MOST_STORED:g} %, and is not "
+            "written: fit it to more samples, with a larger regressor or over a smaller range, and to samples of this law"
+        )
 
 
 def domain_of(samples: BondSamples) -> Domain:
@@ -80,13 +99,23 @@ def store(
     -------
     Path
         Of the artefact.
+
+    Raises
+    ------
+    TooInexact
+        If it is off by more than `MOST_STORED` on the plane-stress surface; nothing is written then.
+    ArtifactError
+        See `pdsurrogate.artifacts.save_artifact`.
     """
+    new_artifact(folder, name, version)
+    checked_law(law)
     surrogate = surrogate_of(model, law, domain_of(samples), f"{name}@{version}")
     parts = parts_of(model)
     regressor = parts.regressor
     (mean, scale), (target_mean, target_scale) = shift_and_scale(parts.scaling), shift_and_scale(parts.target)
     low, high = samples.design["stretch_range"]
     errors = {"box": evaluate(surrogate.bond_force, law, (low, high))}
+    check_worth_storing(errors["box"], f"{name}@{version}")
     if low > 0.5 and reachable_stretches(law) == (0.5, 4.0):
         errors["outside_box"] = evaluate(surrogate.bond_force, law, (0.5, 4.0))
     card = {

@@ -16,8 +16,8 @@ from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.network import MOST_HIDDEN
 from .chebyshev import ChebyshevRegressor
 from .levenberg_marquardt import LevenbergMarquardtRegressor
-from .sampling import COLUMNS, force_factor
-from .target import InputAwareTargetRegressor
+from .sampling import COLUMNS, TARGETS, force_factor
+from .target import InputAwareTargetRegressor, check_targets
 
 ROUNDING = 1e-10
 """Spread, in parts of the greatest output, below which an output is taken for constant."""
@@ -163,6 +163,7 @@ def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
     An output that only rounding moves is made constant: scaled to unit variance it would be noise that a regressor spends itself on.
     """
     a, b, U_mm, J, C33, length = _bond_state(X)
+    check_targets(y, TARGETS)
     force = np.asarray(y) if factor is None else y / factor(length)[:, None]
     stretch = X[:, 0]
     T_nn, T_nm = ((force[:, 0] * a - force[:, 1] * b) / stretch, (force[:, 0] * b + force[:, 1] * a) / stretch)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
 from ..body import WEIGHT_FUNCTIONS
 from ..materials import Law, plane_stress
+from ..materials.law import checked_law
 
 COLUMNS = ("stretch", "rotation", "length", "C33", "J")
 """Columns of X: lambda_b, dtheta (radians), l_b, C33, det F in the plane."""
@@ -69,6 +71,8 @@ def wide_design(
     BondSamples
         Nondimensional, horizon 1.
     """
+    checked_law(law)
+    checked_count(n_samples)
     low, high = checked_range(stretch_range)
     random = np.random.default_rng(random_state)
     logs = log_stretches(random, n_samples, low, high, near_rest)
@@ -129,6 +133,7 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0
     A law that locks ends within any range; both bounds are then drawn in, evenly in their logarithms, until the perturbed
     corners of the box are short of the limit.
     """
+    checked_law(law)
     low, high = np.log(checked_range(stretch_range))
     # The bond perturbation stretches one direction at a held area; rotation adds a little, hence the margin.
     stretch, thickness = 1.3 * PERTURBATION["log_stretch"], 1.1 * PERTURBATION["log_C33"]
@@ -185,6 +190,14 @@ def force_factor(length, horizon: float, weight: str, shear_modulus: float):
     """W l mu/kappa: what a dimensionless bond force is multiplied by to give that of Eq. (2) on a full circular horizon."""
     function = WEIGHT_FUNCTIONS[weight]
     return function.function(length, horizon) * length * shear_modulus / (function.moments[0] * horizon**4)
+
+
+def checked_count(n_samples) -> None:
+    """Raise TypeError or ValueError if a number of samples is none."""
+    if not isinstance(n_samples, Integral) or isinstance(n_samples, bool):
+        raise TypeError(f"n_samples must be a whole number, not {n_samples!r}")
+    if n_samples < 1:
+        raise ValueError(f"n_samples must be at least 1, not {n_samples}")
 
 
 def checked_range(stretch_range) -> tuple[float, float]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
+from numbers import Real
 from typing import ClassVar
 
 import numpy as np
@@ -42,6 +43,8 @@ class Law(ABC):
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
+            if isinstance(field.default, Real) or field.name in ("shear_modulus", "bulk_modulus"):
+                check_number(value, f"{self.name}: {field.name}")
             if not np.all(np.isfinite(value)):
                 raise ValueError(f"{self.name}: {field.name} must be finite, not {value}")
         for key in ("shear_modulus", "bulk_modulus"):
@@ -81,6 +84,25 @@ class Law(ABC):
     def describe(self) -> dict:
         """Name and parameters, as a scene or a card states them."""
         return {"law": self.name, **{field.name: getattr(self, field.name) for field in fields(self)}}
+
+
+def check_number(value, what: str) -> None:
+    """Raise TypeError if a value is no number."""
+    if not isinstance(value, Real) or isinstance(value, bool | np.bool_):
+        raise TypeError(f"{what} must be a number, not {value!r}")
+
+
+def checked_law(law) -> Law:
+    """A law as it is given.
+
+    Raises
+    ------
+    TypeError
+        If it is none, such as the name of one.
+    """
+    if not isinstance(law, Law):
+        raise TypeError(f"law must be a material law, such as NeoHookean(), not {law!r}")
+    return law
 
 
 class InvariantLaw(Law):

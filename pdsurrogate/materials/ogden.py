@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..kernels.elementary import exponential
-from .law import PrincipalStretchLaw
+from .law import PrincipalStretchLaw, check_number
 
 MOST_TERMS = 8
 
@@ -44,10 +44,15 @@ class Ogden(PrincipalStretchLaw):
     def __post_init__(self) -> None:
         for key in ("moduli", "exponents"):
             values = getattr(self, key)
-            object.__setattr__(self, key, tuple(float(value) for value in np.atleast_1d(values)))
+            values = np.atleast_1d(values)
+            if values.ndim != 1 or values.dtype.kind not in "iuf":
+                raise TypeError(f"{self.name}: {key} must be numbers, not {getattr(self, key)!r}")
+            object.__setattr__(self, key, tuple(float(value) for value in values))
         self._check_terms()
         modulus = sum(self._products()) / 2
         given = self.shear_modulus
+        if given is not None:
+            check_number(given, f"{self.name}: shear_modulus")
         if given is not None and not (np.isfinite(given) and abs(given - modulus) <= 1e-6 * modulus):
             raise ValueError(
                 f"{self.name}: the moduli and exponents make the shear_modulus {modulus:g}, not {given:g}; "

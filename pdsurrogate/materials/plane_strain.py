@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from ..kernels.compile import inlined
 from . import plane_stress
+from .consistency import check_consistency
 from .law import Law
 from .response import Response
 
@@ -54,6 +55,7 @@ derivative by J3.
 
 def first_piola_stress(law: Law, F):
     """In-plane first Piola-Kirchhoff stress P, shape (..., 2, 2), in the unit of the shear modulus."""
+    check_consistency(law)
     trace, J = plane_stress.invariants(F)
     p, q, *_ = response(law, trace, J, J)
     return law.shear_modulus * plane_stress.in_plane_stress(F, p, q)
@@ -61,5 +63,6 @@ def first_piola_stress(law: Law, F):
 
 def energy_density(law: Law, F):
     """Strain energy density, shape (...), in the unit of the shear modulus."""
+    check_consistency(law)
     trace, J = plane_stress.invariants(F)
     return law.shear_modulus * response(law, trace, J, J)[4]

@@ -21,6 +21,7 @@ from ..kernels.bond_state import lateral_stretch
 from ..kernels.compile import STRESS_RESPONSE, block_function_of, inlined, widest_vectors
 from ..kernels.elementary import exponential, inverse_cube_root, logarithm, select
 from ..kernels.node_state import SWELLING
+from .consistency import check_consistency
 from .law import InvariantLaw, Law
 from .response import MOST_PARAMETERS, STATE_NUMBERS, Response
 
@@ -152,8 +153,9 @@ def volume_ratio(law: Law, trace, area_ratio):
     Raises
     ------
     ValueError
-        Where J is not positive, or the law has no such state (past its limit).
+        Where J is not positive, or the law has no such state (past its limit); or if the law's derivatives are not those of its energy.
     """
+    check_consistency(law)
     trace, J = np.broadcast_arrays(np.asarray(trace, float), np.asarray(area_ratio, float))
     if np.any(~(J > 0)):
         raise ValueError(f"det F must be positive; the least given is {np.nanmin(J):g}")

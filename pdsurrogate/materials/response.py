@@ -15,6 +15,7 @@ from numba.core.ccallback import CFunc
 
 from ..kernels.block_arrays import BLOCK, block_rows, put_column, stack_rows
 from ..kernels.compile import STRESS_RESPONSE, block_function_of, widest_vectors
+from .consistency import check_consistency
 from .law import InvariantLaw, Law
 
 STATE_NUMBERS = 3
@@ -65,7 +66,14 @@ class Response:
         return self.of_stretches(state, stretches, [sum(parts) for parts in zip(*terms, strict=True)], volumetric)
 
     def block(self, law: Law) -> CFunc:
-        """The same compiled as a block function (`pdsurrogate.kernels.compile.STRESS_RESPONSE`)."""
+        """The same compiled as a block function (`pdsurrogate.kernels.compile.STRESS_RESPONSE`).
+
+        Raises
+        ------
+        ValueError
+            If the law's derivatives are not those of its energy (`check_consistency`).
+        """
+        check_consistency(law)
         shared = law.volumetric, self.rows, self.volume
         if isinstance(law, InvariantLaw):
             parts = law.isochoric, self.invariants, self.of_invariants, law.n_parameters

@@ -16,6 +16,7 @@ import numpy as np
 from ..kernels.compile import inlined
 from ..kernels.elementary import inverse_cube_root, select
 from . import plane_stress
+from .consistency import check_consistency
 from .law import Law
 from .response import Response
 
@@ -106,6 +107,7 @@ def invariants(F):
 
 def first_piola_stress(law: Law, F):
     """First Piola-Kirchhoff stress P, shape (..., 3, 3), in the unit of the shear modulus."""
+    check_consistency(law)
     F = np.asarray(F, dtype=float)
     p, q, r = (value[..., None, None] for value in response(law, *invariants(F))[:3])
     return law.shear_modulus * (p * F + q * _cofactor(F) + r * (F @ (F.swapaxes(-1, -2) @ F)))
@@ -113,6 +115,7 @@ def first_piola_stress(law: Law, F):
 
 def energy_density(law: Law, F):
     """Strain energy density, shape (...), in the unit of the shear modulus."""
+    check_consistency(law)
     return law.shear_modulus * response(law, *invariants(F))[3]
 
 

@@ -10,6 +10,7 @@ from ..kernels.block_arrays import BLOCK
 from ..kernels.damage import find_overstretched
 from ..kernels.threads import threads_in_use
 from ..materials import Law, homogeneous
+from ..materials.law import check_number, checked_law
 
 
 class Damage:
@@ -125,7 +126,9 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float) -> flo
     ----------
     Thomas, J. Polym. Sci. 18 (1955) 177-188.
     """
+    checked_law(law)
     for name, value in (("fracture energy", fracture_energy), ("horizon", horizon)):
+        check_number(value, f"the {name}")
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"the {name} must be positive and finite, not {value}")
     wanted = fracture_energy / (TIP_DIAMETER * horizon)
@@ -148,7 +151,15 @@ def greatest_bond_stretch(body: Body, positions: np.ndarray) -> float:
 
     With the equilibrium of a precut body at the loading at which its crack is seen to start, this is the critical stretch that
     makes it start there: the paper's calibration from a loading curve.
+
+    Raises
+    ------
+    ValueError
+        If the positions are not those of the body's points.
     """
+    positions = np.asarray(positions, dtype=float)
+    if positions.shape != body.points.shape:
+        raise ValueError(f"positions must be those of the body's points, of shape {body.points.shape}, not {positions.shape}")
     bonds, n = body.bonds, len(body)
     within = bonds.second < n
     first, second = bonds.first[within], bonds.second[within]

@@ -1,0 +1,116 @@
+"""Whether a learnt model still describes a law: its force against the exact one at a few states.
+
+Name and parameters of a law do not say it all: an expression of a user's own law may have changed since the model was fitted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..materials import Law, plane_stress
+from ..materials.consistency import content_of
+from .protocol import Domain
+
+MOST_OF_STATED = 5.0
+"""Greatest error, in parts of the greatest one that a card states, that a model passes with.
+
+The card's is the greatest of thousands of states over the whole box, edges included; a dozen states within it stay below.
+"""
+
+MOST_UNSTATED = 0.05
+"""The same in parts of the greatest force, for a model without a card."""
+
+ROUNDING = 1e-6
+"""A card that states less than this states how its own machine rounded."""
+
+WIDEST = (0.5, 4.0)
+"""Stretches beyond which a domain is not tried."""
+
+PLACES = np.stack([0.07 + 0.86 * (np.arange(1, 13) * step % 1) for step in (0.7548776662, 0.5698402910)], axis=1)
+"""Places of the states in the box of log-stretches, shape (12, 2), evenly spread (the plastic number's sequence)."""
+
+_exact: dict = {}
+"""Exact answers found before, by the law's content and the box."""
+
+
+def states_within(law: Law, domain: Domain, exact) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+    """Plane-stress states in a domain and the exact answer there.
+
+    Parameters
+    ----------
+    law : Law
+    domain : Domain
+    exact : callable
+        ``exact(law, first, second)``: arguments of the model, a tuple of vectors, and the exact answer, from two principal stretches.
+
+    Raises
+    ------
+    ValueError
+        If the law has not all of them.
+    """
+    box = max(domain.least_stretch, WIDEST[0]), min(domain.greatest_stretch, WIDEST[1])
+    key = exact, box, content_of(law)
+    if key not in _exact:
+        low, high = np.log(box)
+        _exact[key] = exact(law, *np.exp(low + (high - low) * PLACES.T))
+    return _exact[key]
+
+
+def bond_states(law: Law, first, second):
+    """Bonds at several angles to the principal axes (stretch, rotation, length, C33, J), and their p and q, which say the exact force."""
+    angle = 0.3 + np.arange(len(first))
+    cos, sin = np.cos(angle), np.sin(angle)
+    a, b, J = first * cos**2 + second * sin**2, (second - first) * sin * cos, first * second
+    C33 = plane_stress.thickness_stretch_squared(law, first**2 + second**2, J)
+    stretch = np.hypot(a, b)
+    T_nn, T_nm, _ = plane_stress.bond_traction(law, a, b, J, C33)
+    force = np.stack([T_nn * a + T_nm * b, T_nm * a - T_nn * b], axis=1) / stretch[:, None]
+    return (stretch, np.arctan2(b, a), np.linspace(0.2, 1, len(first)), C33, J), force
+
+
+def invariant_states(law: Law, first, second):
+    """Tr C and J, and the exact derivatives of the energy by the two principal stretches."""
+    trace, J = first**2 + second**2, first * second
+    p, q, *_ = plane_stress.response(law, trace, J, plane_stress.volume_ratio(law, trace, J))
+    return (trace, J, first, second), np.stack([p * first + q / first, p * second + q / second], axis=1)
+
+
+def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
+    """Check that a model gives the forces of a law.
+
+    Parameters
+    ----------
+    model
+        With its `name`, `domain` and `stated`.
+    law : Law
+    exact : {`bond_states`, `invariant_states`}
+    answer : callable
+        Of the arguments that `exact` gives: what the model answers there, shape (n, 2).
+    serves : str
+        Name of the force model that serves every law, for the error.
+
+    Raises
+    ------
+    ValueError
+        If it is further off than its card states.
+    """
+    advice = f"the law has changed since, or the model is of another material; fit it again, or use force={serves}, which serves every law"
+    if model.stated is not None:
+        # On the surface that it was trained on: the force at given C33 knows no bulk modulus, the surface does.
+        bulk = model.stated["bulk_ratio"] * law.shear_modulus
+        law = law if law.bulk_modulus == bulk else replace(law, bulk_modulus=bulk)
+    try:
+        arguments, right = states_within(law, model.domain, exact)
+    except ValueError as error:
+        raise ValueError(f"{model.name} was trained where {error}: {advice}") from None
+    size = np.linalg.norm(right, axis=1)
+    error = np.linalg.norm(answer(*arguments) - right, axis=1).max()
+    if model.stated is None:
+        reference, most, said = size.max(), MOST_UNSTATED, f"the greatest force, more than {100 * MOST_UNSTATED:g} %"
+    else:
+        reference, most = np.sqrt((size**2).mean()), MOST_OF_STATED * max(model.stated["max"], ROUNDING)
+        said = f"their root mean square, where its card states {100 * model.stated['max']:.2g} % at the most"
+    if not error <= most * reference:
+        raise ValueError(f"{model.name} differs from the forces of {law.name} by {100 * error / reference:.3g} % of {said}: {advice}")

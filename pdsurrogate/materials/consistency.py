@@ -1,0 +1,134 @@
+"""Whether the derivatives that a law states are those of its energy, and whether it is at rest undeformed with the moduli that it names.
+
+Learnt forces, stresses and tangents are built from the stated derivatives alone, so a mistake in one of them shows nowhere else.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .law import InvariantLaw, Law
+
+STEPS = 1e-3 * np.array([1.0, 0.5, 0.25])
+"""Steps of the central differences, relative to the size of the argument."""
+
+RELATIVE = 1e-4
+"""Part of a derivative by which it may differ from the differences.
+
+The differences are exact to some 1e-6 where `STEPS` resolve the law (their error is the step squared) and a mistake in a formula is a
+factor or a term, so any number between does.  Where they do not resolve it, near a limit, or where rounding of the energy is felt, the
+three steps disagree, and ten times their disagreement is allowed on top.
+"""
+
+AT_REST = 1e-6
+"""Relative difference of the moduli at rest from those that the law names: they are formulas, exact but for rounding."""
+
+LOG_STRETCHES = np.array([[0.0, 0.0], [1e-3, 0.0], [0.04, -0.01], [0.2, 0.1], [0.7, -0.3], [1.2, -0.7]])
+"""Isochoric states by two principal log-stretches: rest, near it, and up to large strains; those past a law's limit are left out."""
+
+VOLUME_RATIOS = np.array([1.0, 0.9, 0.98, 1.001, 1.03, 1.15])
+"""Rest first here as well."""
+
+_consistent: set = set()
+"""Laws that passed, by their expressions and parameters."""
+
+
+def check_consistency(law: Law) -> None:
+    """Check a law against itself, once in a process for each class and each set of parameters.
+
+    Raises
+    ------
+    ValueError
+        If a derivative is not that of the energy, or the law at rest is not free of stress or has other moduli; names the derivative, what
+        the law gives and what would be right.
+    """
+    key = content_of(law)
+    if key in _consistent:
+        return
+    parameters = np.asarray(law.parameters, dtype=float)
+    with np.errstate(all="ignore"):
+        _check_volumetric(law, parameters)
+        (_check_invariants if isinstance(law, InvariantLaw) else _check_stretches)(law, parameters)
+    _consistent.add(key)
+
+
+def content_of(law: Law) -> tuple:
+    """What the answers of a law depend on: its class, its expressions and its dimensionless parameters."""
+    expressions = (getattr(law, name, None) for name in ("isochoric", "term", "coefficients", "volumetric"))
+    return (type(law), *expressions, np.asarray(law.parameters, dtype=float).tobytes())
+
+
+def _check_volumetric(law, parameters) -> None:
+    def values(J3):
+        return _rows(law.volumetric(J3, parameters), J3)
+
+    bulk = parameters[0]
+    derivatives = [("U'", 1, [1, 0, 0], [1]), ("U''", 2, [0, 1, 0], [1])]
+    _, slope, curvature = _compare(law, "volumetric", values, VOLUME_RATIOS[None], ("J3",), derivatives, bulk)
+    _at_rest(law, "U'", slope, 0.0, bulk, "without which it is not free of stress")
+    _at_rest(law, "U''", curvature, bulk, bulk, "bulk_modulus/shear_modulus")
+
+
+def _check_invariants(law, parameters) -> None:
+    def values(I1, I2):
+        return _rows(law.isochoric(I1, I2, parameters), I1)
+
+    squares = np.exp(2 * np.column_stack([LOG_STRETCHES, -LOG_STRETCHES.sum(axis=1)]))
+    states = np.stack([squares.sum(axis=1), (1 / squares).sum(axis=1)])
+    W, W1, W2 = np.eye(6)[:3]
+    by_I1, by_I2 = np.eye(2)
+    derivatives = [("W1", 1, W, by_I1), ("W2", 2, W, by_I2), ("W11", 3, W1, by_I1), ("W12", 4, W1, by_I2), ("W22", 5, W2, by_I2)]
+    rest = _compare(law, "isochoric", values, states, ("I1bar", "I2bar"), derivatives, 1.0)
+    _at_rest(law, "2 (W1 + W2)", 2 * (rest[1] + rest[2]), 1.0, 1.0, "the shear modulus in units of itself")
+
+
+def _check_stretches(law, parameters) -> None:
+    def values(*x):
+        arguments = (*x, *(np.exp(2 * log) for log in x))
+        return sum(_rows(law.term(*arguments, law.coefficients(parameters, k)), x[0]) for k in range(law.n_terms))
+
+    states = np.column_stack([LOG_STRETCHES, -LOG_STRETCHES.sum(axis=1)]).T
+    thickness = np.array([-1, -1, 2]) / 3
+    derivatives = [(f"g{k + 1}", k + 1, np.eye(5)[0], np.eye(3)[k]) for k in range(3)]
+    derivatives.append(("h", 4, [0, *thickness, 0], thickness))
+    rest = _compare(law, "term", values, states, ("x1", "x2", "x3"), derivatives, 1.0)
+    for k in (2, 3):
+        _at_rest(law, f"g{k} - g1", rest[k] - rest[1], 0.0, 1.0, "without which it is not free of stress")
+    _at_rest(law, "h", rest[4], 4 / 3, 4 / 3, "4/3 of the shear modulus in units of itself")
+
+
+def _rows(values, like) -> np.ndarray:
+    """Values of an expression as rows of one length, whichever of them are plain numbers."""
+    return np.stack([np.broadcast_to(np.asarray(value, dtype=float), like.shape) for value in values])
+
+
+def _compare(law, expression, values, states, arguments, derivatives, modulus) -> np.ndarray:
+    """Compare rows of `values` with central differences of others, and return those of the first state.
+
+    A derivative is its name, its row, the weights of the rows that it is the derivative of, and the direction of change.  All states are
+    evaluated at once: a law may be a sum of many terms.
+    """
+    sizes = [STEPS[:, None] * np.maximum(np.abs(np.asarray(way) @ states), 1.0) for *_, way in derivatives]
+    moves = [np.asarray(way)[:, None, None] * size for (*_, way), size in zip(derivatives, sizes, strict=True)]
+    moved = np.stack([states[:, None] + sign * move for move in moves for sign in (1, -1)], axis=1)
+    found = values(*np.concatenate([states, moved.reshape(len(states), -1)], axis=1))
+    given, ends = found[:, : states.shape[1]], found[:, states.shape[1] :].reshape(len(found), len(derivatives), 2, *sizes[0].shape)
+    for number, ((name, row, of, _), size) in enumerate(zip(derivatives, sizes, strict=True)):
+        ahead, behind = np.tensordot(of, ends[:, number], 1)
+        slopes = (ahead - behind) / (2 * size)
+        right = (4 * slopes[-1] - slopes[-2]) / 3
+        allowed = RELATIVE * np.maximum(np.abs(right), 1e-2 * modulus) + 10 * np.ptp(slopes, axis=0)
+        wrong = np.isfinite(right) & ~(np.abs(given[row] - right) <= allowed)
+        if wrong.any():
+            first = int(np.flatnonzero(wrong)[0])
+            where = ", ".join(f"{label} = {value:.4g}" for label, value in zip(arguments, states[:, first], strict=True))
+            raise ValueError(
+                f"{law.name}: {name} is {given[row, first]:.6g} at {where}, but differences make it {right[first]:.6g}: "
+                f"mend {name} in the law's `{expression}`, or what it is the derivative of"
+            )
+    return given[:, 0]
+
+
+def _at_rest(law, name, given, right, scale, what) -> None:
+    if not abs(given - right) <= AT_REST * scale:
+        raise ValueError(f"{law.name}: {name} of the undeformed material is {given:.6g}, but must be {right:.6g}, {what}")
