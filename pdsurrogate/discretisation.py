@@ -34,7 +34,7 @@ CUT_SHIFT = 1e-6
 
 
 def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
-    """The points of a scene, less its holes, with its precuts and the images beyond its grips.
+    """The points of a scene, less its holes, with its precuts and the images beyond its grips; no bond crosses empty space.
 
     Returns
     -------

@@ -212,7 +212,7 @@ def test_mesh_bodies(tmp_path):
 
 
 def test_cross_sections_at_grips(tmp_path):
-    """The straight edge of a rectangle, less a hole; of a trapezium, where 2 cm below it was 4 % more; of a mesh, from its cells."""
+    """The straight edge of a rectangle, less a hole; of a trapezium, at its very ends; of a mesh, from its cells."""
     write_mesh(tmp_path / "square.vtu")
     for body, holes, expected in (
         ({"shape": "rectangle", "size": [3.0, 1.1]}, [], 1.1),
