@@ -147,7 +147,7 @@ def test_a_full_disk_is_reported_by_fit(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr("joblib.dump", fail)
-    done = CliRunner().invoke(app, ["fit", "mine", "--samples", "300", "--units", "3", "--iterations", "3", "--out", str(tmp_path / "a")])
+    done = CliRunner().invoke(app, ["fit", "mine", "--samples", "300", "--degree", "4", "--out", str(tmp_path / "a")])
     assert_one_clear_line(done, "could not write", "No space left")
     assert not list((tmp_path / "a").iterdir())
 
