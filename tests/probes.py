@@ -1,4 +1,4 @@
-"""Small compiled callers of block functions."""
+"""Small compiled callers of block functions, and what every response must satisfy."""
 
 import numba
 import numpy as np
@@ -24,3 +24,14 @@ def compiled_response(law, *state, response=plane_stress.response):
         _call_response(response.block(law).address, states, law.parameters, result)
         columns.append(result[:, :size])
     return np.concatenate(columns, axis=1)
+
+
+def assert_stress_is_the_derivative_of_the_energy(response, law, F):
+    """P of a response against central differences of its energy, over gradients of shape (n, d, d)."""
+    P, h = response.first_piola_stress(law, F), 1e-5
+    for i, j in np.ndindex(F.shape[1:]):
+        step = np.zeros(F.shape[1:])
+        step[i, j] = h
+        numeric = (response.energy_density(law, F + step) - response.energy_density(law, F - step)) / (2 * h)
+        # Central differences in double precision: error about h^2 |P''| + eps |Psi|/h.
+        np.testing.assert_allclose(P[:, i, j], numeric, rtol=1e-6, atol=1e-6 * law.bulk_modulus)
