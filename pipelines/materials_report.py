@@ -20,7 +20,7 @@ from pdsurrogate.learning import domain_of, surrogate_of
 from pdsurrogate.materials import plane_stress
 from pdsurrogate.reports import presentation
 from pdsurrogate.reports.compare import processor
-from pdsurrogate.reports.speed import Case, bench_positions, measure_speed, sheet
+from pdsurrogate.reports.speed import TimedModel, bench_positions, measure_speed, sheet
 from pdsurrogate.results import figures
 from pdsurrogate.results.files import write_json
 
@@ -165,7 +165,7 @@ def speed(quick: bool) -> tuple[list[dict], str]:
     rows, costs, body = [], [], sheet()
     for law in (law() for law in pd.LAWS.values()):
         model, finer = cheapest(law), surrogate(law, DEGREES[-1])
-        cases = [Case(pd.AnalyticBondForce(law), "float64", body), Case(model, "float32", body)]
+        cases = [TimedModel(pd.AnalyticBondForce(law), "float64", body), TimedModel(model, "float32", body)]
         exact, learnt = measure_speed(cases, law, 2.0 if quick else 40.0)
         costs += [exact, learnt]
         slope = pd.evaluate(pd.AnalyticBondForce(law).bond_force, law, pd.reachable_stretches(law), 5000)["least_slope_exact"]

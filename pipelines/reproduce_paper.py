@@ -20,7 +20,7 @@ from readme import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pd
-from pdsurrogate.reports.speed import Case, measure_speed, sheet
+from pdsurrogate.reports.speed import TimedModel, measure_speed, sheet
 from pdsurrogate.results.figures import STYLE, deformed_cells, draw_cells, save
 from pdsurrogate.results.files import write_json
 from pdsurrogate.results.measures import edge_displacements
@@ -123,7 +123,7 @@ def uniaxial() -> list[dict]:
             )
         )
     body = sheet()
-    cases = [Case(pd.BANOSBForce(), "float64", body), Case(pd.load_surrogate("neo-hookean"), "float32", body)]
+    cases = [TimedModel(pd.BANOSBForce(), "float64", body), TimedModel(pd.load_surrogate("neo-hookean"), "float32", body)]
     slow, fast = measure_speed(cases, pd.NeoHookean(), 20.0)
     ratio = slow["ns_per_directed_bond_1"] / fast["ns_per_directed_bond_1"]
     rows.append(row("6.2, Table 2", f"cost of BA-NOSB over the surrogate's, per evaluation (paper: {PAPER_SPEED_RATIO})", ratio, None, ""))

@@ -20,7 +20,7 @@ from rich.console import Console
 import pdsurrogate as pd
 from pdsurrogate.reports import presentation
 from pdsurrogate.reports.compare import compare
-from pdsurrogate.reports.speed import Case, measure_speed
+from pdsurrogate.reports.speed import TimedModel, measure_speed
 from pdsurrogate.results.figures import save
 from pdsurrogate.results.files import write_text
 
@@ -53,7 +53,7 @@ def scaling_table() -> str:
     for size in SIZES:
         arguments = [sys.executable, __file__, "--size", *map(str, size)]
         memory.append(json.loads(subprocess.run(arguments, capture_output=True, text=True, check=True).stdout))
-        cases.append(Case(force, "float32", body_of(*size)))
+        cases.append(TimedModel(force, "float32", body_of(*size)))
     costs = measure_speed(cases, pd.NeoHookean(), PATIENCE)
     rows = [
         [
@@ -81,7 +81,7 @@ def main() -> None:
         print(json.dumps(measure_memory(*arguments.size)))
         return
     with console.status("Comparing") as status:
-        report = compare(say=status.update)
+        report = compare(progress=status.update)
     comparison = markdown_table(*presentation.table(report))
     console.print(comparison, soft_wrap=True)
     save(presentation.pareto_figure(report), FIGURES / "speed.png")

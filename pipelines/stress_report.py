@@ -31,7 +31,7 @@ SHORT = {"pass": "", "WEAK": "**weak** "}
 def hard_cases() -> str:
     """The table of all cases and models, and the named weaknesses explained."""
     with console.status("Starting") as status:
-        report = stress_test(say=status.update)
+        report = stress_test(progress=status.update)
     header, rows = table(report)
     body = [[row[0], row[1], *(_short(cell) for cell in row[2:])] for row in rows]
     counts = [count(model) for model in report["models"]]

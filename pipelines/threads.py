@@ -38,7 +38,7 @@ SETTINGS = {
     "two threads that sleep at once": (2, {"OMP_WAIT_POLICY": "passive"}),
     "one thread": (1, {}),
 }
-"""Number of threads, and the variables that say how they wait."""
+"""Number of threads, and the variables that progress how they wait."""
 
 BUSY = (0, 1, 2)
 """Other processes that take all they can get."""
@@ -77,12 +77,12 @@ def busy(count: int):
             other.wait()
 
 
-def measure_all(rounds: int, say) -> dict[tuple[str, int], np.ndarray]:
+def measure_all(rounds: int, progress) -> dict[tuple[str, int], np.ndarray]:
     """Costs by setting and number of other processes: an array of rounds and bodies."""
     inherited = {key: value for key, value in os.environ.items() if key not in ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")}
     found = {(setting, others): [] for setting in SETTINGS for others in BUSY}
     for number in range(rounds):
-        say(f"round {number + 1} of {rounds}")
+        progress(f"round {number + 1} of {rounds}")
         for others in BUSY:
             with busy(others):
                 for setting, (threads, variables) in SETTINGS.items():

@@ -15,7 +15,7 @@ LAW = pd.NeoHookean()
 def test_costs_are_ordered_as_the_work_is():
     body = pd.Body.rectangle(1.0, 1.0, 0.05, 0.1575)
     told = []
-    cases = [speed.Case(pd.NOSBForce(), "float64", body), speed.Case(pd.BANOSBForce(), "float64", body)]
+    cases = [speed.TimedModel(pd.NOSBForce(), "float64", body), speed.TimedModel(pd.BANOSBForce(), "float64", body)]
     nosb, rival = speed.measure_speed(cases, LAW, 0.0, told.append)
     assert told
     for row in (nosb, rival):
@@ -52,7 +52,7 @@ def test_those_timings_count_beside_which_arithmetic_was_fastest(monkeypatch):
     monkeypatch.setattr(speed, "_arithmetic_on", arithmetic_on)
     monkeypatch.setattr(speed, "_seconds", lambda function: (function() or 1.0) * (3.0 if state["slow"] else 1.0))
     body = pd.Body.rectangle(1.0, 1.0, 0.1, 0.315)
-    (row,) = speed.measure_speed([speed.Case(Force(), "float64", body)], LAW, 60.0)
+    (row,) = speed.measure_speed([speed.TimedModel(Force(), "float64", body)], LAW, 60.0)
     assert row["disturbance_1"] == 1
     assert row["ns_per_directed_bond_1"] == pytest.approx(2e9 / body.bonds.n_directed, rel=1e-12)
     assert row["ns_per_directed_bond_1_at_any_time"] > row["ns_per_directed_bond_1"]

@@ -53,8 +53,8 @@ def test_vtu_with_meshio(saved):
     stress = mesh.point_data["stress"].reshape(-1, 3, 3)
     assert stress[:, 0, 0] == pytest.approx(result.levels[1]["nominal_stress"], rel=1e-3)
     assert np.abs(stress[:, 1, 1]).max() < 1e-3
-    assert mesh.point_data["stretch"] == pytest.approx(1.5, rel=1e-3)
-    assert mesh.point_data["J"] == pytest.approx(1.00526, rel=1e-3)
+    assert mesh.point_data["principal_stretch"] == pytest.approx(1.5, rel=1e-3)
+    assert mesh.point_data["volume_ratio"] == pytest.approx(1.00526, rel=1e-3)
 
 
 def test_series_with_pyvista(saved):

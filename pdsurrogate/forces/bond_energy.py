@@ -84,7 +84,7 @@ class BondEnergyEvaluation(ModelEvaluation):
     bond_shares : ndarray, shape (n_bonds,)
         Volume of its point that every directed bond stands for.
     bond_weights : ndarray, shape (n_pairs,)
-        Volume beta that the energy of every pair counts for; zero of those that carry nothing.
+        Volume bond_volume that the energy of every pair counts for; zero of those that carry nothing.
     """
 
     has_energy = True
@@ -357,7 +357,7 @@ class BondEnergyEvaluation(ModelEvaluation):
         return np.nan if invalid else self.energy()
 
     def _weigh_pairs(self, pairs: np.ndarray) -> None:
-        """Bring beta up to date after a change at the given pairs, from what is intact and which points have a gradient.
+        """Bring bond_volume up to date after a change at the given pairs, from what is intact and which points have a gradient.
 
         Of a pair with a ghost only the point's share counts.
         """

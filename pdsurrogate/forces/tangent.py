@@ -35,18 +35,19 @@ class Tangent:
         self.force = force
         force.place(positions)
         c, e = force.bond_columns()
-        beta = force.bond_weights
-        alive = beta > 0
+        bond_volume = force.bond_weights
+        alive = bond_volume > 0
         trace = np.where(alive, (c * c).sum(axis=1) + (e * e).sum(axis=1), 2.0)
         J = np.where(alive, c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0], 1.0)
         energy = force.energy_derivatives(trace, J)
         self._columns = c, e
         self._derivatives = tuple(
-            beta * value for value in (energy.by_trace, energy.by_area, energy.by_trace_trace, energy.by_trace_area, energy.by_area_area)
+            bond_volume * value
+            for value in (energy.by_trace, energy.by_area, energy.by_trace_trace, energy.by_trace_area, energy.by_area_area)
         )
         n_blocks = len(force.geometry)
         rows = np.zeros((9, n_blocks * BLOCK))
-        rows[:, : len(beta)] = *c.T, *e.T, *self._derivatives
+        rows[:, : len(bond_volume)] = *c.T, *e.T, *self._derivatives
         self._multiply = force.tangent_pass(np.ascontiguousarray(rows.reshape(9, n_blocks, BLOCK).transpose(1, 0, 2)))
 
     def product(self, displacements: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:

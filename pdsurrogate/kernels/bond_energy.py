@@ -1,14 +1,14 @@
-"""The bond-level energy (theory (27)-(31), beta by `reference_state.bond_shares`) and its exact gradient.
+"""The bond-level energy (theory (27)-(31), volumes of bonds by `reference_state.bond_shares`) and its exact gradient.
 
 Every pair has a deformation gradient of its own, F_ij = Fbar + (y/l - Fbar n) (x) n.  In the bond's frame (n, m) its columns are the bond
 itself, c = F_ij n = y/l, and the mean gradient across it, e = F_ij m = Fbar m, so that
 
     tr C = c.c + e.e,   J = c x e,   P n = 2 psi_I c + psi_J (e2, -e1),   P m = 2 psi_I e + psi_J (-c2, c1),
 
-and of the two parts of the force the first is beta P n/l along the bond's own ends, the second S = 1/2 beta P (I - n (x) n) =
-1/2 beta (P m) (x) m for the gradient of either end.
+and of the two parts of the force the first is V_b P n/l along the bond's own ends, the second S = 1/2 V_b P (I - n (x) n) =
+1/2 V_b (P m) (x) m for the gradient of either end, V_b being the volume that the bond stands for (`bond_volume`).
 
-The reference data of a pair are n, 1/l and beta; a pair that is broken, or that pads a block, has beta = 0, and its state is replaced by
+The reference data of a pair are n, 1/l and V_b; a pair that is broken, or that pads a block, has V_b = 0, and its state is replaced by
 rest, so that it can be neither invalid nor outside a domain.
 """
 
@@ -121,7 +121,7 @@ def pair_energies(
     positions : (n, 2) doubles.
     gradients : (n, 4) F as (11, 21, 12, 22).
     first, second : (n_blocks * BLOCK,) the pairs, padded with any.
-    geometry : (n_blocks, 4, BLOCK) n1, n2, 1/l, beta.
+    geometry : (n_blocks, 4, BLOCK) n1, n2, 1/l, V_b.
     energy_density, sizes, weights : address of the model's block function, and its constants.
     exact, response, parameters : the exact energy and the material law behind it.
     guard : UNGUARDED, COUNTED or FALL_BACK.
@@ -129,8 +129,8 @@ def pair_energies(
     buffers, work : (n_chunks, rows, BLOCK) in the precision of the pass.
     sums, scratch : (n_chunks, rows, BLOCK) doubles.
     counts : (n_chunks, 3) out: pairs outside the domain; those with det F_ij <= COLLAPSED; and of them those with det F_ij <= 0 or none.
-    energies : (n_blocks,) out: sum of beta psi over each block, in double.
-    forces : (n_blocks * BLOCK, 2) out: beta P n/l, what the bond part exerts on the first point.
+    energies : (n_blocks,) out: sum of V_b psi over each block, in double.
+    forces : (n_blocks * BLOCK, 2) out: V_b P n/l, what the bond part exerts on the first point.
     moments : (n_blocks * BLOCK, 4) out: S of the pair as (11, 21, 12, 22).
     """
     widest_vectors()
@@ -211,15 +211,15 @@ def pair_energies(
         moment = quad_records(moments[at : at + BLOCK])
         total = 0.0
         for k in range(BLOCK):
-            beta = reference[3, k]
+            bond_volume = reference[3, k]
             n1 = reference[0, k]
             n2 = reference[1, k]
             c1 = columns[0, k]
             c2 = columns[1, k]
             e1 = columns[2, k]
             e2 = columns[3, k]
-            p = beta * (result[1, k] + result[1, k])
-            q = beta * result[2, k]
+            p = bond_volume * (result[1, k] + result[1, k])
+            q = bond_volume * result[2, k]
             inverse_length = reference[2, k]
             pair[k, 0] = inverse_length * (p * c1 + q * e2)
             pair[k, 1] = inverse_length * (p * c2 - q * e1)
@@ -229,7 +229,7 @@ def pair_energies(
             moment[k, 1] = -n2 * h2
             moment[k, 2] = n1 * h1
             moment[k, 3] = n1 * h2
-            total += np.float64(beta * result[0, k])
+            total += np.float64(bond_volume * result[0, k])
         energies[block] = total
     counts[chunk, 0] = count
     counts[chunk, 1] = small
@@ -245,7 +245,7 @@ def pair_tangents(chunk, chunks, positions, gradients, first, second, geometry, 
     ----------
     positions : (n, 2) displacements of the points and images.
     gradients : (n, 4) the change of F under them.
-    linearised : (n_blocks, 9, BLOCK) c, e, psi_I, psi_J, psi_II, psi_IJ, psi_JJ where the tangent is taken, the last five times beta.
+    linearised : (n_blocks, 9, BLOCK) c, e, psi_I, psi_J, psi_II, psi_IJ, psi_JJ where the tangent is taken, the last five times V_b.
     buffers, sums : as for `pair_energies`.
     forces, moments : out.
     """

@@ -45,7 +45,7 @@ def pair_forces(
     """Dimensionless force on the first point of every pair.
 
     Each pair is evaluated once: its averaged features are the same seen from either end, so the force on the second point is the opposite.
-    Pairs that carry no force (alpha = 0: those that pad the last block, broken ones, those at points without support) are given the
+    Pairs that carry no force (normal_factor = 0: those that pad the last block, broken ones, those at points without support) are given the
     state of rest: whatever becomes of them, they give no NaN and count for nothing.
 
     Parameters
@@ -136,10 +136,10 @@ def pair_forces(
         for k in range(BLOCK):
             r1 = bond[0, k]
             r2 = bond[1, k]
-            alpha = reference[2, k]
-            beta = reference[3, k]
-            along = alpha * traction[0, k] + beta * traction[1, k]
-            across = alpha * traction[1, k] + beta * traction[2, k]
+            normal_factor = reference[2, k]
+            tilt_factor = reference[3, k]
+            along = normal_factor * traction[0, k] + tilt_factor * traction[1, k]
+            across = normal_factor * traction[1, k] + tilt_factor * traction[2, k]
             pair[k, 0] = r1 * along - r2 * across
             pair[k, 1] = r2 * along + r1 * across
     return count

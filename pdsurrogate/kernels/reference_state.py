@@ -59,14 +59,15 @@ def shape_rows(algebra):
 def pair_rows(chunk, chunks, pairs, first, second, points, strength, inverse_shape, supported, correction, kappa, horizon, geometry):
     """Reference vectors of the pair forces, in blocks.
 
-    The force on the first point of a pair is R T zeta, T the traction of theory (11) and zeta = alpha n + beta m (theory (21)):
+    The force on the first point of a pair is R T zeta, T the traction of theory (11) and
+    zeta = normal_factor n + tilt_factor m (theory (21)):
     with the tensor correction zeta = strength (K_i^-1 + K_j^-1)/2 n, with the scalar one (24)-(25) strength/kappa (fac_i + fac_j)/2 n.
 
     Parameters
     ----------
     pairs : pairs to compute.
     strength : (n_pairs,) 2 w l V_i V_j, zero where broken.
-    geometry : (n_blocks, 4 or 5, BLOCK) out: n1/l, n2/l, alpha l, beta l and, with a fifth row, l/horizon.
+    geometry : (n_blocks, 4 or 5, BLOCK) out: n1/l, n2/l, normal_factor l, tilt_factor l and, with a fifth row, l/horizon.
     """
     start, stop = share_of(pairs.shape[0], chunk, chunks)
     for r in range(start, stop):
@@ -77,8 +78,8 @@ def pair_rows(chunk, chunks, pairs, first, second, points, strength, inverse_sha
         x2 = points[j, 1] - points[i, 1]
         square = x1 * x1 + x2 * x2
         length = np.sqrt(square)
-        alpha = 0.0
-        beta = 0.0
+        normal_factor = 0.0
+        tilt_factor = 0.0
         if supported[i] == 1 and supported[j] == 1:
             a11 = inverse_shape[i, 0]
             a12 = inverse_shape[i, 1]
@@ -89,21 +90,21 @@ def pair_rows(chunk, chunks, pairs, first, second, points, strength, inverse_sha
             if correction == TENSOR_CORRECTION:
                 z1 = 0.5 * ((a11 + b11) * x1 + (a12 + b12) * x2)
                 z2 = 0.5 * ((a12 + b12) * x1 + (a22 + b22) * x2)
-                alpha = strength[b] * (z1 * x1 + z2 * x2) / square
-                beta = strength[b] * (z2 * x1 - z1 * x2) / square
+                normal_factor = strength[b] * (z1 * x1 + z2 * x2) / square
+                tilt_factor = strength[b] * (z2 * x1 - z1 * x2) / square
             elif correction == SCALAR_CORRECTION:
                 # fac = 2 kappa / tr K, and tr K = tr K^-1 / det K^-1.
                 trace_i = (a11 + a22) / (a11 * a22 - a12 * a12)
                 trace_j = (b11 + b22) / (b11 * b22 - b12 * b12)
-                alpha = strength[b] * (1.0 / trace_i + 1.0 / trace_j)
+                normal_factor = strength[b] * (1.0 / trace_i + 1.0 / trace_j)
             else:
-                alpha = strength[b] / kappa
+                normal_factor = strength[b] / kappa
         block = b // BLOCK
         lane = b - block * BLOCK
         geometry[block, 0, lane] = x1 / square
         geometry[block, 1, lane] = x2 / square
-        geometry[block, 2, lane] = alpha * length
-        geometry[block, 3, lane] = beta * length
+        geometry[block, 2, lane] = normal_factor * length
+        geometry[block, 3, lane] = tilt_factor * length
         if geometry.shape[1] > 4:
             geometry[block, 4, lane] = length / horizon
 

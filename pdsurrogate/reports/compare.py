@@ -35,7 +35,7 @@ from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import load_scene
-from .speed import Case, measure_speed, sheet
+from .speed import TimedModel, measure_speed, sheet
 
 RIVAL, REFERENCE = "BA-NOSB", "NOSB"
 """Titles of the models to whose cost the others' is compared."""
@@ -62,7 +62,7 @@ def processor() -> str:
     return platform.processor() or platform.machine()
 
 
-def candidates(law: Law, quick: bool, say: Callable[[str], None]) -> list[Candidate]:
+def candidates(law: Law, quick: bool, progress: Callable[[str], None]) -> list[Candidate]:
     """Force models of a material: the exact ones, BA-NOSB, and surrogates of several sizes fitted on the spot.
 
     For the default Neo-Hookean law the shipped 20-unit networks take part as they are.
@@ -88,18 +88,18 @@ def candidates(law: Law, quick: bool, say: Callable[[str], None]) -> list[Candid
         paper = load_surrogate("neo-hookean-paper")
         found.append(Candidate("network, paper's features, 20 units", paper, "float32", ("outside=extrapolate",)))
     for units in (12, 20) if quick else (8, 12, 20, 40):
-        say(f"fitting {units} units")
+        progress(f"fitting {units} units")
         model = load_surrogate("neo-hookean") if shipped and units == 20 else fitted("symmetric", network(units))
         found.append(Candidate(f"network, symmetric, {units} units", model, "float32"))
         if units == 20:
             found.append(Candidate(f"network, symmetric, {units} units", model, "float64"))
-    say("fitting an energy")
+    progress("fitting an energy")
     found.append(Candidate("bond-level energy, exact", BondEnergyForce(), "float64"))
     energies = energy_design(law, 1000 if quick else 2000, reachable_stretches(law, (0.5, 5.0)))
     fitted_energy = energy_pipeline(SobolevRegressor(12, max_iter=200 if quick else 1000, random_state=0)).fit(energies.X, energies.y)
     energy = energy_surrogate_of(fitted_energy, law, energies)
     found += [Candidate("bond-level energy, network, 12 units", energy, precision) for precision in ("float32", "float64")]
-    say("fitting isochoric features")
+    progress("fitting isochoric features")
     for units in (8,) if quick else (4, 8):
         found.append(Candidate(f"network, isochoric, {units} units", fitted("isochoric", network(units)), "float32"))
     # The response of Neo-Hookean rubber is a constant of the isochoric features; other laws need more.
@@ -148,7 +148,7 @@ def measure_scene(entry: Candidate, law: Law, spacing: float) -> dict:
     }
 
 
-def compare(law: Law | None = None, quick: bool = False, say: Callable[[str], None] = lambda text: None) -> dict:
+def compare(law: Law | None = None, quick: bool = False, progress: Callable[[str], None] = lambda text: None) -> dict:
     """Measure every force model.
 
     Parameters
@@ -157,7 +157,7 @@ def compare(law: Law | None = None, quick: bool = False, say: Callable[[str], No
         Neo-Hookean with K = 100 mu by default.
     quick : bool
         Coarser scene, smaller fits, less patience: for a look, not for quoting.
-    say : callable
+    progress : callable
         Told what is being done.
 
     Returns
@@ -167,12 +167,12 @@ def compare(law: Law | None = None, quick: bool = False, say: Callable[[str], No
     """
     law = law or NeoHookean()
     spacing = 0.05 if quick else 0.02
-    entries = candidates(law, quick, say)
+    entries = candidates(law, quick, progress)
     body, patience = sheet(), 10.0 if quick else 200.0
-    cases = [Case(entry.model, entry.precision, body) for entry in entries]
+    cases = [TimedModel(entry.model, entry.precision, body) for entry in entries]
     rows = []
-    for entry, speed in zip(entries, measure_speed(cases, law, patience, say), strict=True):
-        say(f"errors of {entry.title}, {entry.precision}")
+    for entry, speed in zip(entries, measure_speed(cases, law, patience, progress), strict=True):
+        progress(f"errors of {entry.title}, {entry.precision}")
         size = entry.model.size
         rows.append(
             {
@@ -184,7 +184,7 @@ def compare(law: Law | None = None, quick: bool = False, say: Callable[[str], No
             }
         )
     for entry, row in zip(entries, rows, strict=True):
-        say(f"section 6.2 with {entry.title}, {entry.precision}")
+        progress(f"section 6.2 with {entry.title}, {entry.precision}")
         row.update(measure_scene(entry, law, spacing))
     cost = {row["force"]: row["ns_per_directed_bond_1"] for row in rows}
     for row in rows:

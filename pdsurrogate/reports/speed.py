@@ -49,7 +49,7 @@ def bench_positions(body: Body, law: Law) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Case:
+class TimedModel:
     """A force model in a precision on a body."""
 
     model: ForceModel
@@ -57,21 +57,21 @@ class Case:
     body: Body
 
 
-def measure_speed(cases: list[Case], law: Law, patience: float, say: Callable[[str], None] = lambda text: None) -> list[dict]:
+def measure_speed(cases: list[TimedModel], law: Law, patience: float, progress: Callable[[str], None] = lambda text: None) -> list[dict]:
     """Nanoseconds per directed bond of the whole evaluation and of the bond pass, on one thread and on all.
 
     All cases take turns of some milliseconds, on one thread and on all.  A core may be shared with others, whose work comes and goes: a
     processor that runs two threads on a core then takes half as long again.  So arithmetic that needs no memory is timed just before and
     after every timing, on as many threads, and those timings count beside which it was as fast as ever; of them medians are given.  The
-    models' own times have no say in it.
+    models' own times count for nothing in it.
 
     Parameters
     ----------
-    cases : list of Case
+    cases : list of TimedModel
     law : Law
     patience : float
         Seconds after which the least disturbed timings must do.
-    say : callable
+    progress : callable
         Told how far it is.
 
     Returns
@@ -116,7 +116,7 @@ def measure_speed(cases: list[Case], law: Law, patience: float, say: Callable[[s
     began = time.perf_counter()
     with threadpool_limits(1):
         while wanted:
-            say(f"timing all in turn, {len(timings) - len(wanted)} of {len(timings)} done")
+            progress(f"timing all in turn, {len(timings) - len(wanted)} of {len(timings)} done")
             for key in wanted:
                 timings[key] += take_turn(*key)
             best = {count: min(timing[2] for key in timings if key[1] == count for timing in timings[key]) for count in threads}

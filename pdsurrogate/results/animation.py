@@ -25,7 +25,9 @@ def save(result: Result, path: Path) -> None:
         return
     frames = range(first, last)
     fields = result.states[last - 1][1]
-    quantity, limits = ("damage", (0.0, 1.0)) if "damage" in fields else ("stretch", (1.0, float(fields["stretch"].max())))
+    quantity, limits = (
+        ("damage", (0.0, 1.0)) if "damage" in fields else ("principal_stretch", (1.0, float(fields["principal_stretch"].max())))
+    )
     points, cell = result.body.points, result.body.cell
     corners = deformed_cells(points, fields, cell)
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))

@@ -133,8 +133,8 @@ class PointField:
 
 POINT_FIELDS = {
     "displacement": PointField(lambda state: np.pad(state.displacement, ((0, 0), (0, 1))), 3, "length"),
-    "stretch": PointField(PointState.greatest_stretch),
-    "J": PointField(lambda state: state.volume_ratio.copy()),
+    "principal_stretch": PointField(PointState.greatest_stretch),
+    "volume_ratio": PointField(lambda state: state.volume_ratio.copy()),
     "stress": PointField(PointState.stress, 9, "stress"),
     "deformation_gradient": PointField(PointState.deformation_gradient, 9),
     "damage": PointField(lambda state: state.damage),

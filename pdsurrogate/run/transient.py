@@ -234,7 +234,7 @@ class Transient:
         """Intact pairs of points that have lost bonds and whose deformation gradient has collapsed.
 
         The few bonds that are left at a crack front or on a fragment need not make a deformation gradient that means
-        anything: a point that they turn inside out, or press to a tenth of its area, has lost its support, and is let go.
+        anything: a point that they turn inside out, or press to a tenth of its area, has lost its support, and its bonds are broken.
         A point with all its bonds is not touched; there det F <= 0 is an error.
         """
         run = self.run
@@ -250,7 +250,7 @@ class Transient:
         failed[n:] = failed[mirror]
         failing = failed[bonds.first] | failed[bonds.second]
         if len(crushed):
-            # A bond whose own gradient has collapsed is let go where an end of it has lost others.
+            # A bond whose own gradient has collapsed is broken where an end of it has lost others.
             lost = np.zeros(len(run.body.all_points), dtype=bool)
             lost[bonds.first[broken]] = lost[bonds.second[broken]] = True
             failing[crushed[lost[bonds.first[crushed]] | lost[bonds.second[crushed]]]] = True

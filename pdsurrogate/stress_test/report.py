@@ -24,7 +24,7 @@ def all_models() -> list[str]:
     return [*FORCES, *dict.fromkeys(folder.parent.name for folder in list_artifacts())]
 
 
-def stress_test(references: Iterable[str] | None = None, quick: bool = False, say: Callable[[str], None] = lambda text: None) -> dict:
+def stress_test(references: Iterable[str] | None = None, quick: bool = False, progress: Callable[[str], None] = lambda text: None) -> dict:
     """Put every hard case to every force model.
 
     Parameters
@@ -33,7 +33,7 @@ def stress_test(references: Iterable[str] | None = None, quick: bool = False, sa
         Force models as on the command line; all by default.
     quick : bool
         A fiftieth of the explicit steps.
-    say : callable
+    progress : callable
         Told what is being done.
 
     Returns
@@ -49,7 +49,7 @@ def stress_test(references: Iterable[str] | None = None, quick: bool = False, sa
     """
     subjects = [Subject(reference, quick) for reference in (references or all_models())]
     for subject in subjects:
-        say(f"reading {subject.reference}")
+        progress(f"reading {subject.reference}")
         _ = subject.model, subject.law
     models = []
     # BLAS threads would spin on the cores that the kernels want.
@@ -57,7 +57,7 @@ def stress_test(references: Iterable[str] | None = None, quick: bool = False, sa
         for subject in subjects:
             results = {}
             for case in CASES:
-                say(f"{subject.reference}: {case.title}")
+                progress(f"{subject.reference}: {case.title}")
                 began = time.perf_counter()
                 outcome = case.function(subject)
                 results[case.key] = {**vars(outcome), "seconds": time.perf_counter() - began}

@@ -15,7 +15,7 @@ CELLS = 12
 
 
 @dataclass(frozen=True)
-class Tangent:
+class InteriorTangent:
     """The tangent -df/du of a sheet in a homogeneous state, its outermost points held.
 
     Attributes
@@ -45,7 +45,7 @@ class Tangent:
         return float(np.linalg.norm(self.matrix - self.matrix.T, 2) / np.linalg.norm(self.matrix, 2))
 
 
-def tangent(force: InternalForce, positions: np.ndarray) -> Tangent:
+def tangent(force: InternalForce, positions: np.ndarray) -> InteriorTangent:
     """Central differences over a hundred-thousandth of the spacing: errors of 1e-10 from both curvature and rounding."""
     body = force.body
     margin = np.minimum(body.points - body.points.min(axis=0), body.points.max(axis=0) - body.points).min(axis=1)
@@ -60,7 +60,7 @@ def tangent(force: InternalForce, positions: np.ndarray) -> Tangent:
                 moved[point, component] += sign * probe
                 force(moved, out)
             matrix[:, 2 * number + component] = ((backward - forward)[interior] / (2 * probe)).ravel()
-    return Tangent(matrix, interior)
+    return InteriorTangent(matrix, interior)
 
 
 def states(law) -> dict[str, np.ndarray]:
@@ -79,7 +79,7 @@ def states(law) -> dict[str, np.ndarray]:
     }
 
 
-def tangents(subject: Subject) -> tuple[Body, dict[str, Tangent]]:
+def tangents(subject: Subject) -> tuple[Body, dict[str, InteriorTangent]]:
     """Tangents in all states, formed once for a subject."""
     if "tangents" not in subject.measured:
         body = square_sheet(CELLS)
