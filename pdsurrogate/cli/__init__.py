@@ -14,7 +14,11 @@ from .application import app, err
 def main() -> None:
     """Entry point."""
     try:
-        app()
+        try:
+            app()
+        finally:
+            # Here, not when the interpreter ends: what has not been written yet may fail, too.
+            sys.stdout.flush()
     except OSError as error:  # standard output on a full disk; what commands write to folders they name themselves
         err.print(f"[red]pdsurrogate:[/] {error.filename or 'standard output'}: {error.strerror}", soft_wrap=True)
         # What is left in the buffer is not tried again at the end.
