@@ -26,6 +26,7 @@ def tables():
         table.update(entries)
 
 
+@pytest.mark.slow  # laws, features and force models of their own have to be compiled
 @pytest.mark.parametrize("page", HOW_TOS, ids=lambda page: page.stem)
 def test_examples_run(page, tables, tmp_path):
     """All examples of a page, one after the other, as one script: their last lines check what they made."""

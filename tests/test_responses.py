@@ -11,6 +11,9 @@ import pdsurrogate as pd
 from pdsurrogate.forces.kinematics import Kinematics
 from pdsurrogate.materials import PrincipalStretchLaw, plane_strain, plane_stress, solid
 
+# No scene uses these yet, and every law and dimension has to be compiled.
+pytestmark = pytest.mark.slow
+
 RESPONSES = [plane_stress.response, plane_strain.response, solid.response]
 
 

@@ -14,6 +14,9 @@ from pdsurrogate.materials import NeoHookean, Ogden, solid
 
 COUNT, SPACING, CHUNKS = 7, 1 / 7, 2
 
+# No scene uses these yet, and every law and dimension has to be compiled.
+pytestmark = pytest.mark.slow
+
 ROLLERS = tuple(ReflectionPlane(axis, 0.0, -1, tuple(np.where(np.arange(3) == axis, -1, 1))) for axis in range(3))
 GRIPPED = (ReflectionPlane(0, 0.0, -1, (-1, -1, -1)), *ROLLERS[1:])
 
