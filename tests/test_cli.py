@@ -284,9 +284,10 @@ def test_lists():
     assert "nosb" not in usage  # which has nothing to evaluate
 
 
-def test_a_second_run_compiles_nothing(tmp_path):
+@pytest.mark.parametrize("force", ["nosb", pytest.param("neo-hookean", marks=pytest.mark.slow)])
+def test_a_second_run_compiles_nothing(tmp_path, force):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    command = [sys.executable, "-m", "pdsurrogate", "run", "uniaxial", *FAST, "--out", str(tmp_path / "out")]
+    command = [sys.executable, "-m", "pdsurrogate", "run", "uniaxial", "--force", force, *FAST, "--out", str(tmp_path / "out")]
     announced, seconds = [], []
     for _ in range(2):
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)

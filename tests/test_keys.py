@@ -66,7 +66,7 @@ def _write(folder, name, text):
     (folder / name).write_text(textwrap.dedent(text))
 
 
-@pytest.mark.parametrize("changed", ["stiffening", "extra", "added"])
+@pytest.mark.parametrize("changed", ["added", *(pytest.param(name, marks=pytest.mark.slow) for name in ("stiffening", "extra"))])
 def test_a_constant_or_function_of_another_module_reaches_the_cached_kernel(tmp_path, changed):
     """A law that takes a constant from another module: after the constant changes, NumPy follows, and so must the cached kernel."""
     values = {"stiffening": 0.1, "extra": 0.0, "added": 0.0}
