@@ -41,6 +41,11 @@ OPTIONS = {"error_model": "numpy", "fastmath": FASTMATH}
 INLINE_OPTIONS = {**OPTIONS, "forceinline": True}
 
 
+def compiled_digest(*values) -> str:
+    """Digest of what functions depend on, see `code_digest`, and of how they are compiled here."""
+    return code_digest(*values, OPTIONS, INLINE_OPTIONS)
+
+
 class DigestCache(FunctionCache):
     """numba's disk cache, in files named by the digest of what a function's code depends on.
 
@@ -65,7 +70,7 @@ class DigestCache(FunctionCache):
         if self._cache_file is not None or not self._enabled:
             return
         try:
-            digest = self._digest or code_digest(self._py_func, OPTIONS, INLINE_OPTIONS)
+            digest = self._digest or compiled_digest(self._py_func)
         except NotKeyable:
             self.disable()
             return
@@ -211,7 +216,7 @@ def block_function_of(build: Callable, signature, *parts) -> CFunc:
         Elementwise functions, and plain values.
     """
     try:
-        digest = code_digest(build, *parts, OPTIONS, INLINE_OPTIONS)
+        digest = compiled_digest(build, *parts)
     except NotKeyable:
         # Nobody can tell whether what was compiled before still holds.
         _NOT_KEYABLE.append(compile_block_function(build(*_ready(parts)), signature))

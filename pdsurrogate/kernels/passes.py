@@ -19,8 +19,7 @@ from numba.core import cgutils
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic, overload
 
-from .compile import INLINE_OPTIONS, compile_block_function, inlined, kernel, parallel_kernel, plain_function
-from .keys import code_digest
+from .compile import INLINE_OPTIONS, compile_block_function, compiled_digest, inlined, kernel, parallel_kernel, plain_function
 from .threads import threads_in_use
 
 CHUNK_FUNCTION = types.int64(types.CPointer(types.int64), types.int64, types.int64)
@@ -149,7 +148,7 @@ class Pass:
         """Of the code for arguments of the given numba types."""
         if kinds not in self._code:
             function, unpack = self._compiled, _unpacker(kinds)
-            digest = code_digest(self.function, unpack, [str(kind) for kind in kinds])
+            digest = compiled_digest(self.function, unpack, _count, [str(kind) for kind in kinds])
 
             def entry(arguments, chunk, chunks):
                 return _count(function(chunk, chunks, *unpack(arguments)))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..kernels.keys import code_digest
 from .law import InvariantLaw, Law
 
 STEPS = 1e-3 * np.array([1.0, 0.5, 0.25])
@@ -42,7 +43,7 @@ def check_consistency(law: Law) -> None:
         If a derivative is not that of the energy, or the law at rest is not free of stress or has other moduli; names the derivative, what
         the law gives and what would be right.
     """
-    key = content_of(law)
+    key = (type(law), *_expressions(law), np.asarray(law.parameters, dtype=float).tobytes())
     if key in _consistent:
         return
     parameters = np.asarray(law.parameters, dtype=float)
@@ -52,10 +53,19 @@ def check_consistency(law: Law) -> None:
     _consistent.add(key)
 
 
-def content_of(law: Law) -> tuple:
-    """What the answers of a law depend on: its class, its expressions and its dimensionless parameters."""
-    expressions = (getattr(law, name, None) for name in ("isochoric", "term", "coefficients", "volumetric"))
-    return (type(law), *expressions, np.asarray(law.parameters, dtype=float).tobytes())
+def law_digest(law: Law) -> str:
+    """Digest of all that the answers of a law depend on: its expressions with what they use, and its dimensionless parameters.
+
+    Raises
+    ------
+    NotKeyable
+        If an expression uses what cannot be told by its value.
+    """
+    return code_digest(*_expressions(law), np.asarray(law.parameters, dtype=float))
+
+
+def _expressions(law: Law) -> tuple:
+    return tuple(getattr(law, name, None) for name in ("isochoric", "term", "coefficients", "volumetric"))
 
 
 def _check_volumetric(law, parameters) -> None:

@@ -99,10 +99,9 @@ class PointState:
 
     def stress(self) -> np.ndarray:
         """First Piola-Kirchhoff stress, shape (n, 3, 3)."""
-        F, stress = self.F, np.zeros((len(self.F), 3, 3))
+        stress = np.zeros((len(self.F), 3, 3))
         p, q, *_ = plane_stress.response(self.law, self.trace, self.area, self.volume_ratio)
-        cofactor = np.stack([F[:, 1, 1], -F[:, 1, 0], -F[:, 0, 1], F[:, 0, 0]], axis=1).reshape(-1, 2, 2)
-        stress[:, :2, :2] = self.law.shear_modulus * (p[:, None, None] * F + (q / self.area)[:, None, None] * cofactor)
+        stress[:, :2, :2] = self.law.shear_modulus * plane_stress.in_plane_stress(self.F, p, q)
         return stress
 
     def deformation_gradient(self) -> np.ndarray:

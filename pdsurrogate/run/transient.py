@@ -287,7 +287,7 @@ class Transient:
         kinetic = integrator.kinetic_energy()
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
-        power = float((reactions * run.loading.travels()).sum() * rate)
+        power = run.loading.pull(reactions) * rate
         self._take_damping()
         strain = run.strain_energy()
         if not first:

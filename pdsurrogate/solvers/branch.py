@@ -60,13 +60,15 @@ class Branch:
         loading.check_inside(stretch, force, positions)
         growth = abs(stretch - before) * self._reductions.extent(force.body.points)
         moved = np.sqrt(self._reductions.total(np.square(positions - guess)) / self._reductions.total_of_parts(positions.size))
-        if moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing) and loading.pull(force) < 0:
+        jumped = moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing)
+        if not (jumped or force.has_energy) or loading.pull(loading.reactions(force)) >= 0:
+            return
+        if jumped:
             raise Unstable(
                 f"the body buckles between the stretches {before:.4g} and {stretch:.4g}: while its length changed by {growth:.3g}, "
                 f"its points moved by {moved:.3g} in the mean from where the states before lead"
             )
-        if force.has_energy and loading.pull(force) < 0:
-            self._check_stability(stretch, positions)
+        self._check_stability(stretch, positions)
 
     def _check_stability(self, stretch: float, positions: np.ndarray) -> None:
         loading, force = self._loading, self._force

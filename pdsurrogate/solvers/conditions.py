@@ -198,9 +198,9 @@ class Loading:
                 reactions[grip, component] = -internal[held.points, component].sum()
         return self._reductions.total_of_parts(reactions)
 
-    def pull(self, force: InternalForce) -> float:
-        """Force of the grips along the load in the state last evaluated, per unit thickness; negative where they push."""
-        return float((self.reactions(force) * self.travels()).sum())
+    def pull(self, reactions: np.ndarray) -> float:
+        """Force of the grips along the load per unit thickness, from their `reactions`; negative where they push."""
+        return float((reactions * self.travels()).sum())
 
     def travels(self) -> np.ndarray:
         """Displacement of every grip for a unit of elongation, shape (2, 2): grips, components."""
