@@ -36,6 +36,9 @@ MODELS = (
     "full-network",
 )
 
+STARTS = 3
+"""How often the processes are started in which costs are compared."""
+
 RUNS = {
     "6.2": ("uniaxial", None, {}),
     "6.2, ba-nosb": ("uniaxial", "ba-nosb", {"spacing": 0.05}),
@@ -155,17 +158,27 @@ def compare_figures(paths: list[Path]) -> None:
 
 
 def compare_speed(paths: list[Path], turns: int) -> None:
-    """Medians of the cost of a directed bond, and of the ratio within a turn."""
-    both = [start(path, SPEED) for path in paths]
+    """Medians of the cost of a directed bond, and of the ratio within a turn.
+
+    Both processes are started anew a few times, since where memory lies counts, and each goes first in every other turn.
+    """
+    cases = [(name, width, threads) for name in MODELS for width in (10, 50) for threads in (1, 2)]
+    pairs = {case: [] for case in cases}
+    for _ in range(STARTS):
+        both = [start(path, SPEED) for path in paths]
+        for case in cases:
+            for turn in range(turns):
+                order = (0, 1) if turn % 2 else (1, 0)
+                costs = {which: ask(both[which], case) for which in order}
+                pairs[case].append((costs[0], costs[1]))
+        for process in both:
+            process.kill()
+            process.wait()
     print(f"{'model':20} {'points':>7} {'threads':>7} {'old':>8} {'new':>8} {'new/old':>8}   ns per directed bond")
-    for name in MODELS:
-        for width in (10, 50):
-            for threads in (1, 2):
-                question = (name, width, threads)
-                pairs = [tuple(ask(process, question) for process in both) for _ in range(turns)]
-                ratio = median(new / old for old, new in pairs)
-                old, new = (median(values) for values in zip(*pairs, strict=True))
-                print(f"{name:20} {3 * width * width:7} {threads:7} {old:8.2f} {new:8.2f} {ratio:8.3f}", flush=True)
+    for (name, width, threads), found in pairs.items():
+        ratio = median(new / old for old, new in found)
+        old, new = (median(values) for values in zip(*found, strict=True))
+        print(f"{name:20} {3 * width * width:7} {threads:7} {old:8.2f} {new:8.2f} {ratio:8.3f}", flush=True)
 
 
 def compare_compile(paths: list[Path], turns: int) -> None:

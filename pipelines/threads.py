@@ -3,8 +3,11 @@
 python pipelines/threads.py            print the table (about ten minutes)
 python pipelines/threads.py --readme   and put it into the README
 
-Every entry is the median over rounds of the mean cost of a directed bond within some tenths of a second; all settings take turns within a
-round, each in a process of its own, since threads read how to wait when they start.
+Each setting has processes of its own, since threads read how to wait when they start. On free cores the processes of all settings live side by
+side and take turns of some tenths of a second, body by body, so that a machine that slows down slows all of them; the first setting takes part
+twice, which shows what chance does. Beside other work each process runs alone: threads that wake together after a pause would also be given
+their cores together, which hides what happens in a long run. Costs are medians over turns, and the ratios medians over turns of the cost over
+that of the first setting in the same turn.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ import os
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import numpy as np
 from readme import markdown_table, replace_block
@@ -32,6 +35,7 @@ WIDTHS = (10, 20, 50, 163)
 
 SETTINGS = {
     "two threads as GNU OpenMP has them": (2, {"GOMP_SPINCOUNT": "300000"}),
+    "the same again": (2, {"GOMP_SPINCOUNT": "300000"}),
     f"two threads, {SPIN_COUNT:,} turns (pdsurrogate's)": (2, {}),
     "two threads, 10,000 turns": (2, {"GOMP_SPINCOUNT": "10000"}),
     "two threads, 100 turns": (2, {"GOMP_SPINCOUNT": "100"}),
@@ -40,29 +44,36 @@ SETTINGS = {
 }
 """Number of threads, and the variables that progress how they wait."""
 
-BUSY = (0, 1, 2)
+BUSY = (1, 2)
 """Other processes that take all they can get."""
 
-ROUNDS = 7
-SECONDS = 0.4
+STARTS, TURNS = 4, 6
+"""How often all processes are started anew, since where memory lies also counts, and the turns each takes on free cores after a start."""
+SECONDS = 0.3
 
 
-def measure(threads: int) -> list[float]:
-    """Nanoseconds per directed bond of each body, on so many threads."""
-    model, law, found = pd.load_surrogate("neo-hookean"), pd.NeoHookean(), []
-    for width in WIDTHS:
-        body = pd.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width)
-        positions, out = bench_positions(body, law), np.empty_like(body.points)
-        with thread_count(threads):
-            force = model.bind(body, law, pd.ForceSettings())
-            for _ in range(5):
+def serve(threads: int) -> None:
+    """Answer every width that is asked for with nanoseconds per directed bond, on so many threads."""
+    model, law = pd.load_surrogate("neo-hookean"), pd.NeoHookean()
+    forces = {}
+    with thread_count(threads):
+        for width in WIDTHS:
+            body = pd.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width)
+            forces[width] = (
+                model.bind(body, law, pd.ForceSettings()),
+                bench_positions(body, law),
+                np.empty_like(body.points),
+                body.bonds.n_directed,
+            )
+        for question in sys.stdin:
+            force, positions, out, n_directed = forces[int(question)]
+            for _ in range(3):
                 force(positions, out)
             began, count = time.perf_counter(), 0
             while time.perf_counter() - began < SECONDS:
                 force(positions, out)
                 count += 1
-            found.append(1e9 * (time.perf_counter() - began) / count / body.bonds.n_directed)
-    return found
+            print(json.dumps(1e9 * (time.perf_counter() - began) / count / n_directed), flush=True)
 
 
 @contextmanager
@@ -77,38 +88,93 @@ def busy(count: int):
             other.wait()
 
 
-def measure_all(rounds: int, progress) -> dict[tuple[str, int], np.ndarray]:
-    """Costs by setting and number of other processes: an array of rounds and bodies."""
+@contextmanager
+def server(setting: str):
+    """Context with a waiting process of one setting."""
+    threads, variables = SETTINGS[setting]
     inherited = {key: value for key, value in os.environ.items() if key not in ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")}
-    found = {(setting, others): [] for setting in SETTINGS for others in BUSY}
-    for number in range(rounds):
-        progress(f"round {number + 1} of {rounds}")
+    environment = {**inherited, **variables, "NUMBA_NUM_THREADS": "2"}
+    command = [sys.executable, __file__, "--serve", str(threads)]
+    process = subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def ask(process: subprocess.Popen, widths: tuple[int, ...]) -> list[float]:
+    """Costs of a directed bond of some bodies in one process, one straight after the other."""
+    print(*widths, sep="\n", file=process.stdin, flush=True)
+    answers = [process.stdout.readline() for _ in widths]
+    if not all(answers):
+        raise RuntimeError("a process that measures ended early")
+    return [json.loads(answer) for answer in answers]
+
+
+def measure_free() -> list[dict[str, list[float]]]:
+    """Costs on free cores for one start of the processes: for every turn the bodies' costs by setting."""
+    found = []
+    with ExitStack() as stack:
+        started = {setting: stack.enter_context(server(setting)) for setting in SETTINGS}
+        for process in started.values():
+            ask(process, WIDTHS[:1])
+        for turn in range(TURNS):
+            costs = {setting: [] for setting in SETTINGS}
+            for width in WIDTHS:
+                # The order alternates, so that no setting always follows the same one.
+                for setting in list(SETTINGS)[:: 1 if turn % 2 else -1]:
+                    costs[setting] += ask(started[setting], (width,))
+            found.append(costs)
+    return found
+
+
+def measure_busy(others: int) -> dict[str, list[float]]:
+    """Costs of the bodies by setting beside other processes, each setting in a fresh process."""
+    found = {}
+    with busy(others):
+        for setting in SETTINGS:
+            with server(setting) as process:
+                found[setting] = ask(process, WIDTHS)
+    return found
+
+
+def measure_all(starts: int, progress) -> dict[tuple[str, int], np.ndarray]:
+    """Costs by setting and number of other processes: an array of turns and bodies."""
+    found = {(setting, others): [] for setting in SETTINGS for others in (0, *BUSY)}
+    for start in range(starts):
+        progress(f"start {start + 1} of {starts}, free cores")
+        turns = {0: measure_free()}
         for others in BUSY:
-            with busy(others):
-                for setting, (threads, variables) in SETTINGS.items():
-                    command = [sys.executable, __file__, "--threads", str(threads)]
-                    environment = {**inherited, **variables, "NUMBA_NUM_THREADS": "2"}
-                    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-                    found[setting, others].append(json.loads(done.stdout))
+            progress(f"start {start + 1} of {starts}, {others} other processes")
+            turns[others] = [measure_busy(others)]
+        for others, measured in turns.items():
+            for costs in measured:
+                for setting, values in costs.items():
+                    found[setting, others].append(values)
     return {key: np.array(values) for key, values in found.items()}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--readme", action="store_true", help="put the table into the README")
-    parser.add_argument("--rounds", type=int, default=ROUNDS)
-    parser.add_argument("--threads", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--starts", type=int, default=STARTS)
+    parser.add_argument("--serve", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    if arguments.threads:
-        print(json.dumps(measure(arguments.threads)))
+    if arguments.serve:
+        serve(arguments.serve)
         return
     with console.status("Measuring") as status:
-        costs = measure_all(arguments.rounds, status.update)
+        costs = measure_all(arguments.starts, status.update)
     points = " / ".join(f"{3 * width * width:,}" for width in WIDTHS)
-    header = [f"ns per directed bond with {points} points", *(f"{others} other processes" for others in BUSY), "free cores, over the first"]
+    header = [
+        f"ns per directed bond with {points} points",
+        *(f"{others} other processes" for others in (0, *BUSY)),
+        "free cores, over the first",
+    ]
     rows, spinning = [], costs[next(iter(SETTINGS)), 0]
     for setting in SETTINGS:
-        medians = [" / ".join(f"{cost:.3g}" for cost in np.median(costs[setting, others], axis=0)) for others in BUSY]
+        medians = [" / ".join(f"{cost:.3g}" for cost in np.median(costs[setting, others], axis=0)) for others in (0, *BUSY)]
         ratios = " / ".join(f"{ratio:.2f}" for ratio in np.median(costs[setting, 0] / spinning, axis=0))
         rows.append([setting, *medians, ratios])
     table = markdown_table(header, rows)
