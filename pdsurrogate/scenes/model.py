@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
 
 from ..body import WEIGHT_FUNCTIONS
 from ..materials import LAWS, Law
+from .loading import Load, Prescribed, Probe, Step
 from .problems import suggestion
+from .regions import RESERVED, Region, RegionName, RegionReference
 from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle
 from .strict_model import Finite, Point, Positive, StrictModel, Whole
 
@@ -70,6 +73,22 @@ class MaterialSpec(StrictModel):
             return law(**given)
         except TypeError:
             raise ValueError(f"{self.law}: a parameter is a list where a number belongs, or the other way round") from None
+
+
+class Part(StrictModel):
+    """A region of the body of another material than the rest.
+
+    Attributes
+    ----------
+    region : str or Region
+    material : MaterialSpec
+    force : str, optional
+        Artefact of this material; by default the force model of the rest, or, where that is a surrogate, the one of this law.
+    """
+
+    region: RegionReference
+    material: MaterialSpec
+    force: str | None = None
 
 
 class Grip(StrictModel):
@@ -184,21 +203,30 @@ class Units(StrictModel):
 class Scene(StrictModel):
     """A simulation, fully described.
 
-    Lengths and stresses are in the scene's own units throughout.  `stretches` are the levels of the loading
-    programme, in the order given: the distance of the two grips over its undeformed value.  Of a body that `spacing` does not divide
-    the nearest cells are taken that fill it; the horizon is `horizon_ratio` times the smaller side of a cell.
+    Lengths and stresses are in the scene's own units throughout.  The loading is said in one of two ways.  The short one is two opposite
+    `grips` and `stretches`, the levels of the loading programme in the order given: the distance of the two grips over its undeformed
+    value.  The general one is `prescribed` displacements and `loads` on `regions`, and `steps` of the loading parameter t, which begins
+    at 0.  Of a body that `spacing` does not divide the nearest cells are taken that fill it; the horizon is `horizon_ratio` times the
+    smaller side of a cell.
     """
 
     name: SceneName
     title: str = ""
     spacing: Positive
-    stretches: tuple[Level, ...]
+    stretches: tuple[Level, ...] = ()
     body: AnyBody
     holes: tuple[AnyShape, ...] = ()
     precuts: tuple[Precut, ...] = ()
+    plane: Literal["stress", "strain"] = "stress"
     material: MaterialSpec
-    grips: Annotated[tuple[Grip, ...], Field(min_length=2, max_length=2)]
+    materials: tuple[Part, ...] = ()
+    grips: tuple[Grip, ...] = ()
     holds: tuple[Hold, ...] = ()
+    regions: Annotated[dict[RegionName, Region], Field(default_factory=dict)]
+    prescribed: tuple[Prescribed, ...] = ()
+    loads: tuple[Load, ...] = ()
+    steps: tuple[Step, ...] = ()
+    probes: tuple[Probe, ...] = ()
     support: Literal["reflected", "points"] = "reflected"
     horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = 3.15
     weight: str = "inverse"
@@ -224,8 +252,48 @@ class Scene(StrictModel):
             raise ValueError(f"unknown weight function; there are {', '.join(WEIGHT_FUNCTIONS)}")
         return value
 
+    @field_validator("steps", mode="before")
+    @classmethod
+    def _one_or_many_steps(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, int | float | dict) else value
+
+    @field_validator("regions")
+    @classmethod
+    def _free_names(cls, value: dict) -> dict:
+        for name in value:
+            if name in RESERVED:
+                raise ValueError(f"{name} is the name of a region that every body has; take another")
+        return value
+
+    @property
+    def stretched(self) -> bool:
+        """Whether the loading is said in the short way: grips and stretches."""
+        return bool(self.grips)
+
+    @model_validator(mode="after")
+    def _one_way_of_loading(self) -> Scene:
+        general = [key for key in ("prescribed", "loads", "steps") if getattr(self, key)]
+        short = [key for key in ("grips", "stretches", "holds", "dynamics") if getattr(self, key)]
+        if general and short:
+            raise ValueError(
+                f"{short[0]} and {general[0]} are two ways of saying the loading: give grips and stretches (with holds and dynamics), or "
+                "prescribed and loads with steps (dynamics within a step)"
+            )
+        if general:
+            if not self.steps:
+                raise ValueError(f"{general[0]} need steps: the values of the loading parameter t to go to, as steps=1")
+            if not (self.prescribed or self.loads):
+                raise ValueError("steps change nothing without prescribed displacements or loads")
+        elif not self.grips:
+            raise ValueError("nothing is loaded: give two grips and stretches, or prescribed displacements or loads, and steps")
+        return self
+
     @model_validator(mode="after")
     def _opposite_grips(self) -> Scene:
+        if not self.grips:
+            return self
+        if len(self.grips) != 2:
+            raise ValueError(f"grips needs 2 entries, on opposite edges, not {len(self.grips)}; more are said by prescribed")
         edges = {grip.edge for grip in self.grips}
         if edges not in ({"left", "right"}, {"bottom", "top"}):
             raise ValueError("grips must hold two opposite edges, left and right or bottom and top")
@@ -236,13 +304,47 @@ class Scene(StrictModel):
 
     @model_validator(mode="after")
     def _programme(self) -> Scene:
+        if self.fracture is not None and self.dynamics is None and not any(step.dynamics for step in self.steps):
+            raise ValueError("fracture needs dynamics: a crack that runs is not in equilibrium")
+        if not self.stretched:
+            return self
         if not self.stretches and self.dynamics is None:
             raise ValueError("the programme is empty: give stretches, or dynamics")
-        if self.fracture is not None and self.dynamics is None:
-            raise ValueError("fracture needs dynamics: a crack that runs is not in equilibrium")
         if self.dynamics is not None and self.dynamics.stretch <= (self.stretches[-1] if self.stretches else 1.0):
             raise ValueError("dynamics.stretch must be greater than the last of stretches, where the dynamics start")
         return self
+
+    @model_validator(mode="after")
+    def _names_once(self) -> Scene:
+        for key in ("probes",):
+            names = [entry.name for entry in getattr(self, key)]
+            twice = next((name for name in names if names.count(name) > 1), None)
+            if twice is not None:
+                raise ValueError(f"{key}: the name {twice!r} is given twice")
+        return self
+
+    @model_validator(mode="after")
+    def _known_regions(self) -> Scene:
+        for key, reference in self._references():
+            if isinstance(reference, str) and not (reference in RESERVED or reference in self.regions or reference.startswith("holes.")):
+                raise ValueError(f"{key}: there is no region {reference!r}; {suggestion(reference, [*self.regions, *RESERVED])}")
+        return self
+
+    def _references(self) -> Iterator[tuple[str, str | Region]]:
+        """All references to regions, each with its dotted key."""
+
+        def within(key: str, region: str | Region) -> Iterator[tuple[str, str | Region]]:
+            yield key, region
+            if isinstance(region, Region):
+                for name, inner in (("and", region.both), ("or", region.either), ("not", region.other)):
+                    for entry in inner if isinstance(inner, tuple) else () if inner is None else (inner,):
+                        yield from within(f"{key}.{name}", entry)
+
+        for name, region in self.regions.items():
+            yield from within(f"regions.{name}", region)
+        for key in ("prescribed", "loads", "materials"):
+            for number, entry in enumerate(getattr(self, key)):
+                yield from within(f"{key}.{number}.region", entry.region)
 
     @property
     def loaded_axis(self) -> int:

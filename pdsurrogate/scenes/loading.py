@@ -1,0 +1,158 @@
+"""What a user says of the loading: what is held and moved, what pulls and presses, in which steps, and what is looked at."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from .amplitudes import Amplitude
+from .regions import RegionReference
+from .strict_model import Finite, Point, Positive, StrictModel, Whole
+
+LoadName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
+
+
+class Prescribed(StrictModel):
+    """Displacements of a region, component by component: a value times an amplitude; components that are not named are free.
+
+    Attributes
+    ----------
+    region : str or Region
+    x1, x2 : float, optional
+        Displacement where the amplitude is 1; 0 holds the component.
+    rotation : float, optional
+        Angle in degrees, counter-clockwise, by which the region is turned about a place; with it all components are prescribed, and x1 and
+        x2 are added.
+    about : point, optional
+        Place that a rotation is about.
+    amplitude : str or table
+        How values follow the loading parameter t.
+    name : str, optional
+        Under which its force is reported; by default the name of the region.
+    """
+
+    region: RegionReference
+    x1: Finite | None = None
+    x2: Finite | None = None
+    rotation: Finite | None = None
+    about: Point | None = None
+    amplitude: Amplitude = "ramp"
+    name: LoadName | None = None
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Prescribed:
+        if self.x1 is None and self.x2 is None and self.rotation is None:
+            raise ValueError("nothing is prescribed: give x1, x2 or a rotation; 0 holds a component")
+        if (self.rotation is None) != (self.about is None):
+            raise ValueError("a rotation needs the place that it is about, and only a rotation has one: give both or neither")
+        return self
+
+
+class Load(StrictModel):
+    """A load on a region, exactly one of its kinds, times an amplitude.
+
+    Attributes
+    ----------
+    region : str or Region
+        Where it acts; a body force by default on all of the body.
+    traction : point, optional
+        Dead force per undeformed area of the boundary (nominal).
+    pressure : float, optional
+        Pressure on the deformed boundary, whose direction follows it.
+    thickness : {"deformed", "undeformed"}, optional
+        Of pressure under plane stress: whether it acts on the thickness that the sheet has there (true pressure, the default), or on the
+        undeformed one.
+    body_force : point, optional
+        Force per undeformed volume.
+    force : point, optional
+        Total force on the points of the region, per unit thickness, in equal parts.
+    amplitude : str or table
+        How the load follows the loading parameter t.
+    name : str, optional
+        Under which its force is reported; by default the name of the region.
+    """
+
+    region: RegionReference = "body"
+    traction: Point | None = None
+    pressure: Finite | None = None
+    body_force: Point | None = None
+    force: Point | None = None
+    thickness: Literal["deformed", "undeformed"] | None = None
+    amplitude: Amplitude = "ramp"
+    name: LoadName | None = None
+
+    @property
+    def kind(self) -> str:
+        """Which of its kinds it is."""
+        return next(kind for kind in ("traction", "pressure", "body_force", "force") if getattr(self, kind) is not None)
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Load:
+        given = [kind for kind in ("traction", "pressure", "body_force", "force") if getattr(self, kind) is not None]
+        if len(given) != 1:
+            raise ValueError("a load is exactly one of traction, pressure, body_force and force")
+        if given != ["body_force"] and "region" not in self.model_fields_set:
+            raise ValueError(f"a {given[0]} needs the region that it acts on")
+        if self.thickness is not None and given != ["pressure"]:
+            raise ValueError("only a pressure has a thickness that it acts on")
+        return self
+
+
+class StepDynamics(StrictModel):
+    """Explicit dynamics during a step.
+
+    Attributes
+    ----------
+    duration : float
+        Time that the step takes; the loading parameter goes evenly from the last step's end to this one's.
+    density : float
+        Mass per volume, in stress * time^2 / length^2.
+    damping, viscosity, safety
+        As of `pdsurrogate.scenes.Dynamics`.
+    """
+
+    duration: Positive
+    density: Positive
+    damping: Annotated[Finite, Field(ge=0)] = 0.0
+    viscosity: Annotated[Finite, Field(ge=0)] = 0.0
+    safety: Annotated[Positive, Field(le=1)] = 0.7
+
+
+class Step(StrictModel):
+    """A step of the programme: the loading parameter t goes from where it is to a value, in equilibrium or in dynamics.
+
+    Attributes
+    ----------
+    to : float
+        t at the end.  Where it is now, a step holds; less, it unloads.
+    outputs : int
+        States recorded on the way, evenly, the last one at the end.
+    largest_increment : float, optional
+        Of t between two equilibria.
+    dynamics : StepDynamics, optional
+        Without it the step is in equilibrium.
+    """
+
+    to: Finite
+    outputs: Annotated[Whole, Field(ge=1, le=10_000)] = 1
+    largest_increment: Positive | None = None
+    dynamics: StepDynamics | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_number(cls, value):
+        return {"to": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+    @model_validator(mode="after")
+    def _either(self) -> Step:
+        if self.dynamics is not None and self.largest_increment is not None:
+            raise ValueError("a step in dynamics has no increments: leave largest_increment out")
+        return self
+
+
+class Probe(StrictModel):
+    """A place in the undeformed body whose displacement, stress and deformation gradient are reported at every output."""
+
+    name: LoadName
+    at: Point
