@@ -21,13 +21,17 @@ WIDTH, HEIGHT = 1.2, 1.0
 ABOUT = np.array([0.3, -0.7])
 
 
-def interpolation(points, nodes):
-    """Rows that follow affine motions of the ten nearest points exactly, the least ones that do."""
-    _, near = cKDTree(points).query(nodes, 10)
-    rows = np.zeros((len(nodes), len(points)))
+def interpolation(body, nodes):
+    """Rows of a linear fit to the points within five cells, nearer ones counting more: they follow affine motions exactly.
+
+    In homogeneous stress the forces beside a straight edge reach two horizons deep; rows that do so too disturb it least.
+    """
+    points, rows = body.points, np.zeros((len(nodes), len(body)))
+    near = cKDTree(points).query_ball_point(nodes, 5 * body.spacing)
     for row, node, own in zip(rows, nodes, near, strict=True):
-        affine = np.vstack([np.ones(len(own)), (points[own] - node).T])
-        row[own] = np.linalg.pinv(affine)[:, 0]
+        weights = np.exp(-(((points[own] - node) / (2 * body.spacing)) ** 2).sum(axis=1) / 2)
+        affine = np.vstack([np.ones(len(own)), (points[own] - node).T]) * weights
+        row[own] = np.linalg.pinv(affine)[:, 0] * weights
     return sparse.csr_array(rows)
 
 
@@ -41,7 +45,7 @@ def surface_of(body, loops):
         parts += names
         begin += len(loop)
     nodes = np.concatenate(nodes)
-    return Surface(nodes, np.concatenate(facets), np.array(parts), interpolation(body.points, nodes))
+    return Surface(nodes, np.concatenate(facets), np.array(parts), interpolation(body, nodes))
 
 
 def outline_of_sheet(spacing=0.1):
@@ -98,9 +102,9 @@ def loads_on(body, surface, *loads, t=1.0, **options):
     return loads
 
 
-def plain_sheet():
-    body = sheet()
-    return body, surface_of(body, [outline_of_sheet()])
+def plain_sheet(spacing=0.1):
+    body = sheet(spacing)
+    return body, surface_of(body, [outline_of_sheet(spacing)])
 
 
 def cross(a, b):
@@ -324,11 +328,10 @@ def test_wrong_loads_are_refused():
 def test_tractions_on_both_ends_are_the_mean_stress_of_a_bar():
     """In equilibrium the volume times the mean stress is the sum of forces times their places, here those of the edges themselves.
 
-    With loads on the outermost points it would be a tenth less.  The stretch is that of uniaxial tension but for what the ends disturb.
+    With loads on the outermost points it would be a twentieth less.  In the middle the stretch is that of uniaxial tension.
     """
-    body, surface = plain_sheet()
-    state = homogeneous.uniaxial(LAW, 1.5)
-    stress = state.nominal_stress * LAW.shear_modulus
+    body, surface = plain_sheet(0.05)
+    stress = homogeneous.uniaxial(LAW, 1.5).nominal_stress
     pull = {"region": "right", "traction": (stress, 0.0)}, {"region": "left", "traction": (-stress, 0.0)}
     force = LoadedForce(FORCES["bond-energy"]().bind(body, LAW, DOUBLE), loads_on(body, surface, *pull))
     free, y = np.ones_like(body.points), body.points * [1.4, 0.9]
@@ -336,10 +339,8 @@ def test_tractions_on_both_ends_are_the_mean_stress_of_a_bar():
     free[0] = 0
     EnergyMinimiser(free, body.volumes, 1e-8).solve(force, y)
     np.testing.assert_allclose(force.internal.mean_stress(), np.diag([stress, 0]), atol=1e-6 * stress)
-    edges = surface.interpolation @ y
-    right, left = (edges[surface.nodes[:, 0] == x, 0].mean() for x in (WIDTH, 0))
-    print((right - left) / WIDTH)
-    assert (right - left) / WIDTH == pytest.approx(1.5, rel=0.02)
+    middle = np.linalg.norm(body.points - [WIDTH / 2, HEIGHT / 2], axis=1) < 0.1
+    assert force.internal.deformation_gradients()[middle, 0, 0].mean() == pytest.approx(1.5, rel=0.005)
     total = np.empty_like(y)
     force(y, total)
     assert np.abs(total).max() < 1e-7 * stress * HEIGHT

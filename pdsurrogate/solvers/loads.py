@@ -145,7 +145,7 @@ class Loads:
     Raises
     ------
     ValueError
-        For a region that is empty, or a load on an edge that is held by reflection, or where too few points are; names the key.
+        For a region that is empty, or a load on an edge that is held by reflection; names the key.
     """
 
     def __init__(self, scene: Scene, body: Body, regions: BodyRegions) -> None:
@@ -177,7 +177,7 @@ class Loads:
         self.set(0.0)
 
     def _facets(self, number: int, load: Load, regions: BodyRegions) -> np.ndarray:
-        """Facets that a traction or pressure acts on; all must move with points, and none lie in a plane in which the body is reflected."""
+        """Facets that a traction or pressure acts on; none may lie in a plane in which the body is reflected."""
         facets, surface = regions.facets(load.region), regions.surface()
         edges = {place: edge for edge, place in EDGES.items()}
         for plane in self.body.planes:
@@ -188,12 +188,6 @@ class Loads:
                     f"loads.{number}.region: it takes in facets of the {edge} edge, which is held by reflection, so that a {load.kind} "
                     f"there goes into what holds it; leave the {edge} edge out, or hold points (support=points)"
                 )
-        followed = np.diff(surface.interpolation.indptr)[surface.facets[facets]].all(axis=1)
-        if not followed.all():
-            x1, x2 = surface.midpoints()[facets[~followed][0]]
-            raise ValueError(
-                f"loads.{number}.region: too few points lie beside its facet at ({x1:.4g}, {x2:.4g}) for a load; take a finer spacing"
-            )
         return facets
 
     def _dead_forces(self, number: int, load: Load, regions: BodyRegions) -> _DeadForces:
@@ -242,8 +236,9 @@ class Loads:
             self._pressures.set(self._factors)
         if self._present is not None:
             self._present[:] = 0.0
-            for number, pattern in self._patterns.items():
-                self._present += factors[number] * pattern
+            with np.errstate(over="ignore"):
+                for number, pattern in self._patterns.items():
+                    self._present += factors[number] * pattern
             if not np.isfinite(self._present).all():
                 raise InvalidState(f"loads: a force is not finite at t = {t:g}")
 
