@@ -78,7 +78,7 @@ class _Pressures:
         InvalidState
             Where there is none.
         """
-        along = self._along @ positions[self._points]
+        along = self._along @ positions.take(self._points, axis=0)
         pull = self._pressures
         if self.needs_thickness:
             there = self._middle @ thickness[self._points]
@@ -100,11 +100,11 @@ class _Pressures:
 
     def middles(self, vectors: np.ndarray) -> np.ndarray:
         """What the middles of the facets do where the points have the given positions or velocities, shape (f, 2)."""
-        return self._middle @ vectors[self._points]
+        return self._middle @ vectors.take(self._points, axis=0)
 
     def potential(self, positions: np.ndarray) -> float:
         """Pressure times the area that the facets have swept since rest (theory (46)); of pressures that have a potential."""
-        areas = _areas(self.middles(positions) - self._origin, self._along @ positions[self._points])
+        areas = _areas(self.middles(positions) - self._origin, self._along @ positions.take(self._points, axis=0))
         return float((self._pressures * (areas - self._areas_at_rest)).sum())
 
 
