@@ -25,8 +25,8 @@ LEAST_REACH = 2.5
 ALONG = 0.7
 """Cells along the boundary over which the weights of points fall by e, for its motion; across it they reach as far as `REACH`.
 
-Loads spread no farther than that along an edge: as far as across it, more than half as much again came upon the row at a corner, and a
-square pulled at its edge was displaced by 3 to 9 times as much in its middle (0.04 and 0.03 cells times the strain, against 0.010 and 0.004).
+Loads spread no farther than that along an edge.  Where they spread as far as across it, the row at a corner had 1.6 times its share, and
+the middle of a square pulled at its edge was displaced by 0.04 and 0.03 cells times the strain; it is by 0.010 and 0.004.
 """
 
 LEAST_WEIGHT = 1e-6
@@ -89,8 +89,8 @@ def interpolation(body: Body, places: np.ndarray) -> tuple[sparse.csr_array, tup
 def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> sparse.csr_array:
     """The motion of places on the boundary, from that of the points beside it: N of `Surface`.
 
-    A linear field is fitted to the points, so that the rows of N are 1 in sum and have the place as their first moment; at a corner to those
-    beside either side.  Where too few points lie along a normal, as in a corner with a sharp angle, it is fitted to all that are as near.
+    A linear field is fitted to the points, at a corner to those beside either side, so that the rows of N are 1 in sum and have the place
+    as their first moment.  Where too few points lie along a normal, as in a sharp corner, it is fitted to all that are as near.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class _Surroundings:
         return np.bincount(self.place, terms, self.shape[0])
 
     def fit(self, degree: int) -> tuple[sparse.csr_array, ...]:
-        """Rows of the value, and of the derivatives along the axes, of polynomials fitted by least squares; empty where points are too few."""
+        """Rows of the value and of the derivatives along the axes of a polynomial fitted by least squares; empty where points are few."""
         dimension = self.offsets.shape[1]
         powers = [chosen for order in range(degree + 1) for chosen in combinations_with_replacement(range(dimension), order)]
         terms = np.stack([self.offsets[:, chosen].prod(axis=1) for chosen in powers], axis=1)
