@@ -9,6 +9,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
 from ..body import Body, Cells
+from ..body.local_fit import REACH
 from ..scenes import Mesh, Rectangle, Scene, SceneError
 from ..scenes.model import EDGES
 from ..solvers.conditions import reflection_planes
@@ -244,7 +245,7 @@ def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: n
     there = _material(scene, lattice).reshape(counts)
     if there.all():
         return lambda starts, ends: np.zeros(len(starts), dtype=bool)
-    near = distance_transform_edt(there, sampling=pitch) <= horizon / 2 + cell.max()  # of a bond's middle
+    near = distance_transform_edt(there, sampling=pitch) <= REACH * horizon / 2 + cell.max()  # of the middle of a bond, or of a fit
     angles = np.pi / 8 * np.arange(16)
     around = CLEARANCE * cell * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     shares = np.linspace(0, 1, int(np.ceil(horizon / (STEP * cell.min()))) + 2)[1:-1]

@@ -124,9 +124,7 @@ class _Facets(_Parts):
 
     def listed(self, region: Region) -> np.ndarray:
         key = "near" if region.points is None else "points"
-        raise ValueError(
-            f"points have no boundary that a load acts on; in the place of {key} give an edge, outline, holes, a box or the like"
-        )
+        raise ValueError(f"points have no boundary for a load to act on; in the place of {key} give an edge, outline, holes or a box")
 
 
 def _facets_of(surface: Surface, name: str) -> np.ndarray:
@@ -207,9 +205,9 @@ class BodyRegions:
     def edge(self, reference: str | Region) -> str | None:
         """Name of the edge that a region is, if it is exactly one of them."""
         if isinstance(reference, str):
-            return (
-                reference if reference in EDGES else self.edge(self._scene.regions[reference]) if reference in self._scene.regions else None
-            )
+            if reference in self._scene.regions:
+                return self.edge(self._scene.regions[reference])
+            return reference if reference in EDGES else None
         if reference.edge is not None:
             return reference.edge
         members = list(reference.members())
