@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from .body import Body, Cells
 from .scenes import Mesh, Rectangle, Scene, SceneError
 from .scenes.model import EDGES
-from .solvers.conditions import reflection_planes
+from .solvers.planes import reflection_planes
 
 RASTER = 16
 """Places along either side of a cell at which it is asked whether there is material: an area to some 1/1000 of a cell."""
@@ -62,7 +62,7 @@ def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
 
 
 def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, float]:
-    """Cross-section of the body at every grip, by edge: area of its cut in the grip's plane, at unit thickness.
+    """Cross-section of the body at every grip or reflected edge, by edge: area of its cut in the plane there, at unit thickness.
 
     Parameters
     ----------
