@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, mod
 
 from ..body import WEIGHT_FUNCTIONS
 from ..materials import LAWS, Law
+from .amplitudes import amplitude_of
 from .loading import Load, Prescribed, Probe, Step
 from .problems import suggestion
 from .regions import RESERVED, Region, RegionName, RegionReference
@@ -312,6 +313,26 @@ class Scene(StrictModel):
             raise ValueError("the programme is empty: give stretches, or dynamics")
         if self.dynamics is not None and self.dynamics.stretch <= (self.stretches[-1] if self.stretches else 1.0):
             raise ValueError("dynamics.stretch must be greater than the last of stretches, where the dynamics start")
+        return self
+
+    @model_validator(mode="after")
+    def _thickness_of_pressures(self) -> Scene:
+        for number, load in enumerate(self.loads):
+            if self.plane == "strain" and load.thickness is not None:
+                raise ValueError(f"loads.{number}.thickness: under plane strain the thickness does not change; leave it out")
+        return self
+
+    @model_validator(mode="after")
+    def _amplitudes_at_steps(self) -> Scene:
+        """Refuse amplitudes that have no value where a step ends; between, they are asked for when the loading comes there."""
+        for key in ("prescribed", "loads"):
+            for number, entry in enumerate(getattr(self, key)):
+                amplitude = amplitude_of(entry.amplitude)
+                for step in self.steps:
+                    try:
+                        amplitude(step.to)
+                    except ValueError as error:
+                        raise ValueError(f"{key}.{number}.amplitude: {error}") from None
         return self
 
     @model_validator(mode="after")
