@@ -15,13 +15,10 @@ from ..forces import InternalForce, InvalidState
 from ..forces.kinematics import at_point
 from .motion import Motion
 from .reductions import LocalReductions
+from .regions import LAYER
 
 if TYPE_CHECKING:
     from .loads import Loads
-
-EDGE_LAYER = 0.99
-"""Cells from an edge within which points are the edge's own: the outermost line of a grid, half a cell inside."""
-
 
 @dataclass(frozen=True)
 class HeldPoints:
@@ -95,7 +92,7 @@ def place_of(body: Body, point: int) -> str:
 def edge_points(body: Body, axis: int, side: int, position: float) -> np.ndarray:
     """Numbers of the points along an edge, the line on which a coordinate has the value `position`."""
     distance = -side * (body.points[:, axis] - position)
-    return np.flatnonzero(distance < EDGE_LAYER * body.cell[axis])
+    return np.flatnonzero(distance < LAYER * body.cell[axis])
 
 
 class Loading(ABC):
@@ -119,6 +116,8 @@ class Loading(ABC):
         Name of the loading parameter.
     rest : float
         Its value at rest.
+    adaptive : bool
+        Whether increments of the parameter are made longer only where they are easy, and begin from the best of several guesses.
     free : ndarray, shape (n, 2)
         1 where a component may move, 0 where it is held.
     names, loads
@@ -126,6 +125,7 @@ class Loading(ABC):
 
     parameter: ClassVar[str]
     rest: ClassVar[float]
+    adaptive: ClassVar[bool] = False
 
     def __init__(
         self,

@@ -9,12 +9,15 @@ from ..scenes.regions import EDGE_NAMES, RegionReference
 
 
 def whole_edge(scene: Scene, region: RegionReference) -> str | None:
-    """Name of the edge that a region is, if it is said to be one whole edge."""
+    """Name of the edge that a region is, if it is exactly one whole edge."""
     if isinstance(region, str):
         if region in EDGE_NAMES:
             return region
-        region = scene.regions.get(region)
-    return None if region is None else region.edge
+        return whole_edge(scene, scene.regions[region]) if region in scene.regions else None
+    members = list(region.members())
+    if len(members) == 1 and region.other is None:
+        return whole_edge(scene, members[0][1])
+    return region.edge
 
 
 def prescribed_components(entry: Prescribed) -> tuple[int, ...]:

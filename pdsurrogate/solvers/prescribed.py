@@ -45,8 +45,8 @@ class PrescribedLoading(Loading):
         Bounding box of the body.
     regions : BodyRegions
     loads : Loads or None
-    stiffness : float
-        Shear modulus of the body, for the first guess.
+    shear_modulus : float
+        For the first guess.
     reductions : LocalReductions
 
     Raises
@@ -56,7 +56,7 @@ class PrescribedLoading(Loading):
         keeps a piece of the body where it is; names the key.
     """
 
-    parameter, rest = "t", 0.0
+    parameter, rest, adaptive = "t", 0.0, True
 
     def __init__(
         self,
@@ -69,7 +69,7 @@ class PrescribedLoading(Loading):
         shear_modulus: float,
         reductions: LocalReductions,
     ) -> None:
-        self._entries, self._shear_modulus = scene.prescribed, shear_modulus
+        self._entries, self._loads, self._shear_modulus = scene.prescribed, scene.loads, shear_modulus
         self._largest_strain = scene.solver.largest_increment
         turning_points = [0.0, *(step.to for step in scene.steps)]
         self._range = min(turning_points), max(turning_points)
@@ -354,8 +354,10 @@ class PrescribedLoading(Loading):
                 parts.append(f"rotation = {entry.rotation * factor:.4g}")
             if parts:
                 told.append(f"prescribed.{number} to {', '.join(parts)}")
-        if self.loads is not None:
-            told += self.loads.sizes(parameter)
+        for number, load in enumerate(self._loads):
+            factor = amplitude_of(load.amplitude)(parameter)
+            size = np.array(getattr(load, load.kind)) * factor
+            told.append(f"loads.{number} to {load.kind} = {np.array2string(size, precision=4, separator=', ')}")
         return "; ".join(told)
 
 
