@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from ..forces import InvalidState
@@ -13,9 +11,6 @@ from ..solvers.branch import Branch
 from .programme import Stage
 from .rows import compare, force_columns, level_row
 from .run import Run
-
-if TYPE_CHECKING:
-    from .fracture import Damage
 
 HARD = 2.0
 """Evaluations of an increment, over the mean of those before it in its stage, beyond which the next one is not made longer."""
@@ -39,7 +34,7 @@ def solver_of(run: Run) -> EquilibriumSolver:
     return solver(run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations, run.reductions)
 
 
-def go_through(run: Run, solver: EquilibriumSolver, stage: Stage, damage: Damage | None) -> bool:
+def go_through(run: Run, solver: EquilibriumSolver, stage: Stage) -> bool:
     """Go through the outputs of a stage that are left, each from the last; says whether its end was reached.
 
     Where an increment finds no equilibrium, or not the one looked for, it is taken back and shortened.  Where a bond would break the
@@ -52,7 +47,7 @@ def go_through(run: Run, solver: EquilibriumSolver, stage: Stage, damage: Damage
         run.progress.level(run.stage, value)
         run.target = value
         last_output = run.positions.copy(), run.parameter
-        equilibrium = _go_to(run, solver, branch, stage, damage, evaluations)
+        equilibrium = _go_to(run, solver, branch, stage, evaluations)
         if equilibrium is None:
             run.positions[:], run.parameter = last_output
             run.loading.apply(run.parameter, run.loaded, run.positions)
@@ -63,7 +58,7 @@ def go_through(run: Run, solver: EquilibriumSolver, stage: Stage, damage: Damage
     return True
 
 
-def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, stage: Stage, damage: Damage | None, evaluations: list[int]):
+def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, stage: Stage, evaluations: list[int]):
     """Follow the equilibrium to the run's target; None where a bond would break on the way."""
     largest = run.loading.largest_increment(run.positions, run.parameter, run.target, stage.largest_increment)
     increments, wasted = Increments(run.parameter, run.target, largest), 0
@@ -80,7 +75,7 @@ def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, stage: Stage, da
             _lengthen(run, increments, evaluations, run.force.evaluations - began)
         else:
             increments.accept()
-        if damage is not None and run.reductions.any(len(damage.overstretched(run.force.positions)) > 0):
+        if run.damage is not None and run.reductions.any(len(run.damage.overstretched(run.force.positions)) > 0):
             return None
     return equilibrium
 
@@ -147,8 +142,8 @@ def _take_back(run: Run, solver: EquilibriumSolver, accepted: _Accepted, increme
     Raises
     ------
     NotConverged, Diverging, InvalidState, TooFar, Unstable
-        What failed, with how far the loading came, where the increment cannot be shorter, or the failures on the way to an output have taken
-        as many evaluations as a solution may.
+        What failed, with how far the loading came, where the increment cannot be shorter, or the failures on the way to an output have
+        taken as many evaluations as a solution may.
     """
     parameter = run.loading.parameter
     row = {parameter: run.target, "increment": increments.target, "evaluation": run.force.evaluations, "failure": str(error)}

@@ -7,7 +7,7 @@ import json
 import math
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numba
 import numpy as np
@@ -30,6 +30,9 @@ from ..solvers.reductions import LOCAL, LocalReductions
 from ..solvers.regions import BodyRegions
 from .interruption import Interruption
 from .programme import stages_of
+
+if TYPE_CHECKING:
+    from .fracture import Damage
 
 
 class Progress(Protocol):
@@ -97,6 +100,8 @@ class Run:
         Loading parameter where that stage began.
     elapsed : float
         Time that earlier stages in dynamics took.
+    damage : Damage or None
+        None where the scene has no fracture: then there is nothing of it here.
     velocities : ndarray, shape (n, 2), or None
         With which a stage in dynamics ended; None after equilibrium.
     earlier : tuple of float and ndarray, or None
@@ -136,6 +141,7 @@ class Run:
         scene = self.scene
         self.stages = stages_of(scene)
         self.stage, self.outputs, self.elapsed = 0, 0, 0.0
+        self.damage: Damage | None = None
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
         self.law: Law = scene.material.build()
@@ -255,6 +261,7 @@ class Run:
             "outputs": self.outputs,
             "begin": self.begin,
             "elapsed": self.elapsed,
+            "crack": self.crack,
             "earlier": None if self.earlier is None else self.earlier[0],
             "levels": self.levels,
             "history": self.history,
@@ -263,12 +270,14 @@ class Run:
             "outside": self.force.pairs_outside,
         }
         held = {"positions": self.positions, **self.force.state_arrays()}
+        if self.damage is not None:
+            held["broken"] = self.damage.broken
         if self.earlier is not None:
             held["earlier"] = self.earlier[1]
         Checkpoint(self.identity, {**common, **progress}, {**held, **arrays}).write(self.folder)
 
     def restore(self) -> Checkpoint:
-        """Take up what a checkpoint holds of everything but the dynamics."""
+        """Take up what a checkpoint holds of everything but what moves a stage in dynamics."""
         held = {"positions": self.positions, **self.force.state_arrays()}
         found = Checkpoint.read(self.folder, self.identity, {key: (array.shape, array.dtype) for key, array in held.items()})
         progress = found.progress
@@ -276,10 +285,15 @@ class Run:
             array[:] = found.arrays[key]
         self.parameter, self.levels, self.history = progress["parameter"], progress["levels"], progress["history"]
         self.stage, self.outputs = progress["stage"], progress["outputs"]
-        self.begin, self.elapsed = progress["begin"], progress["elapsed"]
+        self.begin, self.elapsed, self.crack = progress["begin"], progress["elapsed"], progress["crack"]
         if progress["earlier"] is not None:
             self.earlier = progress["earlier"], found.arrays["earlier"].copy()
         self.states = StatesInFiles(self.folder, self.body.points, self.scene.name, [Moment(*moment) for moment in progress["moments"]])
+        if self.damage is not None:
+            pairs = np.flatnonzero(found.arrays["broken"])
+            if len(pairs):
+                self.damage.break_bonds(pairs)
+                self.force.break_bonds(pairs)
         self.force.evaluations, self.force.pairs_outside = progress["evaluations"], progress["outside"]
         return found
 

@@ -20,6 +20,7 @@ from .regions import LAYER
 if TYPE_CHECKING:
     from .loads import Loads
 
+
 @dataclass(frozen=True)
 class HeldPoints:
     """Points of which some components follow the loading parameter.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property, partial
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -106,7 +107,7 @@ class PrescribedLoading(Loading):
             held.append(HeldPoints(f"prescribed.{number}", holders[number], points, prescribed_components(entry), displacement))
         super().__init__(body, names, tuple(planes), tuple(held), loads, reductions)
         # Every t at which a programme turns, and places between: amplitudes that agree at all of these are the same.
-        samples = np.unique(np.concatenate([np.linspace(a, b, 5) for a, b in zip(turning_points, turning_points[1:], strict=False)]))
+        samples = np.unique(np.concatenate([np.linspace(a, b, 5) for a, b in pairwise(turning_points)]))
         every = (*along_planes, *held)
         try:
             self._check_rest(every)
@@ -317,7 +318,7 @@ class PrescribedLoading(Loading):
         """Greatest difference of the velocities of any two held parts, in a component, during a phase of dynamics."""
         times = np.linspace(0, motion.duration, 17)
         fastest = 0.0
-        for begin, end in zip(times, times[1:], strict=False):
+        for begin, end in pairwise(times):
             low, high = np.full(2, np.inf), np.full(2, -np.inf)
             for part in (*self._held, *self._planes):
                 change = np.atleast_2d(part.displacement(motion.at(end)) - part.displacement(motion.at(begin)))
