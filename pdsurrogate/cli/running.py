@@ -18,6 +18,9 @@ INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells give it: 128 and the number of the signal."""
 
 
+LEAST_SHOWN = 5e-6
+"""Forces below it are printed as zero."""
+
 CAUTION = 0.01
 """Relative RMS error stated by an artefact's card from which a run says so."""
 
@@ -231,27 +234,28 @@ def _print_levels(result) -> None:
 def _print_outputs(result) -> None:
     """Forces on the body at every output of a general programme, those components that are not zero throughout."""
     summary = result.summary
-    unit, moving = summary["units"]["force"], any("time" in level for level in summary["levels"])
+    unit, moving, columns = summary["units"]["force"], any("time" in level for level in summary["levels"]), {}
     title = f"{summary['scene']}, force {summary['force']}, {summary['n_points']} points: forces on the body"
     table = Table(title=title, title_justify="left")
     table.add_column("t", justify="right")
     if moving:
         table.add_column(f"time ({summary['units']['time']})", justify="right")
-    names = list(dict.fromkeys(name for level in summary["levels"] for name in level["forces"]))
-    greatest = max((abs(value) for level in summary["levels"] for force in level["forces"].values() for value in force), default=0.0)
-    columns = [
-        (name, component)
-        for name in names
-        for component in (0, 1)
-        if any(abs(level["forces"][name][component]) > 1e-6 * greatest for level in summary["levels"])
-    ]
-    for name, component in columns:
-        table.add_column(f"{name} x{component + 1} ({unit})", justify="right")
-    for level in summary["levels"]:
+    # Components that are zero throughout are left out; of what has no force, as turned parts have none, the moment is told.
+    for name in dict.fromkeys(name for level in summary["levels"] for name in level["forces"]):
+        forces = [level["forces"][name] for level in summary["levels"]]
+        shown = [component for component in (0, 1) if any(abs(force[component]) >= LEAST_SHOWN for force in forces)]
+        for component in shown:
+            columns[f"{name} x{component + 1} ({unit})"] = [force[component] for force in forces]
+        if not shown:
+            columns[f"{name} moment ({unit} {summary['units']['length']})"] = [level["moments"][name] for level in summary["levels"]]
+    for title in columns:
+        table.add_column(title, justify="right")
+    for number, level in enumerate(summary["levels"]):
         cells = [f"{level['t']:g}"]
         if moving:
             cells.append(f"{level['time']:.4g}" if "time" in level else "")
-        table.add_row(*cells, *(f"{level['forces'][name][component]:.5f}" for name, component in columns))
+        # Rounded first: no minus before a zero.
+        table.add_row(*cells, *(f"{round(values[number], 5) + 0.0:.5f}" for values in columns.values()))
     if summary["levels"]:
         show(table)
     _print_end(summary)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from .regions import BodyRegions
 
 COMPRESSED = 0.05
-"""Compression anywhere, over the greatest stress in the body, from which the body is taken to be able to buckle: less is what free edges
+"""Compression anywhere, over the greatest tension in the body, from which the body is taken to be able to buckle: less is what free edges
 show, whose horizons are incomplete."""
 
 HALVINGS = 10
@@ -344,7 +344,7 @@ class PrescribedLoading(Loading):
                 summed = np.bincount(bonds.first, product, n) + np.bincount(bonds.second[within], product[within], n)
                 stress[:, i, j] = summed / self.body.volumes
         least, greatest = np.linalg.eigvalsh(stress).T
-        return bool(least.min() < -COMPRESSED * max(greatest.max(), -least.min()))
+        return bool(least.min() < -max(COMPRESSED * greatest.max(), 1e-4 * self._shear_modulus))
 
     def reached(self, parameter: float) -> str:
         told = []
