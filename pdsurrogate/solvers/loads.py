@@ -349,6 +349,11 @@ class LoadedForce:
         return self.internal.evaluations
 
     @property
+    def positions(self) -> np.ndarray:
+        """See `InternalForce`."""
+        return self.internal.positions
+
+    @property
     def supported(self) -> np.ndarray:
         """See `InternalForce`."""
         return self.internal.supported

@@ -14,6 +14,7 @@ from ..body import Body, Surface
 from ..scenes import Region, Scene
 from ..scenes.model import EDGES
 from ..scenes.problems import suggestion
+from .planes import whole_edge
 
 LAYER = 0.99
 """Cells from an edge, or from the boundary, within which points are those of it: the outermost, half a cell inside, and of a boundary that
@@ -204,14 +205,7 @@ class BodyRegions:
 
     def edge(self, reference: str | Region) -> str | None:
         """Name of the edge that a region is, if it is exactly one of them."""
-        if isinstance(reference, str):
-            if reference in self._scene.regions:
-                return self.edge(self._scene.regions[reference])
-            return reference if reference in EDGES else None
-        if reference.edge is not None:
-            return reference.edge
-        members = list(reference.members())
-        return self.edge(members[0][1]) if len(members) == 1 and reference.other is None else None
+        return whole_edge(self._scene, reference)
 
     def label(self, reference: str | Region, otherwise: str) -> str:
         """Name of a region, or of its edge, where it is said by one."""
