@@ -120,7 +120,8 @@ class Run:
         self.body, lower, upper = discretise(scene)
         self._check_rate((upper - lower)[scene.loaded_axis])
         self.threads = self.threads or threads_for(len(self.body.bonds.first))
-        settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None)
+        fracture = scene.fracture is not None
+        settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, fracture, scene.plane)
         try:
             self.loading = Loading(scene, self.body, lower, upper, self.reductions)
             numba.set_num_threads(self.threads)
