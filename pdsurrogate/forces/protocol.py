@@ -202,6 +202,10 @@ class InternalForce(ABC):
             Where there is none.
         """
 
+    def bulk_stresses(self) -> np.ndarray:
+        """U' of the points at the positions last given, the hydrostatic part of a stress that U gives, in units of mu, shape (n,)."""
+        return self.law.volumetric(self.volume_ratios(), self.law.parameters)[1]
+
     @property
     @abstractmethod
     def supported(self) -> np.ndarray:

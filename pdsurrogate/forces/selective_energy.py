@@ -72,12 +72,11 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         invalid, J = self._smoothed_dilatations()
         if invalid:
             return 0, invalid, 0
-        body = self.body
         with np.errstate(all="ignore"):  # what is not finite shows in the energy
             U, slope, _ = self.law.volumetric(J, self._kinematics.parameters)
-        self._pressures[: len(body)] = self._smoothing.T @ (body.volumes * slope) / body.volumes
+        self._pressures[: len(self.body)] = self._spread(slope)
         self._find_energies()
-        self._energy = float(sum_in_order(self._energies) + sum_in_order(body.volumes * U))
+        self._energy = float(sum_in_order(self._energies) + sum_in_order(self.body.volumes * U))
         return 0, 0, self._own_sums(out)
 
     def _smoothed_dilatations(self) -> tuple[int, np.ndarray]:
@@ -85,6 +84,13 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         invalid = self._find_volumes()
         self._find_dilatations()
         return invalid, self._smoothing @ self._dilatations
+
+    def _spread(self, slopes: np.ndarray) -> np.ndarray:
+        """What the bonds of the points feel of U' at their smoothed dilatations: the transpose of the smoothing."""
+        return self._smoothing.T @ (self.body.volumes * slopes) / self.body.volumes
+
+    def bulk_stresses(self) -> np.ndarray:
+        return self._spread(super().bulk_stresses())
 
     def volume_ratios(self) -> np.ndarray:
         self._kinematics.form_gradients()

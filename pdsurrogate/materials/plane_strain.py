@@ -98,20 +98,20 @@ def energy_density(law: Law, F):
     return law.shear_modulus * response(law, trace, J, J)[4]
 
 
-def full_stress(law: Law, F, volume_ratio):
+def full_stress(law: Law, F, bulk_stress):
     """First Piola-Kirchhoff stress with the one across the plane, shape (n, 3, 3), in the unit of the shear modulus.
 
     Parameters
     ----------
     law : Law
     F : ndarray, shape (n, 2, 2)
-    volume_ratio : ndarray, shape (n,)
-        Where U is taken: det F, or the mean around a point that a selective energy uses in its place (theory (45)).
+    bulk_stress : ndarray, shape (n,)
+        U', in units of mu: at det F, or what a selective energy has in its place (theory (46)).
     """
     check_consistency(law)
     trace, J = plane_stress.invariants(F)
     p, q, across, _ = isochoric_response(law, trace, J, J)
-    pressure = J * law.volumetric(volume_ratio, law.parameters)[1]
+    pressure = J * bulk_stress
     stress = np.zeros((len(F), 3, 3))
     stress[:, :2, :2] = plane_stress.in_plane_stress(F, p, q + pressure)
     stress[:, 2, 2] = across + pressure

@@ -85,12 +85,16 @@ class PointState:
         tr C and det F in the plane.
     volume_ratio : ndarray, shape (n,)
         J3, where the volumetric energy is taken.
+    bulk_stress : ndarray, shape (n,)
+        U' there, in units of mu; in plane strain alone.
     """
 
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
         force.place(positions)
         self.law, self.plane, self.displacement, self.damage = force.law, force.plane, positions - force.body.points, damage
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
+        if self.plane == "strain":
+            self.bulk_stress = force.bulk_stresses()
         self.trace, self.area = (self.F * self.F).sum(axis=(1, 2)), np.linalg.det(self.F)
 
     def greatest_stretch(self) -> np.ndarray:
@@ -100,7 +104,7 @@ class PointState:
     def stress(self) -> np.ndarray:
         """First Piola-Kirchhoff stress, shape (n, 3, 3)."""
         if self.plane == "strain":
-            return plane_strain.full_stress(self.law, self.F, self.volume_ratio)
+            return plane_strain.full_stress(self.law, self.F, self.bulk_stress)
         stress = np.zeros((len(self.F), 3, 3))
         p, q, *_ = plane_stress.response(self.law, self.trace, self.area, self.volume_ratio)
         stress[:, :2, :2] = self.law.shear_modulus * plane_stress.in_plane_stress(self.F, p, q)
