@@ -16,7 +16,7 @@ from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import point_forces, sum_moments, weigh_moments
-from ..materials import Law, plane_stress
+from ..materials import PLANES, Law, plane_stress
 from .energy_density import EnergyDerivatives, blended, domain_constants
 from .evaluation import ModelEvaluation
 from .kinematics import at_point, locate
@@ -42,8 +42,8 @@ class EnergySurrogate(ForceModel):
 
     @property
     def honours(self) -> Mapping[str, tuple]:
-        # It is exact on incomplete horizons, and its invariants know no rotation.
-        honours = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,)}
+        # It is exact on incomplete horizons, and its invariants know no rotation.  What is learnt is the energy of a sheet.
+        honours = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,), "plane": ("stress",)}
         return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
@@ -59,11 +59,29 @@ class EnergySurrogate(ForceModel):
 
 
 class BondEnergyForce(EnergySurrogate):
-    """The exact plane-stress energy of any law, C33 solved in every evaluation."""
+    """The exact energy of any law: under plane stress at the bonds, C33 solved in every evaluation; in plane strain the isochoric part at
+    the bonds and the volumetric one at the points, which does not lock (`pdsurrogate.forces.selective_energy`).
+    """
 
     name = "bond-energy"
     domain = None
     default_precision = "float64"
+
+    @property
+    def honours(self) -> Mapping[str, tuple]:
+        return {**super().honours, "plane": tuple(PLANES)}
+
+    def honoured(self, plane: str) -> Mapping[str, tuple]:
+        if plane == "stress":
+            return self.honours
+        return {key: values for key, values in self.honours.items() if key != "breakable"} | {"precision": ("float64",)}
+
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
+        if settings.plane == "stress":
+            return BondEnergyEvaluation(self, body, law, settings)
+        from .selective_energy import SelectiveEnergyEvaluation  # which stands on this module
+
+        return SelectiveEnergyEvaluation(self, body, law, settings)
 
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
         return EnergyDerivatives(*plane_stress.energy_derivatives(law, trace, area_ratio))
@@ -71,6 +89,18 @@ class BondEnergyForce(EnergySurrogate):
     def compiled(self, dtype) -> CompiledBondForce:
         """Block function of the exact energy, whose law the pass supplies."""
         return CompiledBondForce(analytic_energy_density(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
+
+
+class PlainBondEnergyForce(BondEnergyForce):
+    """All of the energy at the bonds in plane strain too, where it locks: to be compared with `BondEnergyForce`."""
+
+    name = "bond-energy-plain"
+
+    def honoured(self, plane: str) -> Mapping[str, tuple]:
+        return self.honours
+
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
+        return BondEnergyEvaluation(self, body, law, settings)
 
 
 class BondEnergyEvaluation(ModelEvaluation):
@@ -124,10 +154,21 @@ class BondEnergyEvaluation(ModelEvaluation):
         self._counted, self.bond_shares = np.zeros(self._n_pairs), np.zeros(len(bonds.neighbours))
         self._weigh_pairs(np.arange(self._n_pairs))
 
-        compiled = model.compiled(self.precision)
+        self._energy, self._collapsed = 0.0, 0
+        self._energies = np.zeros(blocks)
+        self._forces = aligned_rows((size, 2), self.precision)
+        self._moments = aligned_rows((size, 4), self.precision)
+        self._stresses = aligned_rows((total, 4))
+        self._node_parts, self._all_forces = np.zeros((total, 2)), np.zeros((total, 2))
+        self._bind_energies()
+        self._own_sums = self.sums_of(self._forces, self._moments)
+
+    def _bind_energies(self) -> None:
+        """Bind the pass over the pairs to its arrays."""
+        compiled = self.model.compiled(self.precision)
         self._compiled = compiled
         self._exact = analytic_energy_density(self.precision)
-        domain = model.domain
+        domain = self.model.domain
         self._guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(self.outside, bond_energy.COUNTED) if domain else UNGUARDED
         self._domain = domain_constants(domain, self.precision) if domain else np.zeros(bond_energy.DOMAIN_SIZE, self.precision)
         chunks = self._kinematics.chunks
@@ -135,12 +176,6 @@ class BondEnergyEvaluation(ModelEvaluation):
         self._sums = aligned_rows((chunks, 4, BLOCK))
         self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), self.precision)
         self._counts = np.zeros((chunks, 3), dtype=np.int64)
-        self._energy, self._collapsed = 0.0, 0
-        self._energies = np.zeros(blocks)
-        self._forces = aligned_rows((size, 2), self.precision)
-        self._moments = aligned_rows((size, 4), self.precision)
-        self._stresses = aligned_rows((total, 4))
-        self._node_parts, self._all_forces = np.zeros((total, 2)), np.zeros((total, 2))
         self._find_energies = bond_energy.pair_energies.bind(
             self._kinematics.positions,
             self._kinematics.gradients,
@@ -165,7 +200,6 @@ class BondEnergyEvaluation(ModelEvaluation):
             self._moments,
             chunks=chunks,
         )
-        self._own_sums = self.sums_of(self._forces, self._moments)
 
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
         self._kinematics.place(positions)
@@ -284,8 +318,8 @@ class BondEnergyEvaluation(ModelEvaluation):
 
     @property
     def has_tangent(self) -> bool:
-        # Rounding in single precision would be most of what differences of the energy leave.
-        return self.precision == "float64"
+        # Rounding in single precision would be most of what differences of the energy leave; second derivatives are of a sheet's energy.
+        return self.precision == "float64" and self.plane == "stress"
 
     def tangent(self, positions: np.ndarray) -> Tangent:
         from .tangent import Tangent
@@ -394,7 +428,7 @@ class BondEnergyEvaluation(ModelEvaluation):
             what = f"det F = {J[worst]:.3g} of a bond: the material is turned inside out there"
             return at_point(self.body, int(bonds.first[worst]), what)
         trace = (c * c).sum(axis=1) + (e * e).sum(axis=1)
-        for pair in np.argsort(np.where(alive, -trace, np.inf))[:100]:
+        for pair in np.argsort(np.where(alive, -trace, np.inf))[: 100 if self.plane == "stress" else 0]:
             try:
                 BondEnergyForce().energy_derivatives(self.law, trace[[pair]], J[[pair]])
             except ValueError as error:

@@ -12,9 +12,10 @@ from ..kernels import bond_force, reference_state
 from ..kernels.analytic import analytic_bond_force
 from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.sums import sum_pair_forces
-from ..materials import Law
+from ..materials import PLANES, Law
 from .evaluation import ModelEvaluation
 from .kinematics import at_point, locate
+from .plane_strain import in_plane_strain
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel, InvalidState
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, ForceSettings
 from .surrogate_thickness import SurrogateThickness
@@ -42,7 +43,9 @@ class ForceSurrogate(ForceModel):
     @property
     def honours(self) -> Mapping[str, tuple]:
         corrections = tuple(name for name in reference_state.CORRECTIONS if self.gives_transverse or name != "tensor")
-        honours = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,)}
+        # The pressure of plane strain is the trace of the stress, of which T_mm is a part.
+        planes = tuple(PLANES) if self.gives_transverse else ("stress",)
+        honours = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,), "plane": planes}
         return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
@@ -85,6 +88,8 @@ class BondForceEvaluation(ModelEvaluation):
         self._first, self._second = bonds.ends_in_blocks(BLOCK)
         blocks = len(self._first) // BLOCK
         compiled = model.compiled(self.precision)
+        if self.plane == "strain" and not compiled.asks_law:
+            compiled = in_plane_strain(compiled, law, self.precision)
         self._compiled = compiled
         self.geometry = aligned_rows((blocks, 5 if compiled.needs_length else 4, BLOCK), self.precision)
         length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
@@ -92,7 +97,7 @@ class BondForceEvaluation(ModelEvaluation):
         self._find_geometry(np.arange(self._n_pairs, dtype=np.uint32))
         if not settings.breakable:
             self._strength = None
-        if law.costly and model.domain is not None and model.gives_transverse:
+        if law.costly and model.domain is not None and model.gives_transverse and self.plane == "stress":
             self.learnt_thickness = True
             self._kinematics.surrogate_thickness = SurrogateThickness(compiled, model.domain, law, self.precision, self._kinematics.chunks)
         self._exact = analytic_bond_force(self.precision)

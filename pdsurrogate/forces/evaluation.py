@@ -26,8 +26,8 @@ class Evaluation(InternalForce):
     """
 
     def __init__(self, body: Body, law: Law, precision: str, correction: str, settings: ForceSettings) -> None:
-        super().__init__(body, law, precision, correction, settings.breakable)
-        self._kinematics = Kinematics(body, law, precision, settings.rotation)
+        super().__init__(body, law, precision, correction, settings.breakable, settings.plane)
+        self._kinematics = Kinematics(body, law, precision, settings.rotation, settings.plane)
         self._n_pairs = len(body.bonds.first)
 
     def place(self, positions: np.ndarray) -> None:
@@ -73,7 +73,9 @@ class ModelEvaluation(Evaluation):
     """
 
     def __init__(self, model, body: Body, law: Law, correction: str, settings: ForceSettings, quantity: str, stand_in: str) -> None:
-        super().__init__(body, law, settings.precision or model.default_precision, correction, settings)
+        # In plane strain the pressure follows from det F as it is rounded, times K.
+        usual = model.default_precision if settings.plane == "stress" else "float64"
+        super().__init__(body, law, settings.precision or usual, correction, settings)
         self.model, self.outside = model, settings.outside or OUTSIDE
         self._quantity, self._stand_in, self._warned = quantity, stand_in, False
 

@@ -14,7 +14,7 @@ from ..kernels.gradient import deformation_gradients
 from ..kernels.passes import BoundPass
 from ..kernels.reference_state import shape_rows
 from ..kernels.threads import threads_in_use
-from ..materials import Law, plane_stress
+from ..materials import PLANES, Law, plane_stress
 from .protocol import InvalidState
 from .settings import ROTATION, ROTATIONS
 from .surrogate_thickness import SurrogateThickness
@@ -31,6 +31,8 @@ class Kinematics:
         Of the node records and the weighted bonds; positions, gradients and what is summed are double.
     rotation : {"polar", "convected"}, optional
         In the node records, which only bond forces read.
+    plane : {"stress", "strain"}
+        Whether the volume ratios follow from the plane-stress condition, or are det F.
 
     Attributes
     ----------
@@ -52,12 +54,12 @@ class Kinematics:
         What solves the plane-stress condition in the place of the law.
     """
 
-    def __init__(self, body: Body, law: Law, precision: str, rotation: str | None = None) -> None:
-        self.body, self.law = body, law
+    def __init__(self, body: Body, law: Law, precision: str, rotation: str | None = None, plane: str = "stress") -> None:
+        self.body, self.law, self.plane = body, law, plane
         bonds, points = body.bonds, body.all_points
         n, total = len(body), len(points)
         self.chunks = threads_in_use()
-        self.response = plane_stress.response.block(law)
+        self.response = PLANES[plane].response.block(law)
         self.parameters = law.parameters
 
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
@@ -182,6 +184,8 @@ class Kinematics:
     @cached_property
     def _find_states(self) -> Callable[[], int]:
         """The pass over the points' states; bound at its first use, when it is known what solves the plane-stress condition."""
+        if self.plane == "strain":
+            return node_state.held_states.bind(self.gradients, self.volume_ratios, self.records, chunks=self.chunks)
         if self.surrogate_thickness is not None:
             law = self.response.address, self.parameters
             return self.surrogate_thickness.bind(self.gradients, self.volume_ratios, *law, self.records, self.chunks)

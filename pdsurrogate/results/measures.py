@@ -9,7 +9,7 @@ import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
-from ..materials import plane_stress
+from ..materials import PLANES, plane_strain, plane_stress
 
 
 def strain_energy(force: InternalForce) -> float:
@@ -20,7 +20,7 @@ def strain_energy(force: InternalForce) -> float:
     if force.has_energy:
         return force.energy()
     trace, J = plane_stress.invariants(force.deformation_gradients())
-    density = plane_stress.response(force.law, trace, J, force.volume_ratios())[4]
+    density = PLANES[force.plane].response(force.law, trace, J, force.volume_ratios())[4]
     return float(force.law.shear_modulus * (density * force.body.volumes).sum())
 
 
@@ -84,13 +84,17 @@ class PointState:
     trace, area : ndarray, shape (n,)
         tr C and det F in the plane.
     volume_ratio : ndarray, shape (n,)
-        J3.
+        J3, where the volumetric energy is taken.
+    bulk_stress : ndarray, shape (n,)
+        U' there, in units of mu; in plane strain alone.
     """
 
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
         force.place(positions)
-        self.law, self.displacement, self.damage = force.law, positions - force.body.points, damage
+        self.law, self.plane, self.displacement, self.damage = force.law, force.plane, positions - force.body.points, damage
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
+        if self.plane == "strain":
+            self.bulk_stress = force.bulk_stresses()
         self.trace, self.area = (self.F * self.F).sum(axis=(1, 2)), np.linalg.det(self.F)
 
     def greatest_stretch(self) -> np.ndarray:
@@ -99,6 +103,8 @@ class PointState:
 
     def stress(self) -> np.ndarray:
         """First Piola-Kirchhoff stress, shape (n, 3, 3)."""
+        if self.plane == "strain":
+            return plane_strain.full_stress(self.law, self.F, self.bulk_stress)
         stress = np.zeros((len(self.F), 3, 3))
         p, q, *_ = plane_stress.response(self.law, self.trace, self.area, self.volume_ratio)
         stress[:, :2, :2] = self.law.shear_modulus * plane_stress.in_plane_stress(self.F, p, q)
@@ -107,7 +113,7 @@ class PointState:
     def deformation_gradient(self) -> np.ndarray:
         """F with the stretch of the thickness, shape (n, 3, 3)."""
         gradient = np.zeros((len(self.F), 3, 3))
-        gradient[:, :2, :2], gradient[:, 2, 2] = self.F, self.volume_ratio / self.area
+        gradient[:, :2, :2], gradient[:, 2, 2] = self.F, 1.0 if self.plane == "strain" else self.volume_ratio / self.area
         return gradient
 
 

@@ -151,7 +151,8 @@ class Run:
         if scene.stretched:
             self._check_rate((upper - lower)[scene.loaded_axis])
         self.threads = self.threads or threads_for(len(self.body.bonds.first))
-        settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None)
+        fracture = scene.fracture is not None
+        settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, fracture, scene.plane)
         try:
             self.loads = Loads(scene, self.body, self.regions) if scene.loads else None
             self.loading = self._loading(lower, upper)

@@ -252,6 +252,7 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         "scene": scene.name,
         "force": run.model.name,
         "material": run.law.describe(),
+        "plane": force.plane,
         "n_points": len(run.body),
         "n_bonds": len(bonds.first),
         "n_directed_bonds": bonds.n_directed,

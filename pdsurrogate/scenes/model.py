@@ -308,6 +308,8 @@ class Scene(StrictModel):
     def _programme(self) -> Scene:
         if self.fracture is not None and self.dynamics is None and not any(step.dynamics for step in self.steps):
             raise ValueError("fracture needs dynamics: a crack that runs is not in equilibrium")
+        if self.fracture is not None and self.fracture.energy is not None and self.plane == "strain":
+            raise ValueError("fracture.energy gives a critical stretch under plane stress alone; give fracture.critical_stretch")
         if not self.stretched:
             return self
         if not self.stretches and self.dynamics is None:

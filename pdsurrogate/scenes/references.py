@@ -38,7 +38,7 @@ def uniaxial_level(scene: Scene, stretch: float) -> dict[str, float]:
     if others or not isinstance(scene.body, Rectangle) or any(grip.holds != "normal" for grip in scene.grips):
         return {}
     try:
-        exact = homogeneous.uniaxial(scene.material.build(), stretch)
+        exact = homogeneous.uniaxial(scene.material.build(), stretch, scene.plane)
     except ValueError:
         return {}
     narrowing = (1 - exact.lateral_stretch) / 2 * scene.body.size[1 - scene.loaded_axis]
@@ -62,7 +62,7 @@ def finite_element_level(scene: Scene, stretch: float) -> dict[str, float]:
     law = scene.material.build()
     problem = scene.model_dump(mode="json", include={"body", "holes", "precuts", "grips"})
     for case in _cases():
-        same = all(problem[key] == case[key] for key in problem) and not scene.holds
+        same = all(problem[key] == case[key] for key in problem) and not scene.holds and scene.plane == case.get("plane", "stress")
         ratio = case["bulk_modulus"] / case["shear_modulus"]
         if not (same and law.name == case["law"] and np.isclose(law.bulk_modulus / law.shear_modulus, ratio)):
             continue
