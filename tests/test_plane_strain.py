@@ -110,7 +110,9 @@ def test_what_was_learnt_of_a_sheet_alone_is_refused(name):
         bound(load_surrogate(SHIPPED / name), sheet(0.2), NeoHookean())
 
 
-@pytest.mark.parametrize(("settings", "words"), [({"breakable": True}, "bonds that break"), ({"precision": "float32"}, "precision=float32")])
+@pytest.mark.parametrize(
+    ("settings", "words"), [({"breakable": True}, "bonds that break"), ({"precision": "float32"}, "precision=float32")]
+)
 def test_what_the_selective_energy_cannot_do_is_refused(settings, words):
     with pytest.raises(ValueError, match=f"bond-energy does not take {words}.* in plane strain"):
         bound(EXACT["bond-energy"], sheet(0.2), **settings)

@@ -33,8 +33,3 @@ def test_a_place_outside_is_told_with_its_key_and_what_is_nearest(stretched):
     body, _, _ = stretched
     with pytest.raises(ValueError, match=r"probes\.1\.at: \(1\.4, 0\.3\) lies outside the body; its nearest point is"):
         Probes(body, (Probe(name="a", at=(0.5, 0.3)), Probe(name="b", at=(1.4, 0.3))))
-
-
-def test_nothing_is_read_where_there_are_no_probes(stretched):
-    body, _, state = stretched
-    assert Probes(body, ()).read(state) == {}

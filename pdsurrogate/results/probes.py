@@ -32,6 +32,9 @@ class Probes:
             except ValueError as error:
                 raise ValueError(f"probes.{number}.at: {error}") from None
 
+    def __len__(self) -> int:
+        return len(self._names)
+
     def read(self, state: PointState) -> dict[str, dict[str, list]]:
         """What the probes read in a state.
 
@@ -42,8 +45,6 @@ class Probes:
         dict
             By name of the probe: ``displacement`` (d components), ``stress`` (first Piola-Kirchhoff, 3 rows of 3) and ``F`` (3 rows of 3).
         """
-        if not self._names:
-            return {}
         stress, gradient = (field.reshape(len(field), 9) for field in (state.stress(), state.deformation_gradient()))
         return {
             name: {
@@ -55,11 +56,10 @@ class Probes:
             for name, row in zip(self._names, self._rows, strict=True)
         }
 
-    def columns(self, state: PointState) -> dict[str, float]:
-        """Displacements that the probes read, for a row of the history."""
-        displacements = {name: row @ state.displacement for name, row in zip(self._names, self._rows, strict=True)}
+    def columns(self, displacements: np.ndarray) -> dict[str, float]:
+        """Displacements that the probes read from those of the points (n, d), for a row of the history."""
         return {
             f"{name}_displacement_{component}": float(value)
-            for name, displacement in displacements.items()
-            for component, value in enumerate(displacement[0], 1)
+            for name, row in zip(self._names, self._rows, strict=True)
+            for component, value in enumerate((row @ displacements)[0], 1)
         }

@@ -56,7 +56,19 @@ def output_row(run: Run, time: float | None = None) -> dict:
     row["moments"] = moments_by_name(run, reactions)
     if run.force.has_energy:
         row["energy"] = run.strain_energy()
-    return row
+    return row | probe_readings(run)
+
+
+def probe_readings(run: Run) -> dict:
+    """What the probes read in the present state, as an entry of a row; none where there are no probes."""
+    if not len(run.probes):
+        return {}
+    return {"probes": run.probes.read(measures.PointState(run.force, run.positions))}
+
+
+def probe_columns(run: Run) -> dict[str, float]:
+    """Displacements that the probes read, as columns of the history."""
+    return run.probes.columns(run.positions - run.body.points)
 
 
 def level_row(run: Run) -> dict:
@@ -92,7 +104,7 @@ def _stretched(run: Run) -> dict:
         level["lateral_displacement"] = float((low - high).mean() / 2)
         level["greatest_lateral_displacement"] = float(max(np.abs(low).max(), np.abs(high).max()))
         level["roughness"] = measures.roughness(body, displacements, axis)
-    return level
+    return level | probe_readings(run)
 
 
 def compare(run: Run, level: dict) -> None:

@@ -19,6 +19,7 @@ from ..kernels.threads import threads_for
 from ..materials import Law
 from ..results import measures
 from ..results.checkpoint import Checkpoint
+from ..results.probes import Probes
 from ..results.states import Moment, States, StatesInFiles, StatesInMemory
 from ..scenes import Scene, SceneError
 from ..scenes.model import EDGES
@@ -159,6 +160,7 @@ class Run:
             numba.set_num_threads(self.threads)
             self.force: InternalForce = self.model.bind(self.body, self.law, settings)
             self._check_support()
+            self.probes = Probes(self.body, scene.probes)
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
         self.loaded = self.force if self.loads is None else LoadedForce(self.force, self.loads)

@@ -15,7 +15,7 @@ from ..results.checkpoint import Checkpoint
 from ..solvers import Diverging, ExplicitDynamics
 from ..solvers.reductions import LOCAL
 from .programme import Stage
-from .rows import force_columns, forces_by_name, output_row
+from .rows import force_columns, forces_by_name, output_row, probe_columns
 from .run import Run
 
 STEPS_PER_ROW = 20
@@ -298,7 +298,7 @@ class Transient:
             "damped_energy": account.damped_energy,
             "strain_energy": strain,
         }
-        row |= force_columns(forces)
+        row |= force_columns(forces) | probe_columns(run)
         if self._keeps_account:
             row["released_energy"] = account.released_energy
         if first:
