@@ -81,9 +81,8 @@ def check_affine(surface, body):
 def test_boundaries_are_closed_and_enclose_the_body(case):
     """Area by the divergence theorem; that of the points is found on a raster, to some 1/1000 of a cell for each cell that is cut.
 
-    Whole circles have their areas to rounding, and quarters of them, which begin on an axis.  Of an arc cut elsewhere, a facet at either end
-    is cut: half a cell long, it lies up to theta^2/12 of the radius beyond the circle, (h/2)^3/(12 r) = 2e-5 of area; the tolerance also
-    takes in the cut itself, which moves along the edge.
+    Whole circles have their areas to rounding, and quarters of them, which begin on an axis.  An arc cut elsewhere ends within a facet,
+    which lies beyond the circle by up to theta^2/12 of the radius: (h/2)^3/(12 r) = 2e-5 of area at either end, and more as the edge is cut.
     """
     shape, holes, area, tolerance = BODIES[case]
     _, (body, _, _), surface = bodied(shape, holes)
@@ -169,7 +168,7 @@ def smooth_gradient(places, step=1e-5):
 
 @pytest.mark.parametrize("case", ["square", "ring", "letter", "hole across an edge"])
 def test_the_boundary_follows_smooth_motions_to_second_order(case):
-    """Half the spacing gives a quarter of the error, at corners too; of curved outlines the cells are cut at random: more than a third less.
+    """Half the spacing gives a quarter of the error, at corners too; beside curved ones, where cells are cut at random, less than 0.4.
 
     The fit at a straight edge has an error of h^2 times the second derivative across it, and a corner has that of both directions.
     """
@@ -207,7 +206,7 @@ def test_places_follow_quadratic_motions_exactly(case):
 
 
 @pytest.mark.parametrize(
-    ("force", "edge", "middle"), [(AnalyticBondForce, 0.1, 0.012), (BondEnergyForce, 0.15, 0.006)], ids=["analytic", "bond-energy"]
+    ("force", "edge", "middle"), [(AnalyticBondForce, 0.06, 0.025), (BondEnergyForce, 0.15, 0.01)], ids=["analytic", "bond-energy"]
 )
 def test_an_edge_under_a_uniform_traction_moves_as_the_theory_says(force, edge, middle):
     """Linear equilibrium of a square of 20 cells, held by reflection at its left and pulled at its right with the stress of a unit strain.
@@ -248,12 +247,12 @@ def test_an_edge_under_a_uniform_traction_moves_as_the_theory_says(force, edge, 
 def test_nothing_is_taken_across_holes_notches_and_cuts():
     """Two halves that a slot or a cut divides: a place on one side asks no point of the other."""
     cut = {"precuts": [{"start": [-1.0, 0.0], "end": [0.3, 0.0]}]}
-    for holes, changes, middle in (([box((-1.1, -0.05), (0.3, 0.05))], {}, 0.05), ([], cut, 0.0)):
+    for holes, changes in (([box((-1.1, -0.05), (0.3, 0.05))], {}), ([], cut)):
         _, (body, _, _), surface = bodied(SQUARE, holes, **changes)
         edge = (surface.parts == "left") & (np.abs(surface.midpoints()[:, 1]) < 0.3)
         nodes = np.unique(surface.facets[edge])
-        nodes = nodes[np.abs(surface.nodes[nodes, 1]) > middle - 1e-9]
-        above = surface.nodes[nodes, 1] > -1e-9  # a place on a cut that runs to the right belongs to its left, above it
+        nodes = nodes[np.abs(surface.nodes[nodes, 1]) > 1e-9]  # the one at the mouth of a cut follows both sides
+        above = surface.nodes[nodes, 1] > 0
         rows = surface.interpolation[nodes].toarray()
         assert not rows[above][:, body.points[:, 1] < 0].any()
         assert not rows[~above][:, body.points[:, 1] > 0].any()
@@ -293,10 +292,10 @@ def test_places_outside_are_refused_with_what_is_near():
         interpolation(body, np.array([[0.0, 0.0]]))
 
 
-@pytest.mark.parametrize("version", [None, "gmsh", "gmsh22"])
-def test_boundaries_of_meshes(tmp_path, version):
+@pytest.mark.parametrize("kind", ["inp", "msh2", "msh"])
+def test_boundaries_of_meshes(tmp_path, kind):
     """Sides of one cell alone, with the mesh's own hole, which is the first one, and its groups, however the file says them."""
-    path = write_plate(tmp_path / ("plate.msh" if version else "plate.xdmf"), version=version, turned=version is not None)
+    path = write_plate(tmp_path / f"plate.{kind}", turned=kind == "msh")
     mesh = {"shape": "mesh", "file": str(path)}
     _, (body, _, _), surface = bodied(mesh)
     check_closed(surface)
@@ -305,8 +304,6 @@ def test_boundaries_of_meshes(tmp_path, version):
     check_affine(surface, body)
     counts = {"left": 12, "right": 12, "bottom": 12, "top": 12, "holes.0": 16}
     assert dict(zip(*np.unique(surface.parts, return_counts=True), strict=True)) == counts
-    if version is None:
-        return
     assert set(body.groups) == {"soft", "stiff", "pull", "cavity", "seam"}
     np.testing.assert_array_equal(surface.groups["pull"], np.flatnonzero(surface.parts == "right"))
     np.testing.assert_array_equal(surface.groups["cavity"], np.flatnonzero(surface.parts == "holes.0"))
@@ -322,7 +319,7 @@ def test_boundaries_of_meshes(tmp_path, version):
 
 def test_holes_in_meshes_leave_out_whole_cells(tmp_path):
     """The boundary of what is left, around the points that are left; the mesh's own hole is numbered after those of the scene."""
-    path = write_plate(tmp_path / "plate.msh", version="gmsh22")
+    path = write_plate(tmp_path / "plate.msh")
     mesh = {"shape": "mesh", "file": str(path)}
     _, (body, _, _), surface = bodied(mesh, [box((-0.05, 0.0), (0.2, 0.2)), circle(0.11, 0.6, 1.0)])
     check_closed(surface)
@@ -340,14 +337,14 @@ def test_a_mesh_is_read_once_and_again_when_it_has_changed(tmp_path, monkeypatch
 
     import meshio
 
-    path = write_plate(tmp_path / "plate.msh", version="gmsh22")
+    path = write_plate(tmp_path / "plate.msh")
     reads = []
     read = meshio.read
     monkeypatch.setattr(meshio, "read", lambda file: reads.append(file) or read(file))
     mesh = {"shape": "mesh", "file": str(path)}
     assert len(bodied(mesh)[1][0]) == 64 + 2 * 64
     assert len(reads) == 1
-    write_plate(path, hole=((4, 4), (6, 6)), version="gmsh22")
+    write_plate(path, hole=((4, 4), (6, 6)))
     os.utime(path, ns=(1, 1))
     assert len(bodied(mesh)[1][0]) == 68 + 2 * 72
     assert len(reads) == 2
