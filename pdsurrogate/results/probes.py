@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..body import Body
-from ..body.local_fit import interpolation
+from ..body import interpolation
 from ..scenes import Probe
 from .measures import PointState
 
