@@ -241,7 +241,7 @@ class BondEnergyEvaluation(ModelEvaluation):
 
         def to_points(out: np.ndarray) -> int:
             gather()
-            ghosts.fold_moments(self._stresses)
+            kinematics.gradient_ghosts.fold_moments(self._stresses)
             weigh()
             if not len(ghosts):
                 own.give("out", out)

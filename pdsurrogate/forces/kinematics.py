@@ -50,6 +50,8 @@ class Kinematics:
         K^-1 as (11, 12, 22), zero where the bonds do not span the plane.
     supported : ndarray of uint8, shape (n + m,)
         1 where the bonds span the plane.
+    gradient_ghosts : Ghosts
+        Which fill the gradients, and fold derivatives by them.
     surrogate_thickness : SurrogateThickness or None
         What solves the plane-stress condition in the place of the law.
     """
@@ -77,6 +79,7 @@ class Kinematics:
         self._plane_displacements = np.zeros((len(body.planes), dimension))
         self._shifts = body.ghosts.shifts(body.points, self._plane_displacements)
         self.gradients = aligned_rows((total, dimension * dimension))
+        self.gradient_ghosts = body.ghosts if plane == "stress" else body.ghosts.keeping_volume()
         self._form_gradients = self.gradient_pass(self.positions, self.gradients, 1.0)
         self.volume_ratios = np.ones(total)
         self.records = aligned_rows((total, 4), precision)
@@ -162,7 +165,7 @@ class Kinematics:
         """Bring the deformation gradients of points and ghosts up to date."""
         if not self._formed:
             self._form_gradients()
-            self.body.ghosts.fill_gradients(self.gradients)
+            self.gradient_ghosts.fill_gradients(self.gradients)
             self._formed = True
 
     def find_states(self) -> None:
