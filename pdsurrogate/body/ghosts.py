@@ -53,6 +53,8 @@ class Ghosts:
     plane : ndarray of int64, shape (m,)
         Number of the plane across which the ghost lies, in the order in which they were given; of an image of an image, that of the last
         reflection.
+    image : ndarray of int64, shape (m,)
+        Number of the reflection, or the product of reflections, that the ghost is the image under: the same for all its images.
     lever : ndarray, shape (m, planes, d)
         Displacement of each ghost by the displacement of each plane, component by component.
     volume_parity, volume_reflection : ndarray, shape (m, d)
@@ -64,6 +66,7 @@ class Ghosts:
     parity: np.ndarray
     reflection: np.ndarray
     plane: np.ndarray
+    image: np.ndarray
     lever: np.ndarray
     volume_parity: np.ndarray
     volume_reflection: np.ndarray
@@ -81,7 +84,7 @@ class Ghosts:
         source, places = np.arange(n), points
         parity, reflection, volume_parity, volume_reflection = np.ones((4, n, dimension))
         number, lever = np.full(n, -1), np.zeros((n, len(planes), dimension))
-        axes = np.full(n, -1)
+        axes, image = np.full(n, -1), np.zeros(n, dtype=np.int64)
         for added, plane in enumerate(planes):
             if len(plane.parity) != dimension:
                 raise ValueError(f"the parity of a plane must be given for {dimension} components, not {plane.parity}")
@@ -102,12 +105,14 @@ class Ghosts:
             volume_reflection = np.concatenate([volume_reflection, turned * volume_reflection[near]])
             number, lever = np.concatenate([number, np.full(len(near), added)]), np.concatenate([lever, carried])
             axes = np.concatenate([axes, np.full(len(near), plane.axis)])
+            image = np.concatenate([image, image[near] + 2**added])  # a sum over its planes
         return cls(
             source[n:].astype(np.uint32),
             np.ascontiguousarray(places[n:]),
             np.ascontiguousarray(parity[n:]),
             np.ascontiguousarray(reflection[n:]),
             number[n:].astype(np.int64),
+            image[n:],
             np.ascontiguousarray(lever[n:]),
             np.ascontiguousarray(volume_parity[n:]),
             np.ascontiguousarray(volume_reflection[n:]),
