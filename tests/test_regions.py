@@ -236,7 +236,7 @@ def test_edges_that_are_not_there():
     slot = {"holes": [{"shape": "rectangle", "size": [0.5, 1.2], "lower": [-0.1, -0.1]}]}
     message = said_of("points", {"edge": "left"}, **slot)
     assert message == "prescribed.0.region: no point of the body lies in it; the nearest is point 0 at (0.45, 0.05), 0.45 away"
-    covered = {"holes": [{"shape": "circle", "radius": 0.2, "centre": [1, 0.5]}, {"shape": "circle", "radius": 0.15, "centre": [1, 0.55]}]}
+    covered = {"holes": [{"shape": "circle", "radius": 0.2, "centre": [1, 0.5]}, {"shape": "circle", "radius": 0.1, "centre": [1, 0.55]}]}
     assert said_of("facets", "holes.1", **covered) == "loads.0.region: there is no boundary of holes.1; there are holes.0"
 
 
