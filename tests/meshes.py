@@ -8,13 +8,13 @@ __all__ = ["write_plate"]
 GMSH_TYPES = {"line": 1, "triangle": 2, "quad": 3}
 
 
-def write_plate(path, count=12, hole=((4, 4), (8, 8)), turned=False):
+def write_plate(path, count=12, hole=((4, 4), (8, 8)), turned=False, version=4):
     """A square of side 1.2 with a square hole, of quadrilaterals left and triangles right, with physical groups.
 
     Of cells soft, those left of the middle, and stiff, the rest; of lines pull, the right edge, cavity, around the hole, and seam, the
     middle below the hole, inside the material.  Triangles run clockwise where `turned`.
 
-    A path that ends with .inp becomes an Abaqus file, .msh2 one of gmsh's version 2, .msh one of its version 4.1, as it writes today.
+    A path that ends with .inp becomes an Abaqus file, one with .msh one of gmsh, as it writes today (version 4.1) or did (2.2).
     """
     side = 1.2 / count
     points = np.array([[i * side, j * side, 0.0] for j in range(count + 1) for i in range(count + 1)])
@@ -41,7 +41,7 @@ def write_plate(path, count=12, hole=((4, 4), (8, 8)), turned=False):
             for name, (number, _) in names.items()
         }
         meshio.write(path, meshio.Mesh(points, blocks, cell_sets=sets))
-    elif path.suffix == ".msh2":
+    elif version == 2:
         numbers = [np.full(len(of_block), number) for number, (_, of_block) in enumerate(blocks, 1)]
         data = {"gmsh:physical": numbers, "gmsh:geometrical": numbers}
         fields = {name: np.array(entry) for name, entry in names.items()}

@@ -131,7 +131,7 @@ def test_facets_of_holes(plate):
     surface = regions.surface()
     for hole, length in (("holes.0", 0.4 * np.pi), ("holes.1", 0.8)):
         facets = regions.facets(hole)
-        assert surface.lengths()[facets].sum() == pytest.approx(length, rel=2e-3)
+        assert surface.lengths()[facets].sum() == pytest.approx(length, rel=3e-3)
         np.testing.assert_allclose(surface.normals()[facets].sum(axis=0), 0, atol=1e-12)
     assert len(regions.facets("holes")) == len(regions.facets("holes.0")) + 8
     assert len(regions.facets("outline")) == 60
@@ -166,13 +166,13 @@ def test_names_and_edges(plate):
     assert regions.label(Region(box=((0, 0), (1, 1))), "loads.0") == "loads.0"
 
 
-def found(kind, said, **changes):
+def said_of(kind, said, **changes):
     """What is said of a region of points or facets that the scene prescribes or loads."""
     load = {"region": said, "traction": [1.0, 0.0]}
     where = {"prescribed": [{"region": said, "x1": 0.0}]} if kind == "points" else {"prescribed": (), "loads": [load]}
     scene = scene_of(**where, **changes)
     reference = scene.prescribed[0].region if kind == "points" else scene.loads[0].region
-    with pytest.raises(ValueError, match="\\S") as caught:
+    with pytest.raises(ValueError, match=r"\S") as caught:
         getattr(regions_of(scene)[1], kind)(reference)
     assert "\n" not in str(caught.value)
     return str(caught.value)
@@ -210,7 +210,7 @@ def found(kind, said, **changes):
         (
             "facets",
             {"box": [[0.8, 0.3], [1.2, 0.7]]},
-            "loads.0.region: no part of the boundary lies in it; the nearest is a facet of holes.0 with its middle at (0.7, 0.4749), 0.1 away",
+            "loads.0.region: no part of the boundary lies in it; the nearest is a facet of holes.0 with its middle at (0.6983,",
         ),
         ("facets", "corner", "regions.corner: no part of the boundary lies in it; the nearest is a facet of "),
         ("facets", {"points": [3]}, "loads.0.region: points have no boundary for a load to act on; in the place of points give an edge,"),
@@ -223,28 +223,27 @@ def found(kind, said, **changes):
     ],
 )
 def test_empty_regions_say_what_is_nearby(kind, said, message):
-    assert message in found(kind, said, regions={"corner": {"box": [[0, 0], [0.01, 0.04]]}})
+    assert message in said_of(kind, said, regions={"corner": {"box": [[0, 0], [0.01, 0.04]]}})
 
 
 def test_edges_that_are_not_there():
     """A disc has points within a cell of its left end, and no straight side there; a slot takes all of an edge."""
     disc = {"body": {"shape": "circle", "radius": 1.0}, "holes": ()}
-    message = found("facets", "left", **disc)
-    assert message.startswith(
-        "loads.0.region: no part of the boundary lies in it; the nearest is a facet of outline with its middle at (-1,"
-    )
-    assert len(regions_of(scene_of(**disc))[1].points("left")) == 4
+    message = said_of("facets", "left", **disc)
+    assert message == "loads.0.region: no part of the boundary lies in it; no straight side of the body is on its left edge"
+    body, regions = regions_of(scene_of(**disc))
+    np.testing.assert_array_equal(regions.points("left"), np.flatnonzero(body.points[:, 0] < -0.901))
     slot = {"holes": [{"shape": "rectangle", "size": [0.5, 1.2], "lower": [-0.1, -0.1]}]}
-    message = found("points", {"edge": "left"}, **slot)
+    message = said_of("points", {"edge": "left"}, **slot)
     assert message == "prescribed.0.region: no point of the body lies in it; the nearest is point 0 at (0.45, 0.05), 0.45 away"
-    covered = {"holes": [{"shape": "circle", "radius": 0.2, "centre": [1, 0.5]}, {"shape": "circle", "radius": 0.15, "centre": [1, 0.55]}]}
-    assert found("facets", "holes.1", **covered) == "loads.0.region: there is no boundary of holes.1; there are holes.0"
+    covered = {"holes": [{"shape": "circle", "radius": 0.2, "centre": [1, 0.5]}, {"shape": "circle", "radius": 0.1, "centre": [1, 0.55]}]}
+    assert said_of("facets", "holes.1", **covered) == "loads.0.region: there is no boundary of holes.1; there are holes.0"
 
 
 def test_where_a_body_is_too_thin_for_loads():
     slot = {"holes": [{"shape": "rectangle", "size": [1.0, 0.2], "lower": [0.5, 0.7]}]}
-    message = found("facets", "top", **slot)
-    assert message.startswith("loads.0.region: the body is too thin at (0.")
+    message = said_of("facets", "top", **slot)
+    assert message.startswith("loads.0.region: the body is too thin at (1.1, 1), where")
     assert message.endswith("to move with; take a smaller spacing")
     scene = scene_of(**slot)
     assert len(regions_of(scene)[1].facets("bottom")) == 20  # where it is not, loads act
@@ -298,7 +297,7 @@ def test_groups_of_a_mesh(meshed):
         (["left"], 'prescribed.0.region: must be the name of a region, or a region such as {edge = "left"}'),
         (
             {},
-            "prescribed.0.region: a region is said in exactly one way, by one of edge, box, disc, half_plane, points, near, group, and, or,",
+            "prescribed.0.region: a region is said in exactly one way, by one of edge, box, disc, half_plane, points, near,",
         ),
         ({"edge": "left", "near": [0, 0]}, "prescribed.0.region: a region is said in exactly one way, by one of edge, box"),
         ({"and": ["left", {"boks": 1}]}, "prescribed.0.region.and.1.boks: unknown key; there are edge, box,"),
@@ -309,7 +308,7 @@ def test_groups_of_a_mesh(meshed):
             {"not": {"disc": {"centre": [0, 0], "radius": -1}}},
             "prescribed.0.region.not.disc.radius: Input should be greater than 0 (given -1)",
         ),
-        ({"disc": {"center": [0, 0], "radius": 1}}, "prescribed.0.region.disc.center: unknown key; did you mean centre?"),
+        ({"disc": {"center": [0, 0], "radius": 1}}, "region.disc.center: unknown key; did you mean centre?"),
         ({"half_plane": {"point": [0, 0], "normal": [0, 0]}}, "region.half_plane: the normal of a half-plane must not be zero"),
         ({"box": [[1, 1], [0, 0]]}, "prescribed.0.region: a box is given by its lower left and its upper right corner"),
         ({"points": [-1]}, "prescribed.0.region.points.0: Input should be greater than or equal to 0 (given -1)"),
@@ -330,7 +329,7 @@ def test_mistakes_are_told_in_one_line_with_the_authors_own_key(tmp_path, said, 
     text = str(caught.value).removeprefix(f"{path}: ")
     assert text.startswith(message) if message.startswith("prescribed") else message in text
     assert "\n" not in text
-    assert text.count("; ") <= 1 or "Field required" in text
+    assert text.count("; ") <= 1 + ("Field required" in text)
 
 
 @pytest.mark.parametrize(
@@ -362,9 +361,9 @@ def test_named_regions_that_make_no_sense(named, message):
 def test_regions_composed_in_python():
     """By their names or those of the file, told alike."""
     assert Region(both=("left", Region(edge="top"))) == Region(**{"and": ["left", {"edge": "top"}]})
-    with pytest.raises(SceneError, match="^both.1: must be the name of a region"):
+    with pytest.raises(SceneError, match=r"^both\.1: must be the name of a region"):
         Region(both=("left", 3))
-    with pytest.raises(SceneError, match="^boths: unknown key"):
+    with pytest.raises(SceneError, match=r"^boths: unknown key"):
         Region(boths=("left",))
     scene = scene_of(regions={"x": Region(other="left")})
     assert pd.Scene(**scene.model_dump()) == scene

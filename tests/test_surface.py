@@ -82,7 +82,7 @@ def test_boundaries_are_closed_and_enclose_the_body(case):
     """Area by the divergence theorem; that of the points is found on a raster, to some 1/1000 of a cell for each cell that is cut.
 
     Whole circles have their areas to rounding, and quarters of them, which begin on an axis.  An arc cut elsewhere ends within a facet,
-    which lies beyond the circle by up to theta^2/12 of the radius: (h/2)^3/(12 r) = 2e-5 of area at either end, and more as the edge is cut.
+    which lies beyond the circle by up to theta^2/12 of the radius: (h/2)^3/(12 r) = 2e-5 of area at either end, and more at the edge.
     """
     shape, holes, area, tolerance = BODIES[case]
     _, (body, _, _), surface = bodied(shape, holes)
@@ -292,10 +292,10 @@ def test_places_outside_are_refused_with_what_is_near():
         interpolation(body, np.array([[0.0, 0.0]]))
 
 
-@pytest.mark.parametrize("kind", ["inp", "msh2", "msh"])
-def test_boundaries_of_meshes(tmp_path, kind):
+@pytest.mark.parametrize(("name", "version"), [("plate.inp", None), ("plate.msh", 2), ("plate.msh", 4)])
+def test_boundaries_of_meshes(tmp_path, name, version):
     """Sides of one cell alone, with the mesh's own hole, which is the first one, and its groups, however the file says them."""
-    path = write_plate(tmp_path / f"plate.{kind}", turned=kind == "msh")
+    path = write_plate(tmp_path / name, turned=version == 4, version=version)
     mesh = {"shape": "mesh", "file": str(path)}
     _, (body, _, _), surface = bodied(mesh)
     check_closed(surface)

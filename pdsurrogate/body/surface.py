@@ -16,8 +16,8 @@ class Surface:
 
     The outermost points of a body lie half a cell inside its boundary.  A node moves as they and their deformation gradient say:
     y_s = sum_j N_sj y_j, with rows of N that are 1 in sum and have X_s as their first moment, so that every affine motion is followed
-    exactly, and a load on a node does its work at the boundary itself and keeps linear and angular momentum.  The node at the mouth of a cut
-    follows both of its sides.
+    exactly, and a load on a node does its work at the boundary itself and keeps linear and angular momentum.
+    The node at the mouth of a cut follows both of its sides.
 
     Attributes
     ----------

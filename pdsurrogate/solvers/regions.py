@@ -268,6 +268,9 @@ class BodyRegions:
         if isinstance(reference, Region) and reference.both is not None:
             counts = [f"{key} {self._resolved(member, parts).inside.sum()}" for key, member in reference.members()]
             return f": of {len(parts.places)} there are in {', in '.join(counts)}, and none in all of them"
+        edge = self.edge(reference)
+        if edge is not None and parts is not self._points:
+            return f"; no straight side of the body is on its {edge} edge"
         if not np.isfinite(distance).any():
             return ""
         number = int(distance.argmin())
