@@ -252,12 +252,14 @@ class BondEnergyEvaluation(ModelEvaluation):
         return self.law.shear_modulus * forces
 
     def _mirrored_pairs(self, outer: np.ndarray) -> np.ndarray:
-        """For pairs of a point i and the ghost of a point k: the pairs of k and the ghost of i in the same plane."""
+        """For pairs of a point i and the ghost of a point k: the pairs of k and the ghost of i in the same planes."""
         bonds, ghosts, n = self.body.bonds, self.body.ghosts, len(self.body)
         ghost = bonds.second[outer].astype(np.int64) - n
-        number = np.full((int(ghosts.plane.max()) + 1, n), -1)
-        number[ghosts.plane, ghosts.source] = np.arange(len(ghosts))
-        partner = ghosts.source[ghost].astype(np.int64), n + number[ghosts.plane[ghost], bonds.first[outer]]
+        # Ghosts that lie alike are moved by the same planes: where two meet, an image of an image by both.
+        image = np.unique(ghosts.lever.any(axis=2), axis=0, return_inverse=True)[1].ravel()
+        number = np.full((int(image.max()) + 1, n), -1)
+        number[image, ghosts.source] = np.arange(len(ghosts))
+        partner = ghosts.source[ghost].astype(np.int64), n + number[image[ghost], bonds.first[outer]]
         total = n + len(ghosts)
         keys = bonds.first[outer].astype(np.int64) * total + bonds.second[outer]
         order = np.argsort(keys)
