@@ -132,7 +132,10 @@ def test_conditions_that_agree_may_share_points():
     ("prescribed", "message"),
     [
         ((*CLAMPS, {"region": "left", "x1": 0.1, "name": "left"}), "prescribed.0 and prescribed.2 move point 0 at .* differently along x1"),
-        ((*CLAMPS, {"region": "left", "x1": 0.0, "amplitude": "sine"}, {"region": "top", "x1": 0.1}), r"prescribed.2 and prescribed.3 move"),
+        (
+            (*CLAMPS, {"region": "left", "x1": 0.0, "amplitude": "sine"}, {"region": "top", "x1": 0.1}),
+            r"prescribed.2 and prescribed.3 move",
+        ),
         (
             (*CLAMPS, {"region": {"box": [[0, 0], [0.2, 0.2]]}, "x2": 0.1, "amplitude": "t**2"}),
             r"prescribed.0 and prescribed.2 move point 0 at \(0\.05, 0\.05\) differently along x2",

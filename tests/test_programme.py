@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pdsurrogate as pd
+from pdsurrogate.run import transient
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.solvers import Increments
@@ -53,6 +54,13 @@ def test_a_cycle_ends_at_rest_and_has_no_hysteresis():
     assert result.levels[4]["forces"]["right"][0] < -0.1
 
 
+@pytest.fixture
+def every_step(monkeypatch):
+    """A row of the history, and a term of the account, for every step."""
+    monkeypatch.setattr(transient, "STEPS_PER_ROW", 1)
+
+
+@pytest.mark.usefixtures("every_step")
 def test_dynamics_follow_those_of_the_short_way():
     """From stretch 1.1 on at the same rate: the same velocities at first, the same work, up to rounding."""
     spec = {"stretch": 1.3, "stretch_rate": 2.0, "density": 0.01, "damping": 1.0, "viscosity": 1e-3, "outputs": 2}
@@ -62,10 +70,13 @@ def test_dynamics_follow_those_of_the_short_way():
     assert len(rows) == len(others) > 3
     for key in ("time", "work", "kinetic_energy", "damped_energy", "strain_energy", "force_left_1", "force_right_2"):
         scale = max(abs(row[key]) for row in rows)
-        np.testing.assert_allclose([row[key] for row in others], [row[key] for row in rows], atol=1e-6 * scale + 1e-12)
+        # In the last step the grips stop; the general account knows.
+        last = -1 if key == "work" else None
+        np.testing.assert_allclose([row[key] for row in others][:last], [row[key] for row in rows][:last], atol=1e-6 * scale + 1e-12)
     np.testing.assert_allclose(general.displacement(), short.displacement(), atol=1e-6)
 
 
+@pytest.mark.usefixtures("every_step")
 def test_dynamics_may_stand_anywhere():
     """Loaded slowly, let swing, pulled while it swings, and brought to rest: at the end the equilibrium that slow loading leads to."""
     programme = (0.1, dynamic(0.1, 0.2, 2), dynamic(0.2, 0.2), 0.2)
@@ -81,7 +92,7 @@ def test_dynamics_may_stand_anywhere():
     assert max(kinetic) < 1e-8
     first = next(row for row in result.history if row.get("step") == 2)
     assert first["kinetic_energy"] < 1e-8
-    # Energy: what the grips put in is there, within the trapezoidal rule over the rows of the shock.
+    # What the grips put in is there.
     last = [row for row in result.history if row.get("step") == 2][-1]
     gained = last["strain_energy"] + last["kinetic_energy"] - first["strain_energy"]
     assert last["work"] == pytest.approx(gained, rel=0.02)
@@ -137,11 +148,11 @@ def test_increments_are_longer_only_after_easy_ones():
     assert not increments.accept(easy=False)
     assert increments.share == 0.25
     assert not increments.accept()
-    assert not increments.accept()
+    assert increments.accept()
     assert increments.finished
 
 
-def test_a_failure_says_how_far_the_loading_came(monkeypatch):
+def test_a_failure_says_how_far_the_loading_came():
     scene = scene_of((0.5,), solver={"method": "relaxation", "most_evaluations": 30})
     with pytest.raises(SimulationFailed, match=r"^t = 0\.5: .*followed to t = 0, and not further .* \(prescribed\.1 to x1 = 0\)") as caught:
         simulate(scene, "analytic")
@@ -153,14 +164,14 @@ def test_a_bond_that_would_break_hands_over_to_dynamics():
     """In equilibrium up to the output before; then the next step in dynamics, or an error that asks for one."""
     fracture = {"critical_stretch": 1.5}
     cut = {"start": [0.5, -0.1], "end": [0.5, 0.4]}
-    steps = (0.1, 0.6, dynamic(1.0, 0.2, 4))
-    result = simulate(scene_of(steps, fracture=fracture, precuts=[cut]), "analytic")
+    steps = (0.1, 0.6, dynamic(1.0, 0.5, 4, viscosity=1e-3))
+    result = simulate(scene_of(steps, fracture=fracture, precuts=[cut]), "bond-energy")
     assert [level["t"] for level in result.levels][:1] == [0.1]
     assert result.levels[1]["step"] == 2
     assert result.summary["crack"]["broken_bonds"] > 0
     assert result.summary["crack"]["start"]["t"] > 0.1
     with pytest.raises(SimulationFailed, match=r"a bond would break between t = 0\.02 and here.*follow it in dynamics"):
-        simulate(scene_of((dynamic(0.02, 0.1), 0.6), fracture=fracture, precuts=[cut]), "analytic")
+        simulate(scene_of((dynamic(0.02, 0.1), 0.6), fracture=fracture, precuts=[cut]), "bond-energy")
 
 
 def test_what_moves_faster_than_waves_is_refused():
@@ -196,6 +207,7 @@ def test_reactions_balance_loads(loading):
         assert sum(level["moments"].values()) == pytest.approx(0, abs=1e-5)
 
 
+@pytest.mark.usefixtures("every_step")
 @pytest.mark.parametrize("loading", LOADS)
 def test_the_account_of_loads_closes(loading):
     """Loads that grow within one swing of the body: their work is there as energy of strain and motion, to the trapezoidal rule."""
