@@ -160,6 +160,8 @@ class Run:
             numba.set_num_threads(self.threads)
             self.force: InternalForce = self.model.bind(self.body, self.law, settings)
             self._check_support()
+            for number, probe in enumerate(scene.probes):
+                self.regions.check_place(f"probes.{number}.at", probe.at)
             self.probes = Probes(self.body, scene.probes)
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None

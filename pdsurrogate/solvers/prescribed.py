@@ -71,7 +71,8 @@ class PrescribedLoading(Loading):
         reductions: LocalReductions,
     ) -> None:
         self._entries, self._loads, self._shear_modulus = scene.prescribed, scene.loads, shear_modulus
-        self._largest_strain = scene.solver.largest_increment
+        # A hair more, so that increments of just that strain are taken.
+        self._largest_strain = scene.solver.largest_increment * (1 + 1e-6)
         turning_points = [0.0, *(step.to for step in scene.steps)]
         self._range = min(turning_points), max(turning_points)
         labels = _labels(scene, regions)
@@ -220,7 +221,7 @@ class PrescribedLoading(Loading):
         guess = self._extended(positions, self._plane_displacements(before), after)
         strain = greatest_bond_strain(self.body, positions, guess)
         if strain > self._largest_strain:
-            raise TooFar(f"the first guess strains a bond by {strain:.2g}, more than solver.largest_increment = {self._largest_strain:g}")
+            raise TooFar(f"the first guess strains a bond by {strain:.2g}, more than solver.largest_increment = {self._largest_strain:.4g}")
         if earlier is None or earlier[0] == before or after == before:
             return [guess]
         ratio = (after - before) / (before - earlier[0])
