@@ -81,8 +81,8 @@ class Regions:
 
 
 def scene_of(*loads, steps=1, **options):
-    body = pd.Rectangle(size=(WIDTH, HEIGHT))
-    return pd.Scene(name="loads", spacing=0.1, body=body, material="neo-hookean", loads=loads, steps=steps, **options)
+    body, hole = pd.Rectangle(size=(WIDTH, HEIGHT)), pd.Circle(radius=0.2, centre=(WIDTH / 2, HEIGHT / 2))
+    return pd.Scene(name="loads", spacing=0.1, body=body, holes=(hole,), material="neo-hookean", loads=loads, steps=steps, **options)
 
 
 def holed_sheet():
