@@ -85,13 +85,15 @@ def test_learnt_forces_are_as_exact_as_under_plane_stress(name):
     force = bound(load_surrogate(SHIPPED / name), body, law)
     assert force.precision == "float64"
     assert not force.learnt_thickness
-    for stretch in (0.7, 1.3, 2.0):
+    for stretch in (0.7, 1.3, 1.8):
         gradient = turn(25) @ np.diag([stretch, 0.99 / stretch]) @ turn(-60)
         forces(force, body.points @ gradient.T)
         assert force.pairs_outside == 0
         P = plane_strain.first_piola_stress(law, gradient)
-        # P is twice the mean of t (x) n; what is wrong in T is wrong in the trace as well, a third of it times U^-1.
-        allowed = 2 * card.errors["box"]["max"] * (1 + 2 * max(stretch, 1 / stretch) ** 2 / 3)
+        # P is twice the mean of t (x) n over the bonds; its error is in the trace as well, of which a third times U^-1 is taken off.
+        strain = np.abs(np.linalg.svd(gradient, compute_uv=False) - 1).max()
+        greatest = max(entry["max"] for entry in card.errors["box"]["by_strain"] if entry["strain"][0] <= strain <= entry["strain"][1])
+        allowed = 2 * greatest * (1 + 2 * max(stretch, 1 / stretch) ** 2 / 3)
         sheared = np.abs(plane_stress.first_piola_stress(law, gradient)).max()
         assert np.abs(force.mean_stress() - P).max() < allowed * sheared + 1e-12 * law.bulk_modulus
 
@@ -206,6 +208,20 @@ def test_between_rollers_the_sheet_is_in_its_homogeneous_state(name, stretch):
     assert pairs[:, 0].sum() == pytest.approx(P[0, 0], rel=1e-10)
 
 
+def test_beyond_a_clamp_a_gradient_keeps_its_volume_and_beyond_a_mirror_it_is_mirrored():
+    planes = ReflectionPlane(1, 0.0, -1, (-1, -1)), ReflectionPlane(0, 0.0, -1, (-1, 1))
+    ghosts = sheet(planes=planes).ghosts.keeping_volume()
+    n = int(ghosts.source.max()) + 1
+    gradients = np.tile(F.T.ravel(), (n + len(ghosts), 1))
+    ghosts.fill_gradients(gradients)
+    images = gradients[n:].reshape(-1, 2, 2).transpose(0, 2, 1)
+    np.testing.assert_allclose(np.linalg.det(images), np.linalg.det(F), rtol=1e-14)
+    mirror = np.diag([-1.0, 1.0])
+    clamped, mirrored = ghosts.points[:, 1] < 0, ghosts.points[:, 0] < 0
+    np.testing.assert_allclose(images[clamped & ~mirrored], np.broadcast_to(F, (int((clamped & ~mirrored).sum()), 2, 2)))
+    np.testing.assert_allclose(images[mirrored], np.broadcast_to(mirror @ F @ mirror, (int(mirrored.sum()), 2, 2)))
+
+
 def checkerboard(values, body):
     """Part of a field that changes sign from point to point inside a rectangle, over the field's standard deviation."""
     columns = len(np.unique(np.round(body.points[:, 0], 9)))
@@ -217,12 +233,12 @@ def checkerboard(values, body):
 def test_the_pressure_of_a_bonded_block_is_smooth():
     """16 points a side, bonded, pulled by 30 %: the force near finite elements, and no pressure that changes sign from point to point.
 
-    The finite elements' force is 2.81246 (three-field Q9/P-1, extrapolation below 0.001 %; pipelines/plane_strain_report.py).
+    The force is 0.1 % off there, and at 1000 mu 0.01 %; all energy at the bonds gives 4 % more, and with longer horizons 25 %.
     """
     scene = pd.load_scene("plane-strain-block", {"material.bulk_modulus": 100.0, "stretches": 1.3, "spacing": 1 / 16})
     result = pd.simulate(scene, "bond-energy")
     level = result.levels[0]
-    assert 2 * level["nominal_stress"] == pytest.approx(2.81246, rel=0.02)
-    stress = result.point_data()["stress"].reshape(-1, 3, 3)
+    assert abs(level["nominal_stress_error"]) < 0.01
+    stress = result.states[-1][1]["stress"].reshape(-1, 3, 3)
     pressure = np.trace(stress, axis1=1, axis2=2) / 3
     assert checkerboard(pressure, result.body) < 0.02
