@@ -171,4 +171,4 @@ def test_what_single_lines_do_turns_the_body_and_what_they_do_not_tell_stays():
     both = Samples(np.vstack([line, line]), np.repeat([0, 1], 3), turned.T.ravel())
     np.testing.assert_allclose(affine_extension(both, body), body @ rotation(0.7).T + [0.1, 0.2], atol=1e-14)
     one = Samples(line, np.zeros(3, dtype=int), line[:, 0] + 0.3)
-    np.testing.assert_allclose(affine_extension(one, body), body + [0.3, 0.0], atol=1e-14)
+    np.testing.assert_allclose(affine_extension(one, body), body + np.array([0.3, 0.0]), atol=1e-14)

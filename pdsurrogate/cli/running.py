@@ -100,8 +100,9 @@ def run(
             out.print(f"Results in {folder}", soft_wrap=True)
     if any(level.get("stability") == "not checked" for level in result.levels):
         pushed = "The grips push" if described.stretched else "Parts of the body are compressed"
+        what = f"{escape(model.name)} with these loads" if described.loads else escape(model.name)
         err.print(
-            f"[yellow]{pushed}, and {escape(model.name)} has no energy: whether the body would buckle is not checked; "
+            f"[yellow]{pushed}, and {what} has no energy: whether the body would buckle is not checked; "
             "it is with a force that has one, as bond-energy does.[/]",
             soft_wrap=True,
         )

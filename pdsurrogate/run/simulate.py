@@ -181,7 +181,7 @@ def _go(run: Run, resume: bool) -> None:
     solver, transient = solver_of(run), None
     if resume:
         transient = _take_up(run, solver)
-    while run.stage < len(run.stages):
+    while run.stage < len(run.stages) and not (run.crack is not None and run.crack["through"]):
         stage = run.stages[run.stage]
         if stage.inertia is None:
             follows = run.stage + 1 if go_through(run, solver, stage) else _dynamics_after(run)
@@ -189,8 +189,6 @@ def _go(run: Run, resume: bool) -> None:
         else:
             transient = transient or _begun(run)
             transient.go()
-            if run.crack is not None and run.crack["through"]:
-                return
             run.velocities, run.earlier, follows = transient.integrator.velocities, None, run.stage + 1
             run.elapsed += transient.account.time
             transient = None
