@@ -18,7 +18,7 @@ from .bond_energy import BondEnergyEvaluation
 from .protocol import InvalidState
 
 GREATEST_SHARE = 0.75
-"""Of a point's smoothed dilatation, the share of its neighbours: what it is on a grid.  Where points lie closer it is brought down to this."""
+"""Share of a point's neighbours in its smoothed dilatation: what it is on a grid, and the most that it is where points lie closer."""
 
 
 class SelectiveEnergyEvaluation(BondEnergyEvaluation):
