@@ -7,7 +7,7 @@ from conftest import SHIPPED
 
 import pdsurrogate as pd
 from pdsurrogate.artifacts import load_card, load_surrogate
-from pdsurrogate.body import ReflectionPlane
+from pdsurrogate.body import Ghosts, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings, PlainBondEnergyForce
 from pdsurrogate.forces.selective_energy import smoothing
 from pdsurrogate.materials import LAWS, NeoHookean, homogeneous, plane_strain, plane_stress, solid
@@ -222,18 +222,29 @@ def test_beyond_a_clamp_a_gradient_keeps_its_volume_and_beyond_a_mirror_it_is_mi
     np.testing.assert_allclose(images[mirrored], np.broadcast_to(mirror @ F @ mirror, (int(mirrored.sum()), 2, 2)))
 
 
+def test_a_bonded_edge_that_keeps_its_volume_is_no_longer_stiff(monkeypatch):
+    """The block of 16 points a side at -5 %: the force is 0.5 % off finite elements; clamps continued oddly make it 5.0 %."""
+    scene = pd.load_scene("plane-strain-block", {"material.bulk_modulus": 100.0, "stretches": 0.95, "spacing": 1 / 16})
+    kept = pd.simulate(scene, "bond-energy").levels[0]["nominal_stress_error"]
+    monkeypatch.setattr(Ghosts, "keeping_volume", lambda ghosts: ghosts)
+    odd = pd.simulate(scene, "bond-energy").levels[0]["nominal_stress_error"]
+    assert 0 < kept < 0.01
+    assert 0.04 < odd < 0.06
+
+
 def checkerboard(values, body):
     """Part of a field that changes sign from point to point inside a rectangle, over the field's standard deviation."""
     columns = len(np.unique(np.round(body.points[:, 0], 9)))
     grid = values.reshape(-1, columns)[3:-3, 3:-3]
-    signs = (-1.0) ** np.indices(grid.shape).sum(axis=0)
-    return abs((grid * signs).mean()) / grid.std()
+    rows = grid[:-2] - 2 * grid[1:-1] + grid[2:]
+    # Itself of a checkerboard, a product of fourth order in the spacing of anything smooth.
+    return np.sqrt((((rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:]) / 16) ** 2).mean()) / grid.std()
 
 
 def test_the_pressure_of_a_bonded_block_is_smooth():
     """16 points a side, bonded, pulled by 30 %: the force near finite elements, and no pressure that changes sign from point to point.
 
-    The force is 0.1 % off there, and at 1000 mu 0.01 %; all energy at the bonds gives 4 % more, and with longer horizons 25 %.
+    The force is 0.1 % off there; all energy at the bonds locks (pipelines/plane_strain_report.py).
     """
     scene = pd.load_scene("plane-strain-block", {"material.bulk_modulus": 100.0, "stretches": 1.3, "spacing": 1 / 16})
     result = pd.simulate(scene, "bond-energy")
@@ -241,4 +252,4 @@ def test_the_pressure_of_a_bonded_block_is_smooth():
     assert abs(level["nominal_stress_error"]) < 0.01
     stress = result.states[-1][1]["stress"].reshape(-1, 3, 3)
     pressure = np.trace(stress, axis1=1, axis2=2) / 3
-    assert checkerboard(pressure, result.body) < 0.02
+    assert checkerboard(pressure, result.body) < 0.005

@@ -126,7 +126,7 @@ class Ghosts:
 
         A mirror image has the volume ratio of its source.  Continued oddly in all components, as beyond a clamped plane, the stretch along
         the plane changes its sign and the one across does not: where the source has kept its volume, its image has not.  There the
-        gradient of the source itself is taken, which is the same on the plane (theory (48)).
+        gradient of the source itself is taken, which is the same on the plane (theory (53)).
         """
         return replace(self, parity=self.volume_parity, reflection=self.volume_reflection)
 

@@ -59,8 +59,10 @@ class EnergySurrogate(ForceModel):
 
 
 class BondEnergyForce(EnergySurrogate):
-    """The exact energy of any law: under plane stress at the bonds, C33 solved in every evaluation; in plane strain the isochoric part at
-    the bonds and the volumetric one at the points, which does not lock (`pdsurrogate.forces.selective_energy`).
+    """The exact energy of any law.
+
+    Under plane stress it is that of the bonds, C33 solved in every evaluation.  In plane strain the isochoric part is taken at the bonds
+    and the volumetric one at the points, which does not lock (`pdsurrogate.forces.selective_energy`).
     """
 
     name = "bond-energy"

@@ -12,7 +12,7 @@ from .protocol import CompiledBondForce
 
 
 def in_plane_strain(compiled: CompiledBondForce, law: Law, dtype) -> CompiledBondForce:
-    """A bond force of a thickness without stress with the pressure that a held one has (theory (42)).
+    """A bond force of a thickness without stress with the pressure that a held one has (theory (47)).
 
     Only the derivative of U is asked of the law, so that a dear one is not asked in plane strain either.
 

@@ -1,4 +1,4 @@
-"""The selective energy of plane strain: isochoric at the bonds, volumetric at the points (theory (43)-(47)).
+"""The selective energy of plane strain: isochoric at the bonds, volumetric at the points (theory (48)-(52)).
 
 At K = 1000 mu one bond after another would have to keep its area, more conditions than a body has displacements: all of the energy at the
 bonds locks.  A point's mean over its bonds is one condition a point.
@@ -18,7 +18,7 @@ from .bond_energy import BondEnergyEvaluation
 from .protocol import InvalidState
 
 GREATEST_SHARE = 0.75
-"""Of a point's smoothed dilatation, the share of its neighbours: what it is on a grid.  Where points lie closer it is brought down to this."""
+"""Share of a point's neighbours in its smoothed dilatation: what it is on a grid, and the most that it is where points lie closer."""
 
 
 class SelectiveEnergyEvaluation(BondEnergyEvaluation):
@@ -101,7 +101,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
 
 
 def smoothing(body: Body, carries: np.ndarray) -> sparse.csr_array:
-    """Weights of neighbours in the smoothed dilatation of the points (theory (45)), shape (n, n).
+    """Weights of neighbours in the smoothed dilatation of the points (theory (50)), shape (n, n).
 
     On a grid they are (1 2 1)/4 along each axis.  Rows add up to one, so that an even dilatation stays as it is; V_i W_ij is symmetric, so
     that its mean does as well, and an even pressure stays even.  What a neighbour beyond a surface would have stays with the point.  A

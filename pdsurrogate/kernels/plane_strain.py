@@ -17,7 +17,7 @@ MOST_SIZES = 4096
 
 @cache
 def plane_strain_bond_force(dtype):
-    """Block function that adds the pressure of a held thickness to the force of a model, T + (J3 U' - tr(T U)/3) U^-1 (theory (42)).
+    """Block function that adds the pressure of a held thickness to the force of a model, T + (J3 U' - tr(T U)/3) U^-1 (theory (47)).
 
     The isochoric part of the Kirchhoff stress has no trace, and the model has its part across the plane taken off all three.
     """

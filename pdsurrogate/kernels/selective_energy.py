@@ -1,4 +1,4 @@
-"""The isochoric energy of the bonds and the mean dilatation of the points: passes of a selective energy (theory (43)-(47)).
+"""The isochoric energy of the bonds and the mean dilatation of the points: passes of a selective energy (theory (48)-(52)).
 
 Written once over an algebra.  The reference data of a pair are n, 1/l and the volume that its isochoric energy counts for; a pair that
 carries nothing, or that pads a block, has none, and its state is replaced by rest.

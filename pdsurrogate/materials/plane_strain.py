@@ -106,7 +106,7 @@ def full_stress(law: Law, F, bulk_stress):
     law : Law
     F : ndarray, shape (n, 2, 2)
     bulk_stress : ndarray, shape (n,)
-        U', in units of mu: at det F, or what a selective energy has in its place (theory (46)).
+        U', in units of mu: at det F, or what a selective energy has in its place (theory (51)).
     """
     check_consistency(law)
     trace, J = plane_stress.invariants(F)

@@ -86,7 +86,7 @@ class PointState:
     volume_ratio : ndarray, shape (n,)
         J3, where the volumetric energy is taken.
     bulk_stress : ndarray, shape (n,)
-        U' there, in units of mu; in plane strain alone.
+        What the bonds feel of U' there, in units of mu; in plane strain alone.
     """
 
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
