@@ -174,7 +174,8 @@ class Kinematics:
         self.form_gradients()
         if not self._found:
             if self._find_states():
-                raise InvalidState(self._diagnose())
+                self.volume_ratios[:] = 1.0  # so that a later evaluation starts afresh
+                raise InvalidState(self.diagnose(self.law))
             if self._turn:
                 self._turn()
             self._found = True
@@ -200,17 +201,17 @@ class Kinematics:
         self.form_gradients()
         return self.gradients[: len(self.body)].reshape(-1, 2, 2).transpose(0, 2, 1)
 
-    def _diagnose(self) -> str:
-        """Say which point has no state, and why.  The volume ratios are reset, so that a later evaluation starts afresh."""
-        self.volume_ratios[:] = 1.0
+    def diagnose(self, law: Law, numbers: np.ndarray | None = None) -> str:
+        """Say which point has no state by a law, and why; of the points and images of the given numbers, or all."""
+        numbers = np.arange(len(self.gradients)) if numbers is None else numbers
         owners = np.concatenate([np.arange(len(self.body)), self.body.ghosts.source.astype(np.int64)])
 
         def at(number: int, what: str) -> str:
-            image = "" if number < len(self.body) else "its image beyond the grip: "
-            return at_point(self.body, int(owners[number]), image + what)
+            image = "" if numbers[number] < len(self.body) else "its image beyond the grip: "
+            return at_point(self.body, int(owners[numbers[number]]), image + what)
 
         # Images too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
-        F = self.gradients.reshape(-1, 2, 2).transpose(0, 2, 1)
+        F = self.gradients[numbers].reshape(-1, 2, 2).transpose(0, 2, 1)
         broken = np.flatnonzero(~np.isfinite(F).all(axis=(1, 2)))
         if len(broken):
             return at(int(broken[0]), "its deformation gradient is not finite")
@@ -221,7 +222,7 @@ class Kinematics:
         order = np.argsort(-trace)
         for i in order[:100]:
             try:
-                plane_stress.volume_ratio(self.law, trace[i], J[i])
+                plane_stress.volume_ratio(law, trace[i], J[i])
             except ValueError as error:
                 return at(int(i), str(error))
         i = int(order[0])

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..body import Body
 from ..discretisation import discretise, grip_areas
-from ..forces import ForceModel, ForceSettings, InternalForce
+from ..forces import ForceModel, ForceSettings, InternalForce, bind_portions
 from ..kernels.threads import threads_for
 from ..materials import Law
 from ..results import measures
@@ -24,7 +24,9 @@ from ..scenes import Scene, SceneError
 from ..scenes.model import EDGES
 from ..solvers.conditions import Loading
 from ..solvers.reductions import LOCAL, LocalReductions
+from ..solvers.regions import BodyRegions
 from .interruption import Interruption
+from .materials import models_of, portions_of
 
 
 class Progress(Protocol):
@@ -72,7 +74,9 @@ class Run:
     threads : int or None
         Of the kernels; None for as many as pay for the body.
     law, body, loading, force
-        What was built for it.
+        What was built for it; the law is that of the rest where there are several materials.
+    models : list of ForceModel
+        Of the rest, then of `scene.materials`.
     grip_areas : dict of float
         Cross-section of the body at every grip, by edge.
     stress_grip : Grip
@@ -116,6 +120,7 @@ class Run:
     def __post_init__(self) -> None:
         scene = self.scene
         self.law: Law = scene.material.build()
+        self.models = [self.model, *models_of(scene, self.model)]
         self.body: Body
         self.body, lower, upper = discretise(scene)
         self._check_rate((upper - lower)[scene.loaded_axis])
@@ -124,7 +129,12 @@ class Run:
         try:
             self.loading = Loading(scene, self.body, lower, upper, self.reductions)
             numba.set_num_threads(self.threads)
-            self.force: InternalForce = self.model.bind(self.body, self.law, settings)
+            self.force: InternalForce
+            if scene.materials:
+                regions = BodyRegions(scene, self.body, lower, upper, lambda: None)
+                self.force = bind_portions(self.body, portions_of(scene, self.body, self.models, regions), settings)
+            else:
+                self.force = self.model.bind(self.body, self.law, settings)
             self._check_support()
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
@@ -138,7 +148,8 @@ class Run:
         spec = self.scene.dynamics
         if spec is None:
             return
-        speed, wave = spec.stretch_rate * length, math.sqrt(self.law.shear_modulus / spec.density)
+        laws = [self.law, *(part.material.build() for part in self.scene.materials)]
+        speed, wave = spec.stretch_rate * length, math.sqrt(min(law.shear_modulus for law in laws) / spec.density)
         if speed > wave:
             unit = f"{self.scene.units.length}/{self.scene.units.time}"
             raise SceneError(
@@ -185,7 +196,8 @@ class Run:
         """What a checkpoint of this run must have in common with it."""
         return {
             "scene": self.scene.model_dump(mode="json"),
-            "force": [self.model.name, _digest(self.model.payload())],
+            "force": _name_and_digest(self.model),
+            **({"forces_of_materials": [_name_and_digest(model) for model in self.models[1:]]} if self.scene.materials else {}),
             "n_points": len(self.body),
             "n_pairs": len(self.body.bonds.first),
         }
@@ -216,6 +228,11 @@ class Run:
         self.states = StatesInFiles(self.folder, self.body.points, self.scene.name, [Moment(*moment) for moment in progress["moments"]])
         self.force.evaluations, self.force.pairs_outside = progress["evaluations"], progress["outside"]
         return found
+
+
+def _name_and_digest(model: ForceModel) -> list[str]:
+    """What tells a force model from others."""
+    return [model.name, _digest(model.payload())]
 
 
 def _digest(payload) -> str:

@@ -30,17 +30,21 @@ class NearestBondStiffness:
     Parameters
     ----------
     body : Body
-    shear_modulus : float
+    shear_moduli : float or ndarray, shape (n,)
+        Of all points, or of each.
     free : ndarray, shape (n, 2)
         1 where a component may move; held ones get the identity.
     """
 
-    def __init__(self, body: Body, shear_modulus: float, free: np.ndarray) -> None:
+    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
         n, bonds, points, ghosts = len(body), body.bonds, body.all_points, body.ghosts
         vector = points[bonds.second] - points[bonds.first]
         length = np.linalg.norm(vector, axis=1)
         volumes = body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-        stiffness = 6 * shear_modulus * body.weigh(length) * volumes / body.kappa
+        if isinstance(shear_moduli, np.ndarray):
+            ends = np.concatenate([shear_moduli, shear_moduli[ghosts.source]])
+            shear_moduli = (ends[bonds.first] + ends[bonds.second]) / 2
+        stiffness = 6 * shear_moduli * body.weigh(length) * volumes / body.kappa
         near = length <= REACH * body.spacing
         if not near.any():
             near[:] = True
