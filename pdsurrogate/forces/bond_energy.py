@@ -20,7 +20,7 @@ from ..materials import Law, plane_stress
 from .energy_density import EnergyDerivatives, blended, domain_constants
 from .evaluation import DomainWatch, Evaluation
 from .kinematics import Kinematics, at_point, locate
-from .portions import EvaluationOfPortions, common_precision, padded
+from .portions import EvaluationOfPortions, common_precision
 from .protocol import CompiledBondForce, Domain, ForceModel, InvalidState, Portion, Release
 from .settings import OUTSIDE, OUTSIDE_POLICIES, PRECISIONS, ForceSettings
 
@@ -103,6 +103,8 @@ class PairEnergies:
     kinematics : Kinematics
     response
         Compiled response of the law.
+    positions, gradients : ndarray, shapes (k, 2) and (k, 4)
+        Of the points and images that pairs are made of.
     first, second : ndarray of uint32
         Ends of the pairs, filled up to whole blocks.
     geometry : ndarray
@@ -129,6 +131,8 @@ class PairEnergies:
         outside: str,
         kinematics: Kinematics,
         response,
+        positions: np.ndarray,
+        gradients: np.ndarray,
         first: np.ndarray,
         second: np.ndarray,
         geometry: np.ndarray,
@@ -146,8 +150,8 @@ class PairEnergies:
         self.forces = aligned_rows((len(first), 2), precision)
         self.moments = aligned_rows((len(first), 4), precision)
         self._find = bond_energy.pair_energies.bind(
-            kinematics.positions,
-            kinematics.gradients,
+            positions,
+            gradients,
             first,
             second,
             geometry,
@@ -241,7 +245,7 @@ class EnergyOfPairs(Evaluation):
 
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
         self._kinematics.place(positions)
-        self._kinematics.form_gradients()
+        self._form()
         outside, invalid, without_force = self.pass_bonds(out)
         self.pairs_outside += sum(outside)
         for watch, found in zip(self._watches, outside, strict=True):
@@ -251,6 +255,10 @@ class EnergyOfPairs(Evaluation):
         if without_force:
             raise InvalidState(locate(self.body, out, "the force on it is not finite"))
 
+    def _form(self) -> None:
+        """Bring up to date what the pass over the pairs reads, at the positions last placed."""
+        self._kinematics.form_gradients()
+
     @abstractmethod
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
         """Pass over the pairs and sums, with the deformation gradients last formed.
@@ -258,15 +266,20 @@ class EnergyOfPairs(Evaluation):
         Returns the number of pairs outside the domain of every model, of those turned inside out, and of points without a force.
         """
 
-    @abstractmethod
-    def weighted_derivatives(self, trace, area_ratio) -> np.ndarray:
-        """psi_I, psi_J, psi_II, psi_IJ and psi_JJ of the energy of every pair, times its volume, over `unit`; shape (5, n_pairs)."""
-
-    def sums_of(self, forces: np.ndarray, moments: np.ndarray) -> Callable[[np.ndarray], int]:
+    def sums_of(
+        self, forces: np.ndarray, moments: np.ndarray, others_of: Callable[[np.ndarray], np.ndarray] | None = None
+    ) -> Callable[[np.ndarray], int]:
         """What sums forces and moments of the pairs to the body's points, bound to these arrays.
 
         What falls to a ghost goes to the point behind it.  Called with the array to write to, it returns the number of points and ghosts
         without a force.
+
+        Parameters
+        ----------
+        forces, moments : ndarray
+            Of the pairs.
+        others_of : callable, optional
+            Called with the moments of the points, it gives forces on them beside these.
         """
         body, bonds, ghosts, kinematics = self.body, self.body.bonds, self.body.ghosts, self._kinematics
         n, chunks = len(body), kinematics.chunks
@@ -283,13 +296,17 @@ class EnergyOfPairs(Evaluation):
         def to_points(out: np.ndarray) -> int:
             gather()
             ghosts.fold_moments(self._stresses)
+            beside = None if others_of is None else others_of(self._stresses[:n])
             weigh()
-            if not len(ghosts):
+            if len(ghosts):
+                without_force = own() + others()
+                ghosts.fold_forces(total)
+                out[:] = total[:n]
+            else:
                 own.give("out", out)
-                return own()
-            without_force = own() + others()
-            ghosts.fold_forces(total)
-            out[:] = total[:n]
+                without_force = own()
+            if beside is not None:
+                out += beside
             return without_force
 
         return to_points
@@ -347,52 +364,6 @@ class EnergyOfPairs(Evaluation):
         m = np.stack([-vectors[:, 1], vectors[:, 0]], axis=1) / length
         mean = (kinematics.gradients[bonds.first] + kinematics.gradients[bonds.second]).reshape(-1, 2, 2) / 2
         return (kinematics.positions[bonds.second] - kinematics.positions[bonds.first]) / length, np.einsum("bji,bj->bi", mean, m)
-
-    @property
-    def has_tangent(self) -> bool:
-        # Rounding in single precision would be most of what differences of the energy leave.
-        return self.precision == "float64"
-
-    def tangent(self, positions: np.ndarray) -> Tangent:
-        from .tangent import Tangent
-
-        return Tangent(self, positions)
-
-    def tangent_pass(self, linearised: np.ndarray) -> Callable[[np.ndarray, np.ndarray], None]:
-        """What multiplies the tangent by displacements of the points.
-
-        Parameters
-        ----------
-        linearised : ndarray, shape (n_blocks, 9, BLOCK)
-            See `pdsurrogate.kernels.bond_energy.pair_tangents`.
-
-        Returns
-        -------
-        callable
-            Called with displacements (n, 2), it writes minus the tangent times them to its second argument.
-        """
-        ghosts, n, chunks = self.body.ghosts, len(self.body), self._kinematics.chunks
-        changes, gradients = np.zeros_like(self.positions), np.zeros_like(self._kinematics.gradients)
-        forces, moments = np.zeros((linearised.shape[0] * BLOCK, 2)), np.zeros((linearised.shape[0] * BLOCK, 4))
-        form, to_points = self._kinematics.gradient_pass(changes, gradients, 0.0), self.sums_of(forces, moments)
-        geometry = pair_geometry(self.body, slice(None), self.bond_weights, self.precision)
-        pairs = *self.body.bonds.ends_in_blocks(BLOCK), geometry, linearised
-        memory = aligned_rows((chunks, bond_energy.BUFFER_ROWS, BLOCK), self.precision), aligned_rows((chunks, 4, BLOCK))
-        find = bond_energy.pair_tangents.bind(changes, gradients, *pairs, *memory, forces, moments, chunks=chunks)
-
-        def multiply(displacements: np.ndarray, out: np.ndarray) -> None:
-            changes[:n] = displacements
-            ghosts.fill_displacements(changes)
-            form()
-            ghosts.fill_changes(gradients)
-            find()
-            to_points(out)
-
-        return multiply
-
-    def gradient_weights(self) -> np.ndarray:
-        """Weights of the neighbours' positions in the points' F, K^-1 w x V_j of every directed bond, shape (n_bonds, 2)."""
-        return self._kinematics.gradient_weights()
 
     def _weigh_pairs(self, pairs: np.ndarray) -> np.ndarray:
         """Bring shares and weights of bonds up to date after a change at the given pairs.
@@ -465,7 +436,8 @@ class BondEnergyEvaluation(EnergyOfPairs):
         self._prepare()
         self.geometry = pair_geometry(body, slice(None), self.bond_weights, self.precision)
         ends, kinematics = body.bonds.ends_in_blocks(BLOCK), self._kinematics
-        self._pairs = PairEnergies(model, law, self.precision, self.outside, kinematics, kinematics.response, *ends, self.geometry)
+        places = kinematics.positions, kinematics.gradients
+        self._pairs = PairEnergies(model, law, self.precision, self.outside, kinematics, kinematics.response, *places, *ends, self.geometry)
         self._forces, self._moments = self._pairs.forces, self._pairs.moments
         self._own_sums = self.sums_of(self._forces, self._moments)
 
@@ -478,8 +450,51 @@ class BondEnergyEvaluation(EnergyOfPairs):
         """See `PairEnergies.energy_derivatives`."""
         return self._pairs.energy_derivatives(trace, area_ratio)
 
-    def weighted_derivatives(self, trace, area_ratio) -> np.ndarray:
-        return self.bond_weights * first_and_second(self.energy_derivatives(trace, area_ratio))
+    @property
+    def has_tangent(self) -> bool:
+        # Rounding in single precision would be most of what differences of the energy leave.
+        return self.precision == "float64"
+
+    def tangent(self, positions: np.ndarray) -> Tangent:
+        from .tangent import Tangent
+
+        return Tangent(self, positions)
+
+    def tangent_pass(self, linearised: np.ndarray) -> Callable[[np.ndarray, np.ndarray], None]:
+        """What multiplies the tangent by displacements of the points.
+
+        Parameters
+        ----------
+        linearised : ndarray, shape (n_blocks, 9, BLOCK)
+            See `pdsurrogate.kernels.bond_energy.pair_tangents`.
+
+        Returns
+        -------
+        callable
+            Called with displacements (n, 2), it writes minus the tangent times them to its second argument.
+        """
+        ghosts, n, chunks = self.body.ghosts, len(self.body), self._kinematics.chunks
+        changes, gradients = np.zeros_like(self.positions), np.zeros_like(self._kinematics.gradients)
+        forces, moments = np.zeros((linearised.shape[0] * BLOCK, 2)), np.zeros((linearised.shape[0] * BLOCK, 4))
+        form, to_points = self._kinematics.gradient_pass(changes, gradients, 0.0), self.sums_of(forces, moments)
+        geometry = pair_geometry(self.body, slice(None), self.bond_weights, self.precision)
+        pairs = *self.body.bonds.ends_in_blocks(BLOCK), geometry, linearised
+        memory = aligned_rows((chunks, bond_energy.BUFFER_ROWS, BLOCK), self.precision), aligned_rows((chunks, 4, BLOCK))
+        find = bond_energy.pair_tangents.bind(changes, gradients, *pairs, *memory, forces, moments, chunks=chunks)
+
+        def multiply(displacements: np.ndarray, out: np.ndarray) -> None:
+            changes[:n] = displacements
+            ghosts.fill_displacements(changes)
+            form()
+            ghosts.fill_changes(gradients)
+            find()
+            to_points(out)
+
+        return multiply
+
+    def gradient_weights(self) -> np.ndarray:
+        """Weights of the neighbours' positions in the points' F, K^-1 w x V_j of every directed bond, shape (n_bonds, 2)."""
+        return self._kinematics.gradient_weights()
 
     def take_out(self, pairs: np.ndarray) -> Release:
         """Of the horizons, the deformation gradients and the sum of energies.
@@ -513,15 +528,11 @@ class BondEnergyEvaluation(EnergyOfPairs):
         return np.nan if invalid else self.energy()
 
 
-def first_and_second(energy: EnergyDerivatives) -> np.ndarray:
-    """The derivatives of an energy, shape (5, n)."""
-    return np.stack([energy.by_trace, energy.by_area, energy.by_trace_trace, energy.by_trace_area, energy.by_area_area])
-
-
 class BondEnergyOfPortions(EnergyOfPairs, EvaluationOfPortions):
     """Energies of several materials on one body, theory (28a): of a pair across an interface every end has its share, by its own law.
 
-    The deformation gradient of a pair is one, whatever its ends are made of.
+    Either material sees the bond and its ends as if the other moved as itself (`Interfaces`), so a pair across an interface has one gradient
+    for each; what the energy says about the jump between them is a force on the points that the jump is found from.
     """
 
     def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
@@ -532,35 +543,43 @@ class BondEnergyOfPortions(EnergyOfPairs, EvaluationOfPortions):
         owners = np.repeat(self.portion_of[: len(body)], np.diff(bonds.pointers).astype(np.int64))
         self._parts, self._watches = [], []
         for number, portion in enumerate(portions):
-            self._add_states(portion, portion.points)
             weights = np.bincount(bonds.pair_of, self.bond_shares * (owners == number), self._n_pairs)
             pairs = np.flatnonzero(weights)
             weights = weights[pairs]
             geometry = pair_geometry(body, pairs, weights, self.precision)
-            ends = (padded(end[pairs]) for end in (bonds.first, bonds.second))
-            response = self.states[-1].response
-            part = PairEnergies(portion.model, portion.law, self.precision, outside, kinematics, response, *ends, geometry)
-            self._parts.append((part, pairs, weights, portion.law.shear_modulus))
+            states = self._add_states(pairs)
+            view = states.view
+            arrays = view.positions, view.gradients, view.first, view.second, geometry
+            part = PairEnergies(portion.model, portion.law, self.precision, outside, kinematics, states.response, *arrays)
+            across = np.stack([self.portion_of[end[pairs]] != number for end in (bonds.first, bonds.second)])
+            seen = [(np.flatnonzero(other), end[pairs][other]) for other, end in zip(across, (bonds.first, bonds.second), strict=True)]
+            self._parts.append((part, pairs, seen, portion.law.shear_modulus))
             self._watches.append(DomainWatch(portion.model, len(pairs), outside, "energy", "energy"))
         self._forces = aligned_rows((self._n_pairs, 2), self.precision)
         self._moments = aligned_rows((self._n_pairs, 4), self.precision)
-        self._own_sums = self.sums_of(self._forces, self._moments)
+        self._seen_forces, self._seen_moments = np.zeros((len(body.all_points), 2)), np.zeros((len(body.all_points), 4))
+        self._own_sums = self.sums_of(self._forces, self._moments, self._on_jumps)
+
+    def _form(self) -> None:
+        self.form_views()
+
+    def _on_jumps(self, moments: np.ndarray) -> np.ndarray:
+        """Forces on the points from what the energy says about the jumps at interfaces."""
+        return self._kinematics.interfaces.hand_on(self._seen_forces, self._seen_moments, moments)
 
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
         self._forces[:] = self._moments[:] = 0.0
+        self._seen_forces[:] = self._seen_moments[:] = 0.0
         self._energy, outside = 0.0, []
-        for part, pairs, _, unit in self._parts:
+        for part, pairs, seen, unit in self._parts:
             outside.append(part())
             self._energy += unit * part.energy
             self._forces[pairs] += unit * part.forces[: len(pairs)]
             self._moments[pairs] += unit * part.moments[: len(pairs)]
+            for sign, (some, others) in zip((1.0, -1.0), seen, strict=True):
+                np.add.at(self._seen_forces, others, sign * unit * part.forces[some])
+                np.add.at(self._seen_moments, others, unit * part.moments[some])
         return outside, sum(part.invalid for part, *_ in self._parts), self._own_sums(out)
-
-    def weighted_derivatives(self, trace, area_ratio) -> np.ndarray:
-        rows = np.zeros((5, self._n_pairs))
-        for part, pairs, weights, unit in self._parts:
-            rows[:, pairs] += unit * weights * first_and_second(part.energy_derivatives(trace[pairs], area_ratio[pairs]))
-        return rows
 
     @property
     def pairs_evaluated(self) -> int:

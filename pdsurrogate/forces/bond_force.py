@@ -15,7 +15,7 @@ from ..kernels.sums import sum_pair_forces
 from ..materials import Law
 from .evaluation import DomainWatch, Evaluation
 from .kinematics import Kinematics, at_point, locate
-from .portions import EvaluationOfPortions, PointStates, common_precision, padded
+from .portions import EvaluationOfPortions, PointStates, common_precision
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel, InvalidState, Portion
 from .settings import OUTSIDE, OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, ForceSettings
 from .surrogate_thickness import SurrogateThickness
@@ -260,7 +260,7 @@ class BondForceOfPortions(EvaluationOfPortions):
     def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
         correction = settings.correction or ("tensor" if all(portion.model.gives_transverse for portion in portions) else "scalar")
         super().__init__(body, portions, common_precision(portions, settings), correction, settings)
-        bonds, kinematics, total = body.bonds, self._kinematics, len(body.all_points)
+        bonds, kinematics = body.bonds, self._kinematics
         outside = settings.outside or OUTSIDE
         ends = np.stack([bonds.first, bonds.second])
         owners = self.portion_of[ends]
@@ -268,29 +268,27 @@ class BondForceOfPortions(EvaluationOfPortions):
         self._parts = []
         for number, portion in enumerate(portions):
             pairs = np.flatnonzero((owners == number).any(axis=0))
-            seen = np.zeros(total, dtype=bool)
-            seen[portion.points] = seen[ends[:, pairs]] = True
-            numbers, place = np.flatnonzero(seen), np.cumsum(seen) - 1
-            states = self._add_states(portion, numbers)
-            first, second = (padded(place[end[pairs]]) for end in ends)
-            positions = np.empty((len(numbers), 2))
-            part = PairForces(portion.model, portion.law, self.precision, outside, positions, states, first, second, kinematics.chunks)
+            states = self._add_states(pairs)
+            view = states.view
+            part = PairForces(
+                portion.model, portion.law, self.precision, outside, view.positions, states, view.first, view.second, kinematics.chunks
+            )
             self.learnt_thickness |= part.learns_thickness
             reference_state.pair_rows(
                 np.arange(len(pairs), dtype=np.uint32),
-                first,
-                second,
-                np.ascontiguousarray(body.all_points[numbers]),
-                np.ascontiguousarray(strength[pairs]),
-                np.ascontiguousarray(kinematics.inverse_shape[numbers]),
-                np.ascontiguousarray(kinematics.supported[numbers]),
+                view.first,
+                view.second,
+                body.all_points[view.numbers],
+                strength[pairs],
+                kinematics.inverse_shape[view.numbers],
+                kinematics.supported[view.numbers],
                 reference_state.CORRECTIONS[self.correction],
                 body.kappa,
                 body.horizon,
                 part.geometry,
             )
             watch = DomainWatch(portion.model, len(pairs), outside, "force", "bond force")
-            self._parts.append((part, pairs, numbers, positions, portion.law.shear_modulus, watch))
+            self._parts.append((part, pairs, portion.law.shear_modulus, watch))
         self._forces = aligned_rows((self._n_pairs, 2), self.precision)
         sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
         self._sum_forces = sum_pair_forces[2].bind(*sums, 1.0, np.empty_like(body.points), chunks=kinematics.chunks)
@@ -298,8 +296,6 @@ class BondForceOfPortions(EvaluationOfPortions):
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
         self._kinematics.place(positions)
         self.find_states()
-        for _, _, numbers, own, *_ in self._parts:
-            np.take(self._kinematics.positions, numbers, axis=0, out=own, mode="clip")
         outside, without_force = self.pass_bonds(out)
         self.pairs_outside += sum(outside)
         for (*_, watch), found in zip(self._parts, outside, strict=True):
@@ -311,7 +307,7 @@ class BondForceOfPortions(EvaluationOfPortions):
         """Bond passes and sum in the states last found; the pairs outside each model's domain, and the points without a force."""
         self._forces[:] = 0.0
         outside = []
-        for part, pairs, _, _, unit, _ in self._parts:
+        for part, pairs, unit, _ in self._parts:
             outside.append(part())
             self._forces[pairs] += unit * part.forces[: len(pairs)]
         self._sum_forces.give("out", out)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from ..materials import Law, plane_stress
 from .protocol import InvalidState
 from .settings import ROTATION, ROTATIONS
 from .surrogate_thickness import SurrogateThickness
+
+if TYPE_CHECKING:
+    from .interfaces import Interfaces
 
 
 class Kinematics:
@@ -50,6 +54,8 @@ class Kinematics:
         1 where the bonds span the plane.
     surrogate_thickness : SurrogateThickness or None
         What solves the plane-stress condition in the place of the law.
+    interfaces : Interfaces or None
+        Where materials meet, in a body of several.
     """
 
     def __init__(self, body: Body, law: Law, precision: str, rotation: str | None = None) -> None:
@@ -80,6 +86,7 @@ class Kinematics:
         self.records = aligned_rows((total, 4), precision)
         self.scratch = aligned_rows((self.chunks, SCRATCH_ROWS, BLOCK), value=1)
         self.surrogate_thickness: SurrogateThickness | None = None
+        self.interfaces: Interfaces | None = None
         turn = ROTATIONS[rotation or ROTATION]
         self._turn = turn and turn.bind(self.gradients, self.records, chunks=self.chunks)
 
@@ -160,6 +167,8 @@ class Kinematics:
         """Bring the deformation gradients of points and ghosts up to date."""
         if not self._formed:
             self._form_gradients()
+            if self.interfaces is not None:
+                self.interfaces.correct(self.positions, self.gradients)
             self.body.ghosts.fill_gradients(self.gradients)
             self._formed = True
 

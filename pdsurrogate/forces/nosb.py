@@ -105,13 +105,14 @@ class NOSBOfPortions(EvaluationOfPortions, StressesAtPoints):
         super().__init__(body, portions, "float64", "none", settings)
         self._prepare()
         kinematics, self._parts = self._kinematics, []
-        for number, portion in enumerate(portions):
-            states = self._add_states(portion, np.flatnonzero(self.portion_of == number))
-            stresses = aligned_rows((len(states.numbers), 4))
+        for portion in portions:
+            states = self._add_states(np.empty(0, dtype=np.int64))
+            numbers = states.view.numbers
+            stresses = aligned_rows((len(numbers), 4))
             weigh = nosb.weighted_stresses[2].bind(
-                states.gradients,
+                states.view.gradients,
                 states.volume_ratios,
-                np.ascontiguousarray(kinematics.inverse_shape[states.numbers]),
+                kinematics.inverse_shape[numbers],
                 portion.law.shear_modulus,
                 states.response.address,
                 states.parameters,
@@ -119,7 +120,7 @@ class NOSBOfPortions(EvaluationOfPortions, StressesAtPoints):
                 stresses,
                 chunks=kinematics.chunks,
             )
-            self._parts.append((weigh, states.numbers, stresses))
+            self._parts.append((weigh, numbers, stresses))
 
     def _find_stresses(self) -> None:
         for weigh, numbers, stresses in self._parts:

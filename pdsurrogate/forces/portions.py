@@ -13,6 +13,7 @@ from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.passes import BoundPass
 from ..materials import Law, plane_stress
 from .evaluation import Evaluation
+from .interfaces import Interfaces
 from .kinematics import Kinematics
 from .protocol import ForceModel, InternalForce, InvalidState, Portion
 from .settings import ROTATION, ROTATIONS, ForceSettings
@@ -80,68 +81,101 @@ def common_precision(portions: Sequence[Portion], settings: ForceSettings) -> st
     return settings.precision or max(portion.model.default_precision for portion in portions)
 
 
-def padded(values: np.ndarray) -> np.ndarray:
-    """Ends of pairs filled up with zeros to a whole number of blocks."""
-    return np.pad(values, (0, -len(values) % BLOCK)).astype(np.uint32)
-
-
-class PointStates:
-    """States of some points and images of a body by the law of one material.
+class View:
+    """The points of a material, and those of others that it is bonded to where and as it sees them (`Interfaces`).
 
     Parameters
     ----------
     kinematics : Kinematics
-        Of the body, whose deformation gradients are read.
+    own : ndarray of bool, shape (n + m,)
+        Points and images of the material.
+    pairs : ndarray of int
+        Pairs of the body that it has a part in.
+
+    Attributes
+    ----------
+    numbers : ndarray of int, shape (k,)
+        Of the points and images in the body, rising.
+    first, second : ndarray of uint32
+        Ends of the pairs by their places in `numbers`, filled up to whole blocks.
+    positions, gradients : ndarray, shapes (k, 2) and (k, 4)
+    """
+
+    def __init__(self, kinematics: Kinematics, own: np.ndarray, pairs: np.ndarray) -> None:
+        self._kinematics, bonds = kinematics, kinematics.body.bonds
+        ends = bonds.first[pairs], bonds.second[pairs]
+        seen = own.copy()
+        for end in ends:
+            seen[end] = True
+        self.numbers, place = np.flatnonzero(seen), np.cumsum(seen) - 1
+        self.first, self.second = (np.pad(place[end], (0, -len(end) % BLOCK)).astype(np.uint32) for end in ends)
+        self.positions, self.gradients = aligned_rows((len(self.numbers), 2)), aligned_rows((len(self.numbers), 4))
+        self._others = np.flatnonzero(~own[self.numbers])
+        self._numbers_of_others = self.numbers[self._others]
+
+    def update(self) -> None:
+        """Bring positions and gradients up to date with those of the body."""
+        kinematics, interfaces = self._kinematics, self._kinematics.interfaces
+        np.take(kinematics.positions, self.numbers, axis=0, out=self.positions, mode="clip")
+        np.take(kinematics.gradients, self.numbers, axis=0, out=self.gradients, mode="clip")
+        self.positions[self._others] = interfaces.seen_positions[self._numbers_of_others]
+        self.gradients[self._others] = interfaces.seen_gradients[self._numbers_of_others]
+
+
+class PointStates:
+    """States of the points that a material sees, by its law.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+        Of the body.
     law : Law
-    numbers : ndarray of int
-        Of the points and images.
+    view : View
     precision, rotation : str
         Of the records, as for `Kinematics`.
 
     Attributes
     ----------
-    numbers
-    gradients, volume_ratios, records : ndarray, shapes (k, 4), (k,) and (k, 4)
-        As those of `Kinematics`, of these points.
+    view
+    volume_ratios, records : ndarray, shapes (k,) and (k, 4)
+        As those of `Kinematics`.
     response, parameters, scratch
         Of the law, for passes over these points.
     surrogate_thickness : SurrogateThickness or None
         What solves the plane-stress condition in the place of the law.
     """
 
-    def __init__(self, kinematics: Kinematics, law: Law, numbers: np.ndarray, precision: str, rotation: str | None) -> None:
-        self._kinematics, self.law, self.numbers = kinematics, law, numbers
+    def __init__(self, kinematics: Kinematics, law: Law, view: View, precision: str, rotation: str | None) -> None:
+        self._kinematics, self.law, self.view = kinematics, law, view
         self.response, self.parameters, self.scratch = plane_stress.response.block(law), law.parameters, kinematics.scratch
-        self.gradients = aligned_rows((len(numbers), 4))
-        self.volume_ratios = np.ones(len(numbers))
-        self.records = aligned_rows((len(numbers), 4), precision)
+        self.volume_ratios = np.ones(len(view.numbers))
+        self.records = aligned_rows((len(view.numbers), 4), precision)
         self.surrogate_thickness: SurrogateThickness | None = None
         turn = ROTATIONS[rotation or ROTATION]
-        self._turn = turn and turn.bind(self.gradients, self.records, chunks=kinematics.chunks)
+        self._turn = turn and turn.bind(view.gradients, self.records, chunks=kinematics.chunks)
         self._find: BoundPass | None = None
 
     def find(self) -> None:
-        """Bring volume ratios and records up to date with the body's deformation gradients.
+        """Bring volume ratios and records up to date with the gradients in the view.
 
         Raises
         ------
         InvalidState
             Where there is no state; names the point.
         """
-        np.take(self._kinematics.gradients, self.numbers, axis=0, out=self.gradients, mode="clip")
         if self._find is None:
             self._find = self._bound()
         if self._find():
             self.volume_ratios[:] = 1.0
-            raise InvalidState(self._kinematics.diagnose(self.law, self.numbers))
+            raise InvalidState(self._kinematics.diagnose(self.law, self.view.numbers))
         if self._turn:
             self._turn()
 
     def _bound(self) -> BoundPass:
         law, chunks = (self.response.address, self.parameters), self._kinematics.chunks
         if self.surrogate_thickness is not None:
-            return self.surrogate_thickness.bind(self.gradients, self.volume_ratios, *law, self.records, chunks)
-        return node_state.node_states.bind(self.gradients, self.volume_ratios, *law, self.scratch, self.records, chunks=chunks)
+            return self.surrogate_thickness.bind(self.view.gradients, self.volume_ratios, *law, self.records, chunks)
+        return node_state.node_states.bind(self.view.gradients, self.volume_ratios, *law, self.scratch, self.records, chunks=chunks)
 
 
 class EvaluationOfPortions(Evaluation):
@@ -164,7 +198,7 @@ class EvaluationOfPortions(Evaluation):
     portion_of : ndarray of int, shape (n + m,)
         Which of the portions every point and image is of.
     states : list of PointStates
-        Of every portion; `_add_states` makes them.
+        Of every portion; `_add_states` makes them, in the order of the portions.
     """
 
     def __init__(self, body: Body, portions: Sequence[Portion], precision: str, correction: str, settings: ForceSettings) -> None:
@@ -175,6 +209,7 @@ class EvaluationOfPortions(Evaluation):
         for number, portion in enumerate(portions):
             self.portion_of[portion.points] = number
         body.ghosts.fill(self.portion_of)
+        self._kinematics.interfaces = Interfaces(body, self._kinematics, self.portion_of)
         self.states: list[PointStates] = []
         moduli = np.array([portion.law.shear_modulus for portion in portions])[self.portion_of]
         self._shear_moduli, self._force_scale = moduli[: len(body)], moduli.copy()
@@ -183,14 +218,24 @@ class EvaluationOfPortions(Evaluation):
             np.maximum.at(self._force_scale, ends, moduli[others])
         self._force_scale = self._force_scale[: len(body)]
 
-    def _add_states(self, portion: Portion, numbers: np.ndarray) -> PointStates:
-        """States of points and images by the law of a portion."""
-        self.states.append(PointStates(self._kinematics, portion.law, numbers, self.precision, self._rotation))
+    def _add_states(self, pairs: np.ndarray) -> PointStates:
+        """States of the points of the next portion, and of those that it sees in the given pairs."""
+        number, kinematics = len(self.states), self._kinematics
+        view = View(kinematics, self.portion_of == number, pairs)
+        self.states.append(PointStates(kinematics, self.portions[number].law, view, self.precision, self._rotation))
         return self.states[-1]
 
+    def form_views(self) -> None:
+        """Bring gradients, and what the materials see, up to date."""
+        kinematics = self._kinematics
+        kinematics.form_gradients()
+        kinematics.interfaces.see(kinematics.positions, kinematics.gradients)
+        for states in self.states:
+            states.view.update()
+
     def find_states(self) -> None:
-        """Bring gradients and the points' states up to date."""
-        self._kinematics.form_gradients()
+        """Bring gradients, views and the points' states up to date."""
+        self.form_views()
         for states in self.states:
             states.find()
 
@@ -210,8 +255,9 @@ class EvaluationOfPortions(Evaluation):
         self.find_states()
         found, n = np.empty(len(self.portion_of)), len(self.body)
         for number, states in enumerate(self.states):
-            own = self.portion_of[states.numbers] == number
-            found[states.numbers[own]] = states.volume_ratios[own]
+            numbers = states.view.numbers
+            own = self.portion_of[numbers] == number
+            found[numbers[own]] = states.volume_ratios[own]
         return found[:n]
 
     def state_arrays(self) -> dict[str, np.ndarray]:

@@ -10,7 +10,7 @@ from scipy import sparse
 from ..kernels.block_arrays import BLOCK
 
 if TYPE_CHECKING:
-    from .bond_energy import EnergyOfPairs
+    from .bond_energy import BondEnergyEvaluation
 
 
 class Tangent:
@@ -18,7 +18,7 @@ class Tangent:
 
     Parameters
     ----------
-    force : EnergyOfPairs
+    force : BondEnergyEvaluation
         Evaluated in double precision.
     positions : ndarray, shape (n, 2)
         Where the tangent is taken.
@@ -29,7 +29,7 @@ class Tangent:
         For a force in single precision, and in a state that has no energy.
     """
 
-    def __init__(self, force: EnergyOfPairs, positions: np.ndarray) -> None:
+    def __init__(self, force: BondEnergyEvaluation, positions: np.ndarray) -> None:
         if not force.has_tangent:
             raise ValueError("a tangent is formed in float64 only")
         self.force = force
@@ -39,9 +39,13 @@ class Tangent:
         alive = bond_volume > 0
         trace = np.where(alive, (c * c).sum(axis=1) + (e * e).sum(axis=1), 2.0)
         J = np.where(alive, c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0], 1.0)
+        energy = force.energy_derivatives(trace, J)
         self._columns = c, e
-        self._derivatives = force.weighted_derivatives(trace, J)
-        n_blocks = -(-len(bond_volume) // BLOCK)
+        self._derivatives = tuple(
+            bond_volume * value
+            for value in (energy.by_trace, energy.by_area, energy.by_trace_trace, energy.by_trace_area, energy.by_area_area)
+        )
+        n_blocks = len(force.geometry)
         rows = np.zeros((9, n_blocks * BLOCK))
         rows[:, : len(bond_volume)] = *c.T, *e.T, *self._derivatives
         self._multiply = force.tangent_pass(np.ascontiguousarray(rows.reshape(9, n_blocks, BLOCK).transpose(1, 0, 2)))
@@ -114,4 +118,4 @@ class Tangent:
             blocks[left[1]][right[1]] = term if held is None else held + term
         blocks[1][0] = blocks[0][1].T
         order = np.arange(2 * n).reshape(2, n).T.ravel()
-        return force.unit * sparse.block_array(blocks, format="csr")[order][:, order]
+        return force.law.shear_modulus * sparse.block_array(blocks, format="csr")[order][:, order]
