@@ -102,34 +102,35 @@ def test_momentum_is_conserved_and_turning_changes_nothing(name, make):
 
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_a_load_along_the_interface_stretches_both_alike(name):
-    """Homogeneous tension, the same F in both: F, J3 and energy to rounding, equilibrium of every point that no outer end is near."""
-    body = sheet(0.1, 2.0, 1.6)
+    """Homogeneous tension, the same F in both: F and J3 to rounding, and equilibrium of all points but those near the outer ends."""
+    body = sheet(0.1, 4.0, 1.6)
     state = homogeneous.uniaxial(SOFT, 1.5)
     F = np.diag([1.5, state.lateral_stretch])
     force, out = bound(name, body, halves(body, 1)), np.empty_like(body.points)
     y = body.points @ F.T
     force(y, out)
     np.testing.assert_allclose(force.deformation_gradients(), np.broadcast_to(F, (len(body), 2, 2)), atol=1e-12)
-    np.testing.assert_allclose(force.volume_ratios(), state.volume_ratio if hasattr(state, "volume_ratio") else force.volume_ratios()[0])
-    away = (body.points[:, 0] > 2 * body.horizon) & (body.points[:, 0] < 2.0 - 2 * body.horizon)
+    J3 = plane_stress.volume_ratio(SOFT, *plane_stress.invariants(F))
+    # To 1e-7: a learnt bond force may find the thickness.
+    np.testing.assert_allclose(force.volume_ratios(), J3, rtol=1e-7)
+    # An energy's force on a point comes from as far as four horizons: pairs, their ends' gradients, and the fits behind the jumps there.
+    away = np.minimum(body.points[:, 0], 4.0 - body.points[:, 0]) > 4 * body.horizon
     # A fitted model leaves its error as a lateral stress at the free edges.
     tolerance = 1e-10 if name in FORCES else 1e-3
     assert np.abs(out[away]).max() < tolerance * np.abs(out).max()
 
 
-JUMPS = {"across": (0.0, sheet), "along": (np.pi / 2, sheet), "diagonal": (np.pi / 4, sheet)}
+JUMPS = {"across": (0.0, [2.0, 2.0]), "along": (np.pi / 2, [2.0, 2.0]), "diagonal": (np.pi / 4, [2.0, 1.95])}
+"""Angle of the interface's normal, and a place on the interface between two rows of points."""
 
 
 @pytest.mark.parametrize("case", sorted(JUMPS))
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_homogeneous_on_either_side_of_a_straight_interface_is_exact(name, case):
     """F jumps so that the traction does not: both sides have their own F, and points at the interface are in equilibrium."""
-    angle, make = JUMPS[case]
-    body = make(0.1, 2.0, 2.0)
-    turn = rotation(angle)
-    N, middle = turn[:, 0], np.array([1.0, 1.0])
-    if case == "diagonal":
-        middle = np.array([1.0, 0.95])  # between two rows of points
+    angle, middle = JUMPS[case]
+    body, turn = sheet(0.1, 4.0, 4.0), rotation(angle)
+    N = turn[:, 0]
     along = (body.points - middle) @ N
     soft, stiff = _two_sides()
     FA, FB = turn @ soft @ turn.T, turn @ stiff @ turn.T
@@ -137,13 +138,15 @@ def test_homogeneous_on_either_side_of_a_straight_interface_is_exact(name, case)
     force, out = bound(name, body, (along > 0).astype(int)), np.empty_like(body.points)
     force(y, out)
     exact = np.where((along > 0)[:, None, None], FB, FA)
-    depth = np.minimum(body.points, 2.0 - body.points).min(axis=1)
-    inner = depth > body.horizon
+    depth = np.minimum(body.points, 4.0 - body.points).min(axis=1)
+    inner = depth > 2 * body.horizon
     np.testing.assert_allclose(force.deformation_gradients()[inner], exact[inner], atol=1e-10)
-    scale = np.abs(out).max()
-    # A learnt model has another state in which tractions are equal.
+    # A learnt model has another state in which tractions are equal.  Forces of an energy cancel by mirror symmetry, and the rows of a grid
+    # are no mirror images about a diagonal between them.
     tolerance = 1e-9 if name in FORCES else 1e-3
-    assert np.abs(out[depth > 2 * body.horizon]).max() < tolerance * scale
+    if case == "diagonal" and name in ENERGIES:
+        tolerance = 1e-2
+    assert np.abs(out[depth > 4 * body.horizon]).max() < tolerance * np.abs(out).max()
 
 
 def _two_sides():
@@ -189,7 +192,8 @@ def test_each_material_takes_the_surrogate_of_its_law():
     changes = {"spacing": 0.2, "materials.0.material": Gent().describe()}
     assert pd.simulate(load_scene("bimaterial", changes)).summary["materials"][0]["force"].startswith("gent@")
     energies = pd.simulate(load_scene("bimaterial", changes), "neo-hookean-energy").summary
-    assert energies["force"].startswith("neo-hookean-energy@") and energies["materials"][0]["force"] == "bond-energy"
+    assert energies["force"].startswith("neo-hookean-energy@")
+    assert energies["materials"][0]["force"] == "bond-energy"
 
 
 @pytest.mark.parametrize(
@@ -215,7 +219,8 @@ def test_each_material_takes_the_surrogate_of_its_law():
 def test_what_does_not_go_together_is_refused(changes, force, message):
     with pytest.raises(SceneError) as caught:
         pd.simulate(load_scene("bimaterial", {"spacing": 0.125, **changes}), force)
-    assert message in str(caught.value) and "\n" not in str(caught.value)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_part_that_takes_all_of_the_body_leaves_one_material():
