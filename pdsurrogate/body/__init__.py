@@ -2,6 +2,8 @@
 
 from .body import MOST_BONDS, MOST_POINTS, WEIGHT_FUNCTIONS, Body, Bonds, Cells, WeightFunction, grid
 from .ghosts import Ghosts, ReflectionPlane
+from .linear_fit import interpolation
+from .surface import Surface, encloses
 
 __all__ = [
     "MOST_BONDS",
@@ -12,6 +14,9 @@ __all__ = [
     "Cells",
     "Ghosts",
     "ReflectionPlane",
+    "Surface",
     "WeightFunction",
+    "encloses",
     "grid",
+    "interpolation",
 ]

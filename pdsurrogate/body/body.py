@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -68,6 +68,8 @@ class Body:
         ``separates(start, end)`` with arrays of shape (k, d): which bonds are cut from the outset.
     cell : array_like, shape (d,), optional
         Sides of the cells of a grid of points along the axes; by default all are the spacing.
+    groups : mapping of str to ndarray of int, optional
+        Points that a mesh file has a name for.
 
     Raises
     ------
@@ -83,6 +85,7 @@ class Body:
     planes: tuple[ReflectionPlane, ...] = ()
     separates: Callable | None = None
     cell: tuple[float, float] | np.ndarray | None = None
+    groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     ghosts: Ghosts = field(init=False)
 
     def __post_init__(self) -> None:

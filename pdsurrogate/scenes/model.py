@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
@@ -13,7 +14,7 @@ from ..body import WEIGHT_FUNCTIONS
 from ..materials import LAWS, Law
 from .loading import Load, Prescribed, Probe, Step
 from .problems import suggestion
-from .regions import RESERVED, Region, RegionName, RegionReference
+from .regions import RESERVED, Region, RegionName, RegionReference, references_in
 from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle
 from .strict_model import Finite, Point, Positive, StrictModel, Whole
 
@@ -326,25 +327,41 @@ class Scene(StrictModel):
     @model_validator(mode="after")
     def _known_regions(self) -> Scene:
         for key, reference in self._references():
-            if isinstance(reference, str) and not (reference in RESERVED or reference in self.regions or reference.startswith("holes.")):
+            if not isinstance(reference, str):
+                continue
+            if reference == "holes" or reference.startswith("holes."):
+                self._check_hole(key, reference)
+            elif reference not in RESERVED and reference not in self.regions:
                 raise ValueError(f"{key}: there is no region {reference!r}; {suggestion(reference, [*self.regions, *RESERVED])}")
+        self._check_circles()
         return self
+
+    def _check_hole(self, key: str, name: str) -> None:
+        """Refuse holes that are not there; those of a mesh are known when its file is read."""
+        if isinstance(self.body, Mesh):
+            return
+        if not self.holes:
+            raise ValueError(f"{key}: there is no region {name!r}: the body has no holes")
+        names = [f"holes.{number}" for number in range(len(self.holes))]
+        if name not in ("holes", *names):
+            raise ValueError(f"{key}: there is no region {name!r}; there are {', '.join([*names, 'holes'])}")
+
+    def _check_circles(self) -> None:
+        """Refuse named regions that are said by themselves."""
+        said_by = {name: [ref for _, ref in references_in("", region) if isinstance(ref, str)] for name, region in self.regions.items()}
+        try:
+            TopologicalSorter(said_by).prepare()
+        except CycleError as error:
+            circle = error.args[1][::-1]
+            raise ValueError(f"regions.{circle[0]}: it is said by itself: {' by '.join(circle)}") from None
 
     def _references(self) -> Iterator[tuple[str, str | Region]]:
         """All references to regions, each with its dotted key."""
-
-        def within(key: str, region: str | Region) -> Iterator[tuple[str, str | Region]]:
-            yield key, region
-            if isinstance(region, Region):
-                for name, inner in (("and", region.both), ("or", region.either), ("not", region.other)):
-                    for entry in inner if isinstance(inner, tuple) else () if inner is None else (inner,):
-                        yield from within(f"{key}.{name}", entry)
-
         for name, region in self.regions.items():
-            yield from within(f"regions.{name}", region)
+            yield from references_in(f"regions.{name}", region)
         for key in ("prescribed", "loads", "materials"):
             for number, entry in enumerate(getattr(self, key)):
-                yield from within(f"{key}.{number}.region", entry.region)
+                yield from references_in(f"{key}.{number}.region", entry.region)
 
     @property
     def loaded_axis(self) -> int:

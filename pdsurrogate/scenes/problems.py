@@ -8,6 +8,7 @@ from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, Tag, ValidationError
+from pydantic.fields import FieldInfo
 
 
 class SceneError(ValueError):
@@ -74,8 +75,9 @@ def _place_of(model: Any, loc: tuple) -> tuple[str, list[str]]:
         chosen = next((option for option, tag in options if tag == step), None)
         if chosen is None:
             tables = [option for option, _ in options if isinstance(option, type) and issubclass(option, BaseModel)]
-            keys = [key for table in tables for key in table.model_fields]
-            steps.append(str(step))
+            keys = [key for table in tables for key in _fields(table)]
+            if step != "[key]":  # of a table whose keys are names
+                steps.append(str(step))
             chosen = next((inner for option, _ in options if (inner := _inside(option, step)) is not None), None)
         place = chosen
     return ".".join(steps), keys
@@ -97,6 +99,13 @@ def _inside(place: Any, step: str | int) -> Any:
     """The type of an entry of a list, or of a key of a table; None where there is no such thing."""
     if get_origin(place) is tuple and isinstance(step, int):
         return get_args(place)[0]
-    if isinstance(place, type) and issubclass(place, BaseModel) and step in place.model_fields:
-        return place.model_fields[step].annotation
+    if get_origin(place) is dict:
+        return get_args(place)[1]
+    if isinstance(place, type) and issubclass(place, BaseModel) and step in _fields(place):
+        return _fields(place)[step].annotation
     return None
+
+
+def _fields(table: type[BaseModel]) -> dict[str, FieldInfo]:
+    """The fields of a table by the keys that an author writes."""
+    return {field.alias or name: field for name, field in table.model_fields.items()}

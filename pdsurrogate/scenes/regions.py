@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+import re
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
 from .strict_model import Point, Positive, StrictModel, Whole
 
@@ -15,7 +17,14 @@ EDGE_NAMES = ("left", "right", "bottom", "top")
 RESERVED = (*EDGE_NAMES, "body", "outline", "holes")
 """Regions that every body has: its edges, all of it, its outer boundary, and the boundary of its holes (``holes.0`` the first alone)."""
 
-RegionName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,63}$")]
+
+def _name(value: str) -> str:
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,63}", value):
+        raise ValueError("the name of a region begins with a letter, and goes on with letters, digits, - and _")
+    return value
+
+
+RegionName = Annotated[str, AfterValidator(_name)]
 
 
 class Disc(StrictModel):
@@ -63,7 +72,7 @@ class Region(StrictModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
-    edge: str | None = None
+    edge: Literal["left", "right", "bottom", "top"] | None = None
     box: tuple[Point, Point] | None = None
     disc: Disc | None = None
     half_plane: HalfPlane | None = None
@@ -77,17 +86,44 @@ class Region(StrictModel):
     @model_validator(mode="after")
     def _said_once(self) -> Region:
         given = [name for name, field in type(self).model_fields.items() if getattr(self, name) is not None]
-        names = [field.alias or name for name, field in type(self).model_fields.items()]
         if len(given) != 1:
+            names = [field.alias or name for name, field in type(self).model_fields.items()]
             raise ValueError(f"a region is said in exactly one way, by one of {', '.join(names)}")
-        if self.edge is not None and self.edge not in EDGE_NAMES:
-            raise ValueError(f"edge must be one of {', '.join(EDGE_NAMES)}, not {self.edge!r}")
         if self.box is not None and not all(low <= high for low, high in zip(*self.box, strict=True)):
             raise ValueError("a box is given by its lower left and its upper right corner")
         return self
 
+    def members(self) -> Iterator[tuple[str, str | Region]]:
+        """The regions that this one is combined of, each with its key in it: and.0, and.1, or.0, not."""
+        for key, members in (("and", self.both), ("or", self.either)):
+            for number, member in enumerate(members or ()):
+                yield f"{key}.{number}", member
+        if self.other is not None:
+            yield "not", self.other
 
-RegionReference = str | Region
+
+def _name_or_table(value: Any) -> Any:
+    if not isinstance(value, str | dict | Region):
+        raise ValueError('must be the name of a region, or a region such as {edge = "left"}')
+    return value
+
+
+def _way_of(value: Any) -> str:
+    """Whether a region is said by its name or on the spot."""
+    return "name" if isinstance(value, str) else "region"
+
+
+RegionReference = Annotated[
+    Annotated[str, Tag("name")] | Annotated[Region, Tag("region")], Discriminator(_way_of), BeforeValidator(_name_or_table)
+]
 """The name of a region, or a region said on the spot."""
 
 Region.model_rebuild()
+
+
+def references_in(key: str, region: str | Region) -> Iterator[tuple[str, str | Region]]:
+    """A region and all that it is combined of, each with its dotted key."""
+    yield key, region
+    if isinstance(region, Region):
+        for inner, member in region.members():
+            yield from references_in(f"{key}.{inner}", member)

@@ -1,20 +1,18 @@
-"""From the description of a scene to the points of its body."""
+"""From the description of a scene to the points of its body, and their bonds."""
 
 from __future__ import annotations
 
-import io
-from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
-from .body import Body, Cells
-from .scenes import Mesh, Rectangle, Scene, SceneError
-from .scenes.model import EDGES
-from .solvers.conditions import reflection_planes
+from ..body import Body, Cells
+from ..scenes import Mesh, Rectangle, Scene, SceneError
+from ..scenes.model import EDGES
+from ..solvers.conditions import reflection_planes
+from .meshes import centroids, mesh_of
 
 RASTER = 16
 """Places along either side of a cell at which it is asked whether there is material: an area to some 1/1000 of a cell."""
@@ -48,13 +46,14 @@ def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
         If the spacing does not fit the body, the holes leave nothing of it, or a hole or precut misses it.
     """
     try:
-        points, volumes, spacing, cell, lower, upper = _points_of(scene)
+        points, volumes, spacing, cell, lower, upper, groups = _points_of(scene)
         planes = reflection_planes(scene, lower, upper)
         # Measured by the smaller side, a horizon takes in the same neighbours as with squares where the sides differ by little: by the
         # mean or the larger one some at a distance of (3, 1) cells come in along one direction alone, and errors in pure shear are half as
         # large again.
         horizon = scene.horizon_ratio * min(cell)
-        body = Body(points, volumes, horizon, spacing, scene.weight, planes, _cuts(scene, horizon, cell, lower, upper), cell)
+        cuts = _cuts(scene, horizon, cell, lower, upper)
+        body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, groups)
         _check_precuts(scene, body)
         return body, lower, upper
     except ValueError as error:
@@ -77,7 +76,7 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
     """
     areas, cells = {}, None
     if isinstance(scene.body, Mesh):
-        cells = [block[_outside_holes(scene, _centroids(block)[0])] for block in _mesh_cells(scene.body)]
+        cells = [block[_outside_holes(scene, centroids(block)[0])] for block in mesh_of(scene.body).corners()]
 
     def cut(axis: int, position: float) -> float:
         if cells is not None:
@@ -128,22 +127,26 @@ def _chords(cells: np.ndarray, axis: int, position: float) -> np.ndarray:
 
 
 def _points_of(scene: Scene):
-    """Points and volumes, holes left out, their spacing and cell, and the corners of the bounding box of the body."""
+    """Points and volumes, holes left out, their spacing and cell, the corners of the bounding box of the body, and groups of its points."""
     if isinstance(scene.body, Mesh):
-        cells = _mesh_cells(scene.body)
+        mesh = mesh_of(scene.body)
+        cells = mesh.corners()
         corners = np.concatenate([block.reshape(-1, 2) for block in cells])
-        points, volumes = (np.concatenate(parts) for parts in zip(*map(_centroids, cells), strict=True))
+        points, volumes = (np.concatenate(parts) for parts in zip(*map(centroids, cells), strict=True))
         # Its cells have any shape: those whose centroid lies in a hole are left out whole.
         kept = _in_material(scene, points, np.ones(len(points), dtype=bool))
-        return points[kept], volumes[kept], scene.spacing, (scene.spacing, scene.spacing), corners.min(axis=0), corners.max(axis=0)
+        number = np.cumsum(kept) - 1
+        groups = {name: number[members[kept[members]]] for name, members in mesh.groups_of_cells().items()}
+        cell = (scene.spacing, scene.spacing)
+        return points[kept], volumes[kept], scene.spacing, cell, corners.min(axis=0), corners.max(axis=0), groups
     lower, upper = scene.body.bounds()
     cells = Cells.filling(lower, upper, scene.spacing)
     points = cells.centres()
     rectangle = isinstance(scene.body, Rectangle)
     if rectangle and not scene.holes:
-        return points, np.full(len(points), cells.area), cells.spacing, cells.sides, lower, upper
+        return points, np.full(len(points), cells.area), cells.spacing, cells.sides, lower, upper, {}
     kept = _in_material(scene, points, _within_outline(scene, points))
-    return *_material_of_cells(points, kept, cells, partial(_material, scene)), cells.spacing, cells.sides, lower, upper
+    return *_material_of_cells(points, kept, cells, partial(_material, scene)), cells.spacing, cells.sides, lower, upper, {}
 
 
 def _within_outline(scene: Scene, places: np.ndarray) -> np.ndarray:
@@ -273,56 +276,3 @@ def _check_precuts(scene: Scene, body: Body) -> None:
     for number, precut in enumerate(scene.precuts):
         if not len(cut) or not precut.crosses(cut[:, 0], cut[:, 1]).any():
             raise ValueError(f"precuts.{number}: it cuts no bond; it lies outside the body, in a hole, or between neighbouring points")
-
-
-def _mesh_cells(mesh: Mesh) -> list[np.ndarray]:
-    """Corners of the triangles and quadrilaterals of a mesh file, arrays of shape (n, 3 or 4, 2)."""
-    import meshio
-
-    if not Path(mesh.file).is_file():
-        raise ValueError(f"body.file: there is no file {mesh.file}")
-    printed = io.StringIO()
-    try:
-        with redirect_stdout(printed), redirect_stderr(printed):
-            read = meshio.read(mesh.file)
-    except (Exception, SystemExit) as error:  # meshio's readers raise whatever they meet, and print and exit on what none of them reads
-        reason = printed.getvalue() if isinstance(error, SystemExit) else error
-        raise ValueError(f"body.file: meshio cannot read {mesh.file}: {' '.join(str(reason).split())}") from None
-    points = np.asarray(read.points, dtype=float)
-    if not np.isfinite(points).all():
-        raise ValueError(f"body.file: node {np.argwhere(~np.isfinite(points))[0, 0]} of {mesh.file} has a position that is not finite")
-    # Of points and edges meshes have those of their boundaries; other cells would leave holes where they are left out.
-    others = {block.type for block in read.cells} - {"triangle", "quad"}
-    refused = sorted(kind for kind in others if not kind.startswith(("vertex", "line")))
-    if refused:
-        raise ValueError(f"body.file: {mesh.file} has cells of type {', '.join(refused)}; triangle and quad are taken")
-    if points.shape[1] == 3 and np.ptp(points[:, 2]) > 1e-9 * np.ptp(points[:, :2]):
-        raise ValueError(f"body.file: {mesh.file} is not flat: its third coordinate varies")
-    cells = [points[block.data][:, :, :2] for block in read.cells if block.type in ("triangle", "quad") and len(block.data)]
-    if not cells:
-        raise ValueError(f"body.file: {mesh.file} has no triangles or quadrilaterals")
-    return cells
-
-
-def _centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centroids and areas of polygons, shapes (n, 2) and (n,)."""
-    following = np.roll(cells, -1, axis=1)
-    cross = cells[..., 0] * following[..., 1] - following[..., 0] * cells[..., 1]
-    area = cross.sum(axis=1) / 2
-    if (area == 0).any():
-        raise ValueError("body.file: a cell has no area")
-    if cells.shape[1] == 4 and _crossed(cells).any():
-        raise ValueError("body.file: the sides of a quadrilateral cross each other; its corners must be in order around it")
-    centroids = ((cells + following) * cross[..., None]).sum(axis=1) / (6 * area[:, None])
-    return centroids, np.abs(area)
-
-
-def _crossed(quadrilaterals: np.ndarray) -> np.ndarray:
-    """Which quadrilaterals, shape (n, 4, 2), have sides that cross: either diagonal then cuts them into triangles of opposite senses."""
-    a, b, c, d = quadrilaterals.transpose(1, 0, 2)
-
-    def sense(start, middle, end):
-        one, two = middle - start, end - start
-        return one[:, 0] * two[:, 1] - two[:, 0] * one[:, 1]
-
-    return (sense(a, b, c) * sense(a, c, d) < 0) & (sense(a, b, d) * sense(b, c, d) < 0)

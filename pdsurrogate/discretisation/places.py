@@ -1,0 +1,17 @@
+"""Places that are the same to rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+
+def same_places(places: np.ndarray, tolerance: float) -> np.ndarray:
+    """For each place (k, 2) the number of the first of those within the tolerance of it, or of one another in between."""
+    pairs = cKDTree(places).query_pairs(tolerance, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs), dtype=bool), pairs.T), shape=(len(places), len(places)))
+    labels = connected_components(graph, directed=False)[1]
+    _, first = np.unique(labels, return_index=True)
+    return first[labels]

@@ -1,0 +1,307 @@
+"""What a region of a scene is of a body: numbers of its points, or of the facets of its boundary."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..body import Body, Surface
+from ..scenes import Region, Scene
+from ..scenes.model import EDGES
+from ..scenes.problems import suggestion
+
+LAYER = 0.99
+"""Cells from an edge, or from the boundary, within which points are those of it: the outermost, half a cell inside, and of a boundary that
+cuts cells those that a part of another was added to; not the second ones, one and a half cells inside."""
+
+ROUNDING = 1e-9
+"""Of the extent of a body: places so near to the boundary of a region belong to it."""
+
+RIM = 0.05
+"""Cells by which places may lie outside the facets: those of round outlines, half a cell long, have their middles up to 0.02 inside."""
+
+
+class _Found(NamedTuple):
+    """For each point or facet whether it is in a region, and how far from it, infinite where that has no meaning."""
+
+    inside: np.ndarray
+    distance: np.ndarray
+
+
+class _Parts(ABC):
+    """What a region is resolved to: the points of a body, or the facets of its boundary."""
+
+    places: np.ndarray
+    groups: dict[str, np.ndarray]
+    what: str
+
+    @abstractmethod
+    def told(self, number: int) -> str:
+        """What is said of one of them."""
+
+    @abstractmethod
+    def edge(self, name: str) -> _Found:
+        """Those of an edge of the bounding box."""
+
+    @abstractmethod
+    def boundary(self, name: str) -> _Found:
+        """Those of the outline, of the holes, or of one of these."""
+
+    @abstractmethod
+    def listed(self, region: Region) -> np.ndarray:
+        """Numbers of the points that a region lists, or is the nearest of."""
+
+    def group(self, name: str) -> np.ndarray:
+        """Numbers of those in a physical group of a mesh."""
+        if not self.groups:
+            raise ValueError(f"there is no group {name!r}: the body is of no mesh with physical groups of cells or lines")
+        if name not in self.groups:
+            raise ValueError(f"the mesh has no group {name!r}; {suggestion(name, self.groups, 'it has')}")
+        return self.groups[name]
+
+    def numbered(self, numbers: np.ndarray) -> _Found:
+        """Those of the given numbers."""
+        inside = np.zeros(len(self.places), dtype=bool)
+        inside[numbers] = True
+        return _Found(inside, np.where(inside, 0.0, np.inf))
+
+
+class _Points(_Parts):
+    """Of the body."""
+
+    what = "no point of the body lies in it"
+
+    def __init__(self, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
+        self._body, self._lower, self._upper, self._surface = body, lower, upper, surface
+        self.places, self.groups = body.points, body.groups
+
+    def told(self, number: int) -> str:
+        return f"point {number} at {_text(self.places[number])}"
+
+    def edge(self, name: str) -> _Found:
+        axis, side = EDGES[name]
+        distance = -side * (self.places[:, axis] - (self._lower, self._upper)[side > 0][axis])
+        return _Found(distance < LAYER * self._body.cell[axis], distance)
+
+    def boundary(self, name: str) -> _Found:
+        surface = self._surface()
+        reach = LAYER * self._body.cell.max()
+        distance = surface.distances(self.places, reach, _facets_of(surface, name))
+        return _Found(distance < reach, distance)
+
+    def listed(self, region: Region) -> np.ndarray:
+        if region.near is not None:
+            return np.array([cKDTree(self.places).query(region.near)[1]])
+        numbers = np.array(region.points)
+        if numbers.max() >= len(self.places):
+            raise ValueError(f"there is no point {numbers.max()}; the body has {len(self.places)}, from 0 on")
+        return numbers
+
+
+class _Facets(_Parts):
+    """Of the boundary."""
+
+    what = "no part of the boundary lies in it"
+
+    def __init__(self, surface: Surface, lower: np.ndarray, upper: np.ndarray) -> None:
+        self.surface, self._lower, self._upper = surface, lower, upper
+        self.places, self.groups = surface.midpoints(), surface.groups
+
+    def told(self, number: int) -> str:
+        return f"a facet of {self.surface.parts[number]} with its middle at {_text(self.places[number])}"
+
+    def edge(self, name: str) -> _Found:
+        axis, side = EDGES[name]
+        return _Found(self.surface.parts == name, np.abs(self.places[:, axis] - (self._lower, self._upper)[side > 0][axis]))
+
+    def boundary(self, name: str) -> _Found:
+        return self.numbered(_facets_of(self.surface, name))
+
+    def listed(self, region: Region) -> np.ndarray:
+        key = "near" if region.points is None else "points"
+        raise ValueError(
+            f"points have no boundary that a load acts on; in the place of {key} give an edge, outline, holes, a box or the like"
+        )
+
+
+def _facets_of(surface: Surface, name: str) -> np.ndarray:
+    """Numbers of the facets of the outline, of the holes, or of one of these."""
+    holes = np.char.startswith(surface.parts, "holes.")
+    found = np.flatnonzero(~holes if name == "outline" else holes if name == "holes" else surface.parts == name)
+    if not len(found):
+        there = sorted(set(surface.parts[holes]), key=lambda part: int(part.removeprefix("holes.")))
+        raise ValueError(f"there is no boundary of {name}; " + (f"there are {', '.join(there)}" if there else "the body has no holes"))
+    return found
+
+
+class BodyRegions:
+    """The regions of a scene, as numbers of the points of its body and of the facets of its boundary.
+
+    Of points a region holds those inside it; an edge those within a cell of it, the outline and the holes those within a cell of their
+    facets, and a group of a mesh those of its cells, or of the cells that its lines are sides of.  Of facets it holds those whose middle
+    is inside; an edge those that lie on it, the outline and the holes their own, and a group those of its cells or its lines.
+
+    Parameters
+    ----------
+    scene : Scene
+    body : Body
+    lower, upper : ndarray, shape (2,)
+        Corners of its bounding box.
+    surface : callable
+        Its boundary; asked for where a region needs it, once.
+    """
+
+    def __init__(self, scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
+        self._scene, self._body, self._lower, self._upper, self._make_surface = scene, body, lower, upper, surface
+        self._tolerance = ROUNDING * float((upper - lower).max())
+
+    def surface(self) -> Surface:
+        """The boundary of the body."""
+        return self._surface
+
+    @cached_property
+    def _surface(self) -> Surface:
+        return self._make_surface()
+
+    @cached_property
+    def _points(self) -> _Points:
+        return _Points(self._body, self._lower, self._upper, self.surface)
+
+    @cached_property
+    def _facets(self) -> _Facets:
+        return _Facets(self.surface(), self._lower, self._upper)
+
+    def points(self, reference: str | Region) -> np.ndarray:
+        """Numbers of the points in a region.
+
+        Raises
+        ------
+        ValueError
+            If there are none; names the region and what is near it.
+        """
+        return self._found(reference, self._points)
+
+    def facets(self, reference: str | Region) -> np.ndarray:
+        """Numbers of the facets in a region.
+
+        Raises
+        ------
+        ValueError
+            If there are none, or one has too few points beside it to move with; names the region and the place.
+        """
+        found = self._found(reference, self._facets)
+        surface = self.surface()
+        lost = surface.facets[found][~surface.followed()[surface.facets[found]]]
+        if len(lost):
+            raise ValueError(
+                f"{self._key(reference)}: the body is too thin at {_text(surface.nodes[lost[0]])}, where the boundary has fewer than three "
+                "points beside it, or one row of them, to move with; take a smaller spacing"
+            )
+        return found
+
+    def edge(self, reference: str | Region) -> str | None:
+        """Name of the edge that a region is, if it is exactly one of them."""
+        if isinstance(reference, str):
+            return (
+                reference if reference in EDGES else self.edge(self._scene.regions[reference]) if reference in self._scene.regions else None
+            )
+        if reference.edge is not None:
+            return reference.edge
+        members = list(reference.members())
+        return self.edge(members[0][1]) if len(members) == 1 and reference.other is None else None
+
+    def label(self, reference: str | Region, otherwise: str) -> str:
+        """Name of a region, or of its edge, where it is said by one."""
+        return reference if isinstance(reference, str) else reference.edge or otherwise
+
+    def check_place(self, key: str, place: tuple[float, float]) -> None:
+        """Refuse a place outside the body, or in one of its holes.
+
+        Raises
+        ------
+        ValueError
+            Names the key and the nearest point.
+        """
+        at = np.array([place], dtype=float)
+        surface = self.surface()
+        if not surface.encloses(at)[0] and not np.isfinite(surface.distances(at, RIM * self._body.cell.max())[0]):
+            distance, point = cKDTree(self._body.points).query(at[0])
+            raise ValueError(
+                f"{key}: {_text(at[0])} lies outside the body; its nearest point is {point} at {_text(self._body.points[point])}, "
+                f"{distance:.3g} away"
+            )
+
+    def _found(self, reference: str | Region, parts: _Parts) -> np.ndarray:
+        try:
+            inside, distance = self._resolved(reference, parts)
+            numbers = np.flatnonzero(inside)
+            if not len(numbers):
+                raise ValueError(f"{parts.what}{self._nearby(reference, parts, distance)}")
+        except ValueError as error:
+            raise ValueError(f"{self._key(reference)}: {error}") from None
+        return numbers
+
+    def _resolved(self, reference: str | Region, parts: _Parts) -> _Found:
+        if isinstance(reference, str):
+            if reference in self._scene.regions:
+                return self._resolved(self._scene.regions[reference], parts)
+            if reference in EDGES:
+                return parts.edge(reference)
+            return parts.numbered(np.arange(len(parts.places))) if reference == "body" else parts.boundary(reference)
+        members = [self._resolved(member, parts) for _, member in reference.members()]
+        if reference.both is not None:
+            return _Found(np.all([member.inside for member in members], axis=0), np.max([member.distance for member in members], axis=0))
+        if reference.either is not None:
+            return _Found(np.any([member.inside for member in members], axis=0), np.min([member.distance for member in members], axis=0))
+        if reference.other is not None:
+            return _Found(~members[0].inside, np.full(len(parts.places), np.inf))
+        if reference.edge is not None:
+            return parts.edge(reference.edge)
+        if reference.group is not None:
+            return parts.numbered(parts.group(reference.group))
+        if reference.points is not None or reference.near is not None:
+            return parts.numbered(parts.listed(reference))
+        distance = _distance(reference, parts.places)
+        return _Found(distance <= self._tolerance, distance)
+
+    def _nearby(self, reference: str | Region, parts: _Parts, distance: np.ndarray) -> str:
+        """What is said of a region that nothing is in."""
+        while isinstance(reference, str) and reference in self._scene.regions:
+            reference = self._scene.regions[reference]
+        if isinstance(reference, Region) and reference.both is not None:
+            counts = [f"{key} {self._resolved(member, parts).inside.sum()}" for key, member in reference.members()]
+            return f": of {len(parts.places)} there are in {', in '.join(counts)}, and none in all of them"
+        if not np.isfinite(distance).any():
+            return ""
+        number = int(distance.argmin())
+        return f"; the nearest is {parts.told(number)}, {distance[number]:.3g} away"
+
+    def _key(self, reference: str | Region) -> str:
+        """Where the author of the scene says a region."""
+        if isinstance(reference, str) and reference in self._scene.regions:
+            return f"regions.{reference}"
+        for key in ("prescribed", "loads", "materials"):
+            for number, entry in enumerate(getattr(self._scene, key)):
+                if entry.region is reference or (isinstance(reference, str) and entry.region == reference):
+                    return f"{key}.{number}.region"
+        return reference if isinstance(reference, str) else "region"
+
+
+def _distance(region: Region, places: np.ndarray) -> np.ndarray:
+    """Distance of places (n, 2) from a box, a disc or a half-plane; zero within."""
+    if region.box is not None:
+        lower, upper = np.array(region.box)
+        return np.linalg.norm(np.maximum(0, np.maximum(lower - places, places - upper)), axis=1)
+    if region.disc is not None:
+        return np.maximum(0, np.linalg.norm(places - np.array(region.disc.centre), axis=1) - region.disc.radius)
+    normal = np.array(region.half_plane.normal)
+    return np.maximum(0, (np.array(region.half_plane.point) - places) @ (normal / np.linalg.norm(normal)))
+
+
+def _text(place: np.ndarray) -> str:
+    return f"({place[0]:.4g}, {place[1]:.4g})"
