@@ -529,7 +529,7 @@ class BondEnergyEvaluation(EnergyOfPairs):
 
 
 class BondEnergyOfPortions(EnergyOfPairs, EvaluationOfPortions):
-    """Energies of several materials on one body, theory (28a): of a pair across an interface every end has its share, by its own law.
+    """Energies of several materials on one body, theory (44): of a pair across an interface every end has its share, by its own law.
 
     Either material sees the bond and its ends as if the other moved as itself (`Interfaces`), so that a pair across an interface has one
     gradient for each; what the energy says about the jump between them is a force on the points that the jump is found from.

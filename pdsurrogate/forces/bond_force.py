@@ -251,7 +251,7 @@ def pair_without_force(force: Evaluation, forces: np.ndarray, out: np.ndarray, l
 
 
 class BondForceOfPortions(EvaluationOfPortions):
-    """Bond-force models of several materials on one body, theory (20a).
+    """Bond-force models of several materials on one body, theory (43).
 
     A pair within a material has its bond force.  Of a pair across an interface each of the two materials gives half: what its model and its
     law make of the bond and of both ends.  So the forces on the two ends are opposite.

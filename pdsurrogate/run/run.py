@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 from dataclasses import astuple, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -13,7 +14,7 @@ import numba
 import numpy as np
 
 from ..body import Body
-from ..discretisation import discretise, grip_areas
+from ..discretisation import discretise, grip_areas, surface_of
 from ..forces import ForceModel, ForceSettings, InternalForce, bind_portions
 from ..kernels.threads import threads_for
 from ..materials import Law
@@ -131,7 +132,7 @@ class Run:
             numba.set_num_threads(self.threads)
             self.force: InternalForce
             if scene.materials:
-                regions = BodyRegions(scene, self.body, lower, upper, lambda: None)
+                regions = BodyRegions(scene, self.body, lower, upper, partial(surface_of, scene, self.body, lower, upper))
                 self.force = bind_portions(self.body, portions_of(scene, self.body, self.models, regions), settings)
             else:
                 self.force = self.model.bind(self.body, self.law, settings)
