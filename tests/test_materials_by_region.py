@@ -20,6 +20,10 @@ ENERGIES = ("bond-energy", "neo-hookean-energy")
 DOUBLE = ForceSettings(precision="float64")
 
 
+REACHED = 6
+"""Horizons from which an energy's force on a point comes at most: pairs, their ends' gradients, and the fits behind the jumps there."""
+
+
 def bound(name, body, inside, laws=(SOFT, STIFF), settings=DOUBLE):
     """A model on a body of two or more materials; `inside` numbers the material of every point."""
     portions = [Portion(law, MODELS[name], np.flatnonzero(inside == number)) for number, law in enumerate(laws)]
@@ -103,7 +107,7 @@ def test_momentum_is_conserved_and_turning_changes_nothing(name, make):
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_a_load_along_the_interface_stretches_both_alike(name):
     """Homogeneous tension, the same F in both: F and J3 to rounding, and equilibrium of all points but those near the outer ends."""
-    body = sheet(0.1, 4.0, 1.6)
+    body = sheet(0.1, 5.0, 1.6)
     state = homogeneous.uniaxial(SOFT, 1.5)
     F = np.diag([1.5, state.lateral_stretch])
     force, out = bound(name, body, halves(body, 1)), np.empty_like(body.points)
@@ -113,14 +117,13 @@ def test_a_load_along_the_interface_stretches_both_alike(name):
     J3 = plane_stress.volume_ratio(SOFT, *plane_stress.invariants(F))
     # To 1e-7: a learnt bond force may find the thickness.
     np.testing.assert_allclose(force.volume_ratios(), J3, rtol=1e-7)
-    # An energy's force on a point comes from as far as four horizons: pairs, their ends' gradients, and the fits behind the jumps there.
-    away = np.minimum(body.points[:, 0], 4.0 - body.points[:, 0]) > 4 * body.horizon
+    away = np.minimum(body.points[:, 0], 5.0 - body.points[:, 0]) > REACHED * body.horizon
     # A fitted model leaves its error as a lateral stress at the free edges.
     tolerance = 1e-10 if name in FORCES else 1e-3
     assert np.abs(out[away]).max() < tolerance * np.abs(out).max()
 
 
-JUMPS = {"across": (0.0, [2.0, 2.0]), "along": (np.pi / 2, [2.0, 2.0]), "diagonal": (np.pi / 4, [2.0, 1.95])}
+JUMPS = {"across": (0.0, [2.5, 2.5]), "along": (np.pi / 2, [2.5, 2.5]), "diagonal": (np.pi / 4, [2.5, 2.45])}
 """Angle of the interface's normal, and a place on the interface between two rows of points."""
 
 
@@ -129,7 +132,7 @@ JUMPS = {"across": (0.0, [2.0, 2.0]), "along": (np.pi / 2, [2.0, 2.0]), "diagona
 def test_homogeneous_on_either_side_of_a_straight_interface_is_exact(name, case):
     """F jumps so that the traction does not: both sides have their own F, and points at the interface are in equilibrium."""
     angle, middle = JUMPS[case]
-    body, turn = sheet(0.1, 4.0, 4.0), rotation(angle)
+    body, turn = sheet(0.1, 5.0, 5.0), rotation(angle)
     N = turn[:, 0]
     along = (body.points - middle) @ N
     soft, stiff = _two_sides()
@@ -138,15 +141,15 @@ def test_homogeneous_on_either_side_of_a_straight_interface_is_exact(name, case)
     force, out = bound(name, body, (along > 0).astype(int)), np.empty_like(body.points)
     force(y, out)
     exact = np.where((along > 0)[:, None, None], FB, FA)
-    depth = np.minimum(body.points, 4.0 - body.points).min(axis=1)
+    depth = np.minimum(body.points, 5.0 - body.points).min(axis=1)
     inner = depth > 2 * body.horizon
     np.testing.assert_allclose(force.deformation_gradients()[inner], exact[inner], atol=1e-10)
     # A learnt model has another state in which tractions are equal.  Forces of an energy cancel by mirror symmetry, and the rows of a grid
     # are no mirror images about a diagonal between them.
     tolerance = 1e-9 if name in FORCES else 1e-3
     if case == "diagonal" and name in ENERGIES:
-        tolerance = 1e-2
-    assert np.abs(out[depth > 4 * body.horizon]).max() < tolerance * np.abs(out).max()
+        tolerance = 3e-3
+    assert np.abs(out[depth > REACHED * body.horizon]).max() < tolerance * np.abs(out).max()
 
 
 def _two_sides():
@@ -161,7 +164,7 @@ def _two_sides():
     return np.diag([a, 0.9]), np.diag([b, 0.9])
 
 
-@pytest.mark.parametrize(("name", "stress", "interface"), [("bond-energy", 5e-4, 1e-3), ("analytic", 2e-3, 1e-3)])
+@pytest.mark.parametrize(("name", "stress", "interface"), [("bond-energy", 5e-4, 2e-3), ("analytic", 2e-3, 2e-3)])
 def test_two_rubbers_in_series_against_finite_elements(name, stress, interface):
     """The scene `bimaterial`, coarse: stress and place of the interface, continued from either side."""
     result = pd.simulate(load_scene("bimaterial", {"spacing": 1 / 16, "precision": "float64"}), name)
@@ -177,6 +180,16 @@ def test_two_rubbers_in_series_against_finite_elements(name, stress, interface):
     np.testing.assert_allclose(sides, 1.2019384644529643, rtol=interface)
     assert result.summary["materials"][0]["material"]["shear_modulus"] == 3.0
     assert result.summary["materials"][0]["force"] == name
+
+
+@pytest.mark.parametrize("name", ["bond-energy", "analytic"])
+def test_a_hundred_times_as_stiff_is_found_in_equilibrium(name):
+    """By the quasi-Newton method, whose stiffness knows the materials; softer than two in series and stiffer than the soft one alone."""
+    stiff = NeoHookean(100.0, 10_000.0)
+    changes = {"spacing": 0.1, "stretches": 1.3, "materials.0.material": stiff.describe(), "solver.method": "quasi-newton"}
+    level = pd.simulate(load_scene("bimaterial", changes), name).levels[0]
+    # All of the elongation in the soft half, its own bonds at the interface held across.
+    assert homogeneous.uniaxial(SOFT, 1.59).nominal_stress < level["nominal_stress"] < homogeneous.pure_shear(SOFT, 1.6).nominal_stress
 
 
 def test_stresses_are_those_of_a_points_own_law():

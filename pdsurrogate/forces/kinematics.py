@@ -210,9 +210,9 @@ class Kinematics:
         self.form_gradients()
         return self.gradients[: len(self.body)].reshape(-1, 2, 2).transpose(0, 2, 1)
 
-    def diagnose(self, law: Law, numbers: np.ndarray | None = None) -> str:
-        """Say which point has no state by a law, and why; of the points and images of the given numbers, or all."""
-        numbers = np.arange(len(self.gradients)) if numbers is None else numbers
+    def diagnose(self, law: Law, numbers: np.ndarray | None = None, gradients: np.ndarray | None = None) -> str:
+        """Say which point has no state by a law, and why; of all, or of points and images of the given numbers with these gradients."""
+        numbers, gradients = (np.arange(len(self.gradients)), self.gradients) if numbers is None else (numbers, gradients)
         owners = np.concatenate([np.arange(len(self.body)), self.body.ghosts.source.astype(np.int64)])
 
         def at(number: int, what: str) -> str:
@@ -220,7 +220,7 @@ class Kinematics:
             return at_point(self.body, int(owners[numbers[number]]), image + what)
 
         # Images too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
-        F = self.gradients[numbers].reshape(-1, 2, 2).transpose(0, 2, 1)
+        F = gradients.reshape(-1, 2, 2).transpose(0, 2, 1)
         broken = np.flatnonzero(~np.isfinite(F).all(axis=(1, 2)))
         if len(broken):
             return at(int(broken[0]), "its deformation gradient is not finite")

@@ -167,7 +167,7 @@ class PointStates:
             self._find = self._bound()
         if self._find():
             self.volume_ratios[:] = 1.0
-            raise InvalidState(self._kinematics.diagnose(self.law, self.view.numbers))
+            raise InvalidState(self._kinematics.diagnose(self.law, self.view.numbers, self.view.gradients))
         if self._turn:
             self._turn()
 
@@ -211,12 +211,13 @@ class EvaluationOfPortions(Evaluation):
         body.ghosts.fill(self.portion_of)
         self._kinematics.interfaces = Interfaces(body, self._kinematics, self.portion_of)
         self.states: list[PointStates] = []
-        moduli = np.array([portion.law.shear_modulus for portion in portions])[self.portion_of]
-        self._shear_moduli, self._force_scale = moduli[: len(body)], moduli.copy()
-        bonds = body.bonds
-        for ends, others in ((bonds.first, bonds.second), (bonds.second, bonds.first)):
-            np.maximum.at(self._force_scale, ends, moduli[others])
-        self._force_scale = self._force_scale[: len(body)]
+        moduli, n, bonds = np.array([portion.law.shear_modulus for portion in portions])[self.portion_of], len(body), body.bonds
+        owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
+        around, length = moduli[bonds.neighbours], np.linalg.norm(body.all_points[bonds.neighbours] - body.points[owners], axis=1)
+        weights = body.weigh(length) * body.all_volumes[bonds.neighbours]
+        self._stiffness_moduli = (moduli[:n] + np.bincount(owners, weights * around, n) / np.bincount(owners, weights, n)) / 2
+        self._force_scale = moduli[:n].copy()
+        np.maximum.at(self._force_scale, owners, around)
 
     def _add_states(self, pairs: np.ndarray) -> PointStates:
         """States of the points of the next portion, and of those that it sees in the given pairs."""
@@ -244,8 +245,8 @@ class EvaluationOfPortions(Evaluation):
         return [(portion.law, portion.points) for portion in self.portions]
 
     @property
-    def shear_moduli(self) -> np.ndarray:
-        return self._shear_moduli
+    def stiffness_moduli(self) -> np.ndarray:
+        return self._stiffness_moduli
 
     @property
     def force_scale(self) -> np.ndarray:

@@ -229,8 +229,11 @@ class InternalForce(ABC):
         return [(self.law, slice(None))]
 
     @property
-    def shear_moduli(self) -> float | np.ndarray:
-        """Shear modulus of the points: one number, or of several materials shape (n,)."""
+    def stiffness_moduli(self) -> float | np.ndarray:
+        """Shear modulus that the stiffness about a point is of: one number, or of several materials shape (n,).
+
+        There it is the mean over the bonds of a point, each of both its ends: bonds across an interface stiffen all that they reach.
+        """
         return self.law.shear_modulus
 
     @property
