@@ -30,19 +30,19 @@ deformations = st.builds(Deformation, *[st.floats(0.7, 2.0)] * 2, *[st.floats(-1
 
 
 def each(pairs):
-    return pytest.mark.parametrize(("row", "case"), pairs, ids=[f"{row.reference}-{case.key}" for row, case in pairs])
+    return pytest.mark.parametrize(("row", "case"), pairs, ids=[f"{row.name}-{case.key}" for row, case in pairs])
 
 
 @each([pair for pair in PAIRS if not pair[1].drawn])
 def test_property(row, case):
-    judge(row, case, case.function(subject_of(row.reference)))
+    judge(row, case, case.function(subject_of(row.reference, plane=row.plane)))
 
 
 @each([pair for pair in PAIRS if pair[1].drawn])
 @settings(max_examples=15)
 @given(deformation=deformations)
 def test_property_in_any_deformation(row, case, deformation):
-    judge(row, case, case.function(subject_of(row.reference), [deformation]))
+    judge(row, case, case.function(subject_of(row.reference, plane=row.plane), [deformation]))
 
 
 def judge(row, case, outcome):
@@ -59,7 +59,7 @@ def judge(row, case, outcome):
 @each([pair for pair in PAIRS if pair[1].key in pair[0].departures])
 def test_what_a_row_states_is_so(row, case):
     """A departure that the model no longer has is struck off the table."""
-    outcome = case.function(subject_of(row.reference))
+    outcome = case.function(subject_of(row.reference, plane=row.plane))
     assert outcome.verdict == WEAK
     assert outcome.weakness == row.departures[case.key].weakness
 

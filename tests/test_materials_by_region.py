@@ -9,7 +9,7 @@ import pdsurrogate as pd
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
-from pdsurrogate.materials import Gent, NeoHookean, homogeneous, plane_stress
+from pdsurrogate.materials import Gent, NeoHookean, homogeneous, plane_strain, plane_stress
 from pdsurrogate.scenes import SceneError, load_scene
 from pdsurrogate.stress_test.deformations import wavy
 
@@ -192,6 +192,16 @@ def test_a_hundred_times_as_stiff_is_found_in_equilibrium(name):
     assert homogeneous.uniaxial(SOFT, 1.59).nominal_stress < level["nominal_stress"] < homogeneous.pure_shear(SOFT, 1.6).nominal_stress
 
 
+def test_plane_strain_has_a_stiffer_second_half_too():
+    """A load along the interface: the same F in both, and stresses of plane strain by either law."""
+    body = sheet(0.1, 1.0, 1.0)
+    F = np.diag([1.2, 0.85])
+    force = bound("analytic", body, halves(body, 1), settings=ForceSettings(precision="float64", plane="strain"))
+    force(body.points @ F.T, np.empty_like(body.points))
+    mean = sum(plane_strain.first_piola_stress(law, F) for law in (SOFT, STIFF)) / 2
+    np.testing.assert_allclose(force.mean_stress(), mean, atol=1e-9)
+
+
 def test_stresses_are_those_of_a_points_own_law():
     result = pd.simulate(load_scene("bimaterial", {"spacing": 0.125, "precision": "float64"}), "bond-energy")
     state = result.states[0][1]
@@ -213,6 +223,7 @@ def test_each_material_takes_the_surrogate_of_its_law():
     ("changes", "force", "message"),
     [
         ({}, "ba-nosb", "takes a body of one material"),
+        ({"plane": "strain", "reference": None}, "bond-energy", "takes a body of one material in plane strain"),
         ({"materials.0.force": "bond-energy"}, "analytic", "materials.0.force: bond-energy is a bond energy, and analytic of the rest"),
         ({"materials.0.force": "gent"}, "analytic", "materials.0.force: gent@1 describes the law gent, not neo-hookean"),
         ({"materials.0.force": "nothing"}, "analytic", "materials.0.force: unknown force 'nothing'"),

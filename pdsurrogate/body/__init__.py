@@ -2,7 +2,7 @@
 
 from .body import MOST_BONDS, MOST_POINTS, WEIGHT_FUNCTIONS, Body, Bonds, Cells, WeightFunction, grid
 from .ghosts import Ghosts, ReflectionPlane
-from .linear_fit import interpolation
+from .local_fit import interpolation
 from .surface import Surface, encloses
 
 __all__ = [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,8 +53,12 @@ class Ghosts:
     plane : ndarray of int64, shape (m,)
         Number of the plane across which the ghost lies, in the order in which they were given; of an image of an image, that of the last
         reflection.
+    image : ndarray of int64, shape (m,)
+        Number of the reflection, or the product of reflections, that the ghost is the image under: the same for all its images.
     lever : ndarray, shape (m, planes, d)
         Displacement of each ghost by the displacement of each plane, component by component.
+    volume_parity, volume_reflection : ndarray, shape (m, d)
+        Parity and reflection of a deformation gradient that has the volume ratio of its source, see `keeping_volume`.
     """
 
     source: np.ndarray
@@ -62,7 +66,10 @@ class Ghosts:
     parity: np.ndarray
     reflection: np.ndarray
     plane: np.ndarray
+    image: np.ndarray
     lever: np.ndarray
+    volume_parity: np.ndarray
+    volume_reflection: np.ndarray
 
     @classmethod
     def reflected(cls, points: np.ndarray, planes: tuple[ReflectionPlane, ...], horizon: float) -> Ghosts:
@@ -75,9 +82,9 @@ class Ghosts:
         """
         n, dimension = points.shape
         source, places = np.arange(n), points
-        parity, reflection = np.ones((n, dimension)), np.ones((n, dimension))
+        parity, reflection, volume_parity, volume_reflection = np.ones((4, n, dimension))
         number, lever = np.full(n, -1), np.zeros((n, len(planes), dimension))
-        axes = np.full(n, -1)
+        axes, image = np.full(n, -1), np.zeros(n, dtype=np.int64)
         for added, plane in enumerate(planes):
             if len(plane.parity) != dimension:
                 raise ValueError(f"the parity of a plane must be given for {dimension} components, not {plane.parity}")
@@ -93,19 +100,35 @@ class Ghosts:
             carried[:, added] += 1 - own
             source, places = np.concatenate([source, source[near]]), np.concatenate([places, images])
             parity, reflection = np.concatenate([parity, own * parity[near]]), np.concatenate([reflection, flip * reflection[near]])
+            kept, turned = (np.ones(dimension), np.ones(dimension)) if (own < 0).all() else (own, flip)
+            volume_parity = np.concatenate([volume_parity, kept * volume_parity[near]])
+            volume_reflection = np.concatenate([volume_reflection, turned * volume_reflection[near]])
             number, lever = np.concatenate([number, np.full(len(near), added)]), np.concatenate([lever, carried])
             axes = np.concatenate([axes, np.full(len(near), plane.axis)])
+            image = np.concatenate([image, image[near] + 2**added])  # a sum over its planes
         return cls(
             source[n:].astype(np.uint32),
             np.ascontiguousarray(places[n:]),
             np.ascontiguousarray(parity[n:]),
             np.ascontiguousarray(reflection[n:]),
             number[n:].astype(np.int64),
+            image[n:],
             np.ascontiguousarray(lever[n:]),
+            np.ascontiguousarray(volume_parity[n:]),
+            np.ascontiguousarray(volume_reflection[n:]),
         )
 
     def __len__(self) -> int:
         return len(self.source)
+
+    def keeping_volume(self) -> Ghosts:
+        """The same ghosts for gradients of a material that hardly changes its volume.
+
+        A mirror image has the volume ratio of its source.  Continued oddly in all components, as beyond a clamped plane, the stretch along
+        the plane changes its sign and the one across does not: where the source has kept its volume, its image has not.  There the
+        gradient of the source itself is taken, which is the same on the plane (theory (48)).
+        """
+        return replace(self, parity=self.volume_parity, reflection=self.volume_reflection)
 
     def shifts(self, points: np.ndarray, displacements: np.ndarray) -> np.ndarray:
         """What `fill_positions` adds, shape (m, d), with the planes displaced by (planes, d); `points` are the body's own at rest."""

@@ -17,6 +17,7 @@ class Surface:
     The outermost points of a body lie half a cell inside its boundary.  A node moves as they and their deformation gradient say:
     y_s = sum_j N_sj y_j, with rows of N that are 1 in sum and have X_s as their first moment, so that every affine motion is followed
     exactly, and a load on a node does its work at the boundary itself and keeps linear and angular momentum.
+    The node at the mouth of a cut follows both of its sides.
 
     Attributes
     ----------
@@ -26,8 +27,8 @@ class Surface:
         First and second node of each facet, with the body on the left: the outward normal times the length is (t2, -t1) for t from the
         first to the second.  Facets that meet share their node, so that the boundary is made of closed chains.
     parts : ndarray of str, shape (f,)
-        Where each facet lies: left, right, bottom or top if it is on that edge of the bounding box, outline elsewhere on the outer boundary,
-        holes.0, holes.1, ...
+        Where each facet lies: left, right, bottom or top on that edge of the bounding box, outline elsewhere on the outer boundary,
+        and holes.0, holes.1, ... around holes.
     interpolation : scipy.sparse.csr_array, shape (k, n)
         N.  The row of a node that its surroundings cannot tell the motion of is empty, see `followed`.
     groups : mapping of str to ndarray of int

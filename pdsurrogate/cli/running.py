@@ -18,6 +18,9 @@ INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells give it: 128 and the number of the signal."""
 
 
+LEAST_SHOWN = 5e-6
+"""Forces below it are printed as zero."""
+
 CAUTION = 0.01
 """Relative RMS error stated by an artefact's card from which a run says so."""
 
@@ -90,14 +93,16 @@ def run(
         except SimulationFailed as error:
             failure, result = error, error.result
         _print_cells(result)
-        _print_levels(result)
+        (_print_levels if described.stretched else _print_outputs)(result)
         if folder is not None:
             with writing(folder):
                 result.save(folder)
             out.print(f"Results in {folder}", soft_wrap=True)
     if any(level.get("stability") == "not checked" for level in result.levels):
+        pushed = "The grips push" if described.stretched else "Parts of the body are compressed"
+        what = f"{escape(model.name)} with these loads" if described.loads else escape(model.name)
         err.print(
-            f"[yellow]The grips push, and {escape(model.name)} has no energy: whether the body would buckle is not checked; "
+            f"[yellow]{pushed}, and {what} has no energy: whether the body would buckle is not checked; "
             "it is with a force that has one, as bond-energy does.[/]",
             soft_wrap=True,
         )
@@ -141,9 +146,13 @@ class _Bar:
         """Say that kernels are compiled."""
         err.print("Compiling kernels, once on this machine; later runs load them from the cache.")
 
-    def level(self, number: int, stretch: float) -> None:
-        """Begin a level."""
-        self._begin(f"{self._scene.name}: stretch {stretch:g} ({number + 1}/{len(self._scene.stretches)})")
+    def level(self, number: int, parameter: float) -> None:
+        """Begin the way to an output."""
+        if self._scene.stretched:
+            self._begin(f"{self._scene.name}: stretch {parameter:g} ({number + 1}/{len(self._scene.stretches)})")
+        else:
+            self._begin(f"{self._scene.name}: t = {parameter:g} (step {number + 1}/{len(self._scene.steps)})")
+        self._moving = False
 
     def _begin(self, title: str) -> None:
         if self._task is not None:
@@ -158,13 +167,13 @@ class _Bar:
         done = math.log10(max(self._first, 1e-300) / max(residual, 1e-300)) / span if span > 0 else 1.0
         self._progress.update(self._task, completed=min(max(done, 0.0), 1.0), state=f"residual {residual:.1e}, {evaluations} evaluations")
 
-    def dynamics(self, done: float, stretch: float, broken_bonds: int) -> None:
+    def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
         """Show how far the dynamics have come."""
         if not self._moving:
             self._begin(f"{self._scene.name}: dynamics")
             self._moving = True
         broken = f", {broken_bonds} bonds broken" if self._scene.fracture is not None else ""
-        self._progress.update(self._task, completed=done, state=f"stretch {stretch:.4f}{broken}")
+        self._progress.update(self._task, completed=done, state=f"{'stretch ' if self._scene.stretched else 't = '}{parameter:.4f}{broken}")
 
 
 def _print_crack(summary) -> None:
@@ -174,9 +183,10 @@ def _print_crack(summary) -> None:
         return
     start = crack["start"]
     where = ", ".join(f"{value:.3g}" for value in start["x"])
+    at = f"stretch {start['stretch']:.4f}" if "stretch" in start else f"t = {start['t']:.4f}"
+    peak = f"peak nominal stress {summary['peak_nominal_stress']:.5g} {units['stress']}; " if "peak_nominal_stress" in summary else ""
     out.print(
-        f"Crack from ({where}) at stretch {start['stretch']:.4f}; "
-        f"peak nominal stress {summary['peak_nominal_stress']:.5g} {units['stress']}; "
+        f"Crack from ({where}) at {at}; {peak}"
         f"{crack['broken_bonds']} bonds broken, {'the body came apart' if crack['through'] else 'the body still holds'}; "
         f"{summary['unsupported_points']} points without support",
         soft_wrap=True,
@@ -219,6 +229,40 @@ def _print_levels(result) -> None:
     if summary["levels"]:
         show(table)
         _print_grip(summary)
+    _print_end(summary)
+
+
+def _print_outputs(result) -> None:
+    """Forces on the body at every output of a general programme, those components that are not zero throughout."""
+    summary = result.summary
+    unit, moving, columns = summary["units"]["force"], any("time" in level for level in summary["levels"]), {}
+    title = f"{summary['scene']}, force {summary['force']}, {summary['n_points']} points: forces on the body"
+    table = Table(title=title, title_justify="left")
+    table.add_column("t", justify="right")
+    if moving:
+        table.add_column(f"time ({summary['units']['time']})", justify="right")
+    # Components that are zero throughout are left out; of what has no force, as turned parts have none, the moment is told.
+    for name in dict.fromkeys(name for level in summary["levels"] for name in level["forces"]):
+        forces = [level["forces"][name] for level in summary["levels"]]
+        shown = [component for component in (0, 1) if any(abs(force[component]) >= LEAST_SHOWN for force in forces)]
+        for component in shown:
+            columns[f"{name} x{component + 1} ({unit})"] = [force[component] for force in forces]
+        if not shown:
+            columns[f"{name} moment ({unit} {summary['units']['length']})"] = [level["moments"][name] for level in summary["levels"]]
+    for title in columns:
+        table.add_column(title, justify="right")
+    for number, level in enumerate(summary["levels"]):
+        cells = [f"{level['t']:g}"]
+        if moving:
+            cells.append(f"{level['time']:.4g}" if "time" in level else "")
+        # Rounded first: no minus before a zero.
+        table.add_row(*cells, *(f"{round(values[number], 5) + 0.0:.5f}" for values in columns.values()))
+    if summary["levels"]:
+        show(table)
+    _print_end(summary)
+
+
+def _print_end(summary) -> None:
     if "crack" in summary:
         _print_crack(summary)
     threads = f"{summary['threads']} thread{'s' if summary['threads'] != 1 else ''}"

@@ -9,9 +9,10 @@ from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
 from ..body import Body, Cells
+from ..body.local_fit import REACH
 from ..scenes import Mesh, Rectangle, Scene, SceneError
 from ..scenes.model import EDGES
-from ..solvers.conditions import reflection_planes
+from ..solvers.planes import reflected_edges, reflection_planes
 from .meshes import centroids, mesh_of
 
 RASTER = 16
@@ -61,7 +62,7 @@ def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
 
 
 def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, float]:
-    """Cross-section of the body at every grip, by edge: area of its cut in the grip's plane, at unit thickness.
+    """Cross-section of the body at every grip or reflected edge, by edge: area of its cut in the plane there, at unit thickness.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
     Raises
     ------
     SceneError
-        If the body has no straight edge in the plane of a grip, or no material there.
+        If the body has no straight edge in such a plane, or no material there.
     """
     areas, cells = {}, None
     if isinstance(scene.body, Mesh):
@@ -83,14 +84,15 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
             return sum(float(_chords(block, axis, position).sum()) for block in cells)
         return _length_inside(scene, axis, position, lower[1 - axis], upper[1 - axis])
 
-    for grip in scene.grips:
-        axis, side = EDGES[grip.edge]
+    for edge in [grip.edge for grip in scene.grips] or reflected_edges(scene):
+        axis, side = EDGES[edge]
         shift = CUT_SHIFT * (upper - lower).max()
         near, far = (cut(axis, (lower, upper)[side > 0][axis] - side * times * shift) for times in (1, 2))
         # Linear in the distance below a straight edge; below a round or a pointed end all of it is due to the distance.
-        areas[grip.edge] = 2 * near - far
-        if not areas[grip.edge] > 0.9 * near:
-            raise SceneError(f"scene {scene.name}: grips: the body has no straight edge with material at its {grip.edge} end to be held by")
+        areas[edge] = 2 * near - far
+        if not areas[edge] > 0.9 * near:
+            key = "grips" if scene.grips else "prescribed"
+            raise SceneError(f"scene {scene.name}: {key}: the body has no straight edge with material at its {edge} end to be held by")
     return areas
 
 
@@ -244,7 +246,7 @@ def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: n
     there = _material(scene, lattice).reshape(counts)
     if there.all():
         return lambda starts, ends: np.zeros(len(starts), dtype=bool)
-    near = distance_transform_edt(there, sampling=pitch) <= horizon / 2 + cell.max()  # of a bond's middle
+    near = distance_transform_edt(there, sampling=pitch) <= REACH * horizon / 2 + cell.max()  # of the middle of a bond, or of a fit
     angles = np.pi / 8 * np.arange(16)
     around = CLEARANCE * cell * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     shares = np.linspace(0, 1, int(np.ceil(horizon / (STEP * cell.min()))) + 2)[1:-1]

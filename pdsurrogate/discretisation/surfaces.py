@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..body import Body, Surface, encloses
-from ..body.linear_fit import fitted
+from ..body.local_fit import boundary_rows
 from ..scenes import Mesh, Scene
 from ..scenes.model import EDGES
 from .meshes import centroids, loops_of, mesh_of
@@ -50,7 +50,16 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
     for edge, (axis, side) in EDGES.items():
         there = np.abs(nodes[facets][..., axis] - (lower, upper)[side > 0][axis]) <= ROUNDING * extent
         parts = np.where(there.all(axis=1) & (parts == "outline"), edge, parts)
-    return Surface(nodes, facets, parts, fitted(body, nodes)[0], groups)
+    return Surface(nodes, facets, parts, boundary_rows(body, nodes, _normals_at(nodes, facets)), groups)
+
+
+def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """Unit normals of the facets before and after each node, shape (k, 2, 2)."""
+    along = nodes[facets[:, 1]] - nodes[facets[:, 0]]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    normals = np.empty((len(nodes), 2, 2))
+    normals[facets[:, 1], 0] = normals[facets[:, 0], 1] = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    return normals
 
 
 def _pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from .analytic import AnalyticBondForce
 from .ba_nosb import BANOSBForce
-from .bond_energy import BondEnergyForce, EnergySurrogate
+from .bond_energy import BondEnergyForce, EnergySurrogate, PlainBondEnergyForce
 from .bond_force import ForceSurrogate
 from .learnt import LearntBondForce
 from .learnt_energy import EnergyNetwork
@@ -34,6 +34,7 @@ __all__ = [
     "NetworkForce",
     "OutsideDomain",
     "OutsideDomainWarning",
+    "PlainBondEnergyForce",
     "PolynomialForce",
     "Portion",
     "bind_portions",

@@ -37,7 +37,8 @@ class AnalyticBondForce(ForceSurrogate):
 
     def compiled(self, dtype) -> CompiledBondForce:
         """Block function of the exact bond force, whose law the bond pass supplies."""
-        return CompiledBondForce(analytic_bond_force(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
+        none = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype)
+        return CompiledBondForce(analytic_bond_force(dtype).address, *none, 0, asks_law=True)
 
 
 def bond_arrays(stretch, rotation, length, C33, J) -> list[np.ndarray]:

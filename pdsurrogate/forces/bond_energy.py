@@ -16,9 +16,9 @@ from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import point_forces, sum_moments, weigh_moments
-from ..materials import Law, plane_stress
+from ..materials import PLANES, Law, plane_stress
 from .energy_density import EnergyDerivatives, blended, domain_constants
-from .evaluation import DomainWatch, Evaluation
+from .evaluation import DomainWatch, Evaluation, usual_precision
 from .kinematics import Kinematics, at_point, locate
 from .portions import EvaluationOfPortions, common_precision
 from .protocol import CompiledBondForce, Domain, ForceModel, InvalidState, Portion, Release
@@ -44,8 +44,8 @@ class EnergySurrogate(ForceModel):
 
     @property
     def honours(self) -> Mapping[str, tuple]:
-        # It is exact on incomplete horizons, and its invariants know no rotation.
-        honours = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,)}
+        # It is exact on incomplete horizons, and its invariants know no rotation.  What is learnt is the energy of a sheet.
+        honours = {"precision": PRECISIONS, "correction": ("none",), "breakable": (True,), "plane": ("stress",)}
         return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
@@ -64,11 +64,36 @@ class EnergySurrogate(ForceModel):
 
 
 class BondEnergyForce(EnergySurrogate):
-    """The exact plane-stress energy of any law, C33 solved in every evaluation."""
+    """The exact energy of any law.
+
+    Under plane stress it is at the bonds, C33 solved in every evaluation; in plane strain the isochoric part is at the bonds and the
+    volumetric one at the points, which does not lock (`pdsurrogate.forces.selective_energy`).
+    """
 
     name = "bond-energy"
     domain = None
     default_precision = "float64"
+
+    @property
+    def honours(self) -> Mapping[str, tuple]:
+        return {**super().honours, "plane": tuple(PLANES)}
+
+    def honoured(self, plane: str) -> Mapping[str, tuple]:
+        if plane == "stress":
+            return self.honours
+        return {key: values for key, values in self.honours.items() if key != "breakable"} | {"precision": ("float64",)}
+
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
+        if settings.plane == "stress":
+            return BondEnergyEvaluation(self, body, law, settings)
+        from .selective_energy import SelectiveEnergyEvaluation  # which stands on this module
+
+        return SelectiveEnergyEvaluation(self, body, law, settings)
+
+    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> BondEnergyOfPortions:
+        if settings.plane == "strain":
+            raise ValueError(f"{self.name} takes a body of one material in plane strain; force=analytic takes several")
+        return BondEnergyOfPortions(body, portions, settings)
 
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
         return EnergyDerivatives(*plane_stress.energy_derivatives(law, trace, area_ratio))
@@ -76,6 +101,18 @@ class BondEnergyForce(EnergySurrogate):
     def compiled(self, dtype) -> CompiledBondForce:
         """Block function of the exact energy, whose law the pass supplies."""
         return CompiledBondForce(analytic_energy_density(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
+
+
+class PlainBondEnergyForce(BondEnergyForce):
+    """All of the energy at the bonds in plane strain too, where it locks: to be compared with `BondEnergyForce`."""
+
+    name = "bond-energy-plain"
+
+    def honoured(self, plane: str) -> Mapping[str, tuple]:
+        return self.honours
+
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
+        return BondEnergyEvaluation(self, body, law, settings)
 
 
 def pair_geometry(body: Body, pairs: np.ndarray | slice, weights: np.ndarray, precision: str) -> np.ndarray:
@@ -295,7 +332,7 @@ class EnergyOfPairs(Evaluation):
 
         def to_points(out: np.ndarray) -> int:
             gather()
-            ghosts.fold_moments(self._stresses)
+            kinematics.gradient_ghosts.fold_moments(self._stresses)
             beside = None if others_of is None else others_of(self._stresses[:n])
             weigh()
             if len(ghosts):
@@ -344,12 +381,12 @@ class EnergyOfPairs(Evaluation):
         return self.unit * forces
 
     def _mirrored_pairs(self, outer: np.ndarray) -> np.ndarray:
-        """For pairs of a point i and the ghost of a point k: the pairs of k and the ghost of i in the same plane."""
+        """For pairs of a point i and the ghost of a point k: the pairs of k and the ghost of i under the same reflections."""
         bonds, ghosts, n = self.body.bonds, self.body.ghosts, len(self.body)
         ghost = bonds.second[outer].astype(np.int64) - n
-        number = np.full((int(ghosts.plane.max()) + 1, n), -1)
-        number[ghosts.plane, ghosts.source] = np.arange(len(ghosts))
-        partner = ghosts.source[ghost].astype(np.int64), n + number[ghosts.plane[ghost], bonds.first[outer]]
+        number = np.full((int(ghosts.image.max()) + 1, n), -1)
+        number[ghosts.image, ghosts.source] = np.arange(len(ghosts))
+        partner = ghosts.source[ghost].astype(np.int64), n + number[ghosts.image[ghost], bonds.first[outer]]
         total = n + len(ghosts)
         keys = bonds.first[outer].astype(np.int64) * total + bonds.second[outer]
         order = np.argsort(keys)
@@ -404,7 +441,7 @@ class EnergyOfPairs(Evaluation):
             what = f"det F = {J[worst]:.3g} of a bond: the material is turned inside out there"
             return at_point(self.body, int(bonds.first[worst]), what)
         trace = (c * c).sum(axis=1) + (e * e).sum(axis=1)
-        for pair in np.argsort(np.where(alive, -trace, np.inf))[:100]:
+        for pair in np.argsort(np.where(alive, -trace, np.inf))[: 100 if self.plane == "stress" else 0]:
             try:
                 for law in self._laws_of(pair):
                     BondEnergyForce().energy_derivatives(law, trace[[pair]], J[[pair]])
@@ -430,16 +467,20 @@ class BondEnergyEvaluation(EnergyOfPairs):
     """
 
     def __init__(self, model: EnergySurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
-        super().__init__(body, law, settings.precision or model.default_precision, "none", settings)
+        super().__init__(body, law, usual_precision(model, settings), "none", settings)
         self.model, self.outside, self.unit = model, settings.outside or OUTSIDE, law.shear_modulus
         self._watches = [DomainWatch(model, self._n_pairs, self.outside, "energy", "energy")]
         self._prepare()
         self.geometry = pair_geometry(body, slice(None), self.bond_weights, self.precision)
-        ends, kinematics = body.bonds.ends_in_blocks(BLOCK), self._kinematics
-        places = kinematics.positions, kinematics.gradients
-        self._pairs = PairEnergies(model, law, self.precision, self.outside, kinematics, kinematics.response, *places, *ends, self.geometry)
-        self._forces, self._moments = self._pairs.forces, self._pairs.moments
+        self._bind_energies()
         self._own_sums = self.sums_of(self._forces, self._moments)
+
+    def _bind_energies(self) -> None:
+        """Bind the pass over the pairs to its arrays."""
+        kinematics, arrays = self._kinematics, (*self.body.bonds.ends_in_blocks(BLOCK), self.geometry)
+        places = kinematics.positions, kinematics.gradients
+        self._pairs = PairEnergies(self.model, self.law, self.precision, self.outside, kinematics, kinematics.response, *places, *arrays)
+        self._forces, self._moments = self._pairs.forces, self._pairs.moments
 
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
         outside = self._pairs()
@@ -452,8 +493,8 @@ class BondEnergyEvaluation(EnergyOfPairs):
 
     @property
     def has_tangent(self) -> bool:
-        # Rounding in single precision would be most of what differences of the energy leave.
-        return self.precision == "float64"
+        # Rounding in single precision would be most of what differences of the energy leave; second derivatives are of a sheet's energy.
+        return self.precision == "float64" and self.plane == "stress"
 
     def tangent(self, positions: np.ndarray) -> Tangent:
         from .tangent import Tangent
@@ -529,7 +570,7 @@ class BondEnergyEvaluation(EnergyOfPairs):
 
 
 class BondEnergyOfPortions(EnergyOfPairs, EvaluationOfPortions):
-    """Energies of several materials on one body, theory (44): of a pair across an interface every end has its share, by its own law.
+    """Energies of several materials on one body, theory (49): of a pair across an interface every end has its share, by its own law.
 
     Either material sees the bond and its ends as if the other moved as itself (`Interfaces`), so that a pair across an interface has one
     gradient for each; what the energy says about the jump between them is a force on the points that the jump is found from.

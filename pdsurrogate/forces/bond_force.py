@@ -12,9 +12,10 @@ from ..kernels import bond_force, reference_state
 from ..kernels.analytic import analytic_bond_force
 from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.sums import sum_pair_forces
-from ..materials import Law
-from .evaluation import DomainWatch, Evaluation
+from ..materials import PLANES, Law
+from .evaluation import DomainWatch, Evaluation, usual_precision
 from .kinematics import Kinematics, at_point, locate
+from .plane_strain import in_plane_strain
 from .portions import EvaluationOfPortions, PointStates, common_precision
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel, InvalidState, Portion
 from .settings import OUTSIDE, OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, ForceSettings
@@ -44,7 +45,9 @@ class ForceSurrogate(ForceModel):
     @property
     def honours(self) -> Mapping[str, tuple]:
         corrections = tuple(name for name in reference_state.CORRECTIONS if self.gives_transverse or name != "tensor")
-        honours = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,)}
+        # The pressure of plane strain is the trace of the stress, of which T_mm is a part.
+        planes = tuple(PLANES) if self.gives_transverse else ("stress",)
+        honours = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,), "plane": planes}
         return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
@@ -87,7 +90,7 @@ class PairForces:
     ----------
     model : ForceSurrogate
     law : Law
-    precision, outside : str
+    precision, outside, plane : str
         See `ForceSettings`.
     positions : ndarray, shape (k, 2)
         Of the points and images that pairs are made of.
@@ -114,6 +117,7 @@ class PairForces:
         law: Law,
         precision: str,
         outside: str,
+        plane: str,
         positions: np.ndarray,
         states: Kinematics | PointStates,
         first: np.ndarray,
@@ -121,9 +125,12 @@ class PairForces:
         chunks: int,
     ) -> None:
         blocks = len(first) // BLOCK
-        self.compiled = compiled = model.compiled(precision)
+        compiled = model.compiled(precision)
+        if plane == "strain" and not compiled.asks_law:
+            compiled = in_plane_strain(compiled, law, precision)
+        self.compiled = compiled
         self.geometry = aligned_rows((blocks, 5 if compiled.needs_length else 4, BLOCK), precision)
-        self.learns_thickness = law.costly and model.domain is not None and model.gives_transverse
+        self.learns_thickness = law.costly and model.domain is not None and model.gives_transverse and plane == "stress"
         if self.learns_thickness:
             states.surrogate_thickness = SurrogateThickness(compiled, model.domain, law, precision, chunks)
         guard = OUTSIDE_POLICIES[outside] if model.domain is not None else bond_force.UNGUARDED
@@ -171,12 +178,12 @@ class BondForceEvaluation(Evaluation):
 
     def __init__(self, model: ForceSurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
         correction = settings.correction or ("tensor" if model.gives_transverse else "scalar")
-        super().__init__(body, law, settings.precision or model.default_precision, correction, settings)
+        super().__init__(body, law, usual_precision(model, settings), correction, settings)
         self.model, self.outside = model, settings.outside or OUTSIDE
         bonds, kinematics = body.bonds, self._kinematics
         first, second = bonds.ends_in_blocks(BLOCK)
         self._pairs = PairForces(
-            model, law, self.precision, self.outside, kinematics.positions, kinematics, first, second, kinematics.chunks
+            model, law, self.precision, self.outside, self.plane, kinematics.positions, kinematics, first, second, kinematics.chunks
         )
         self.learnt_thickness = self._pairs.learns_thickness
         self._watch = DomainWatch(model, self._n_pairs, self.outside, "force", "bond force")
@@ -251,7 +258,7 @@ def pair_without_force(force: Evaluation, forces: np.ndarray, out: np.ndarray, l
 
 
 class BondForceOfPortions(EvaluationOfPortions):
-    """Bond-force models of several materials on one body, theory (43).
+    """Bond-force models of several materials on one body, theory (48).
 
     A pair within a material has its bond force.  Of a pair across an interface each of the two materials gives half: what its model and its
     law make of the bond and of both ends.  So the forces on the two ends are opposite.
@@ -270,9 +277,8 @@ class BondForceOfPortions(EvaluationOfPortions):
             pairs = np.flatnonzero((owners == number).any(axis=0))
             states = self._add_states(pairs)
             view = states.view
-            part = PairForces(
-                portion.model, portion.law, self.precision, outside, view.positions, states, view.first, view.second, kinematics.chunks
-            )
+            how = self.precision, outside, self.plane
+            part = PairForces(portion.model, portion.law, *how, view.positions, states, view.first, view.second, kinematics.chunks)
             self.learnt_thickness |= part.learns_thickness
             reference_state.pair_rows(
                 np.arange(len(pairs), dtype=np.uint32),

@@ -26,8 +26,8 @@ class Evaluation(InternalForce):
     """
 
     def __init__(self, body: Body, law: Law, precision: str, correction: str, settings: ForceSettings) -> None:
-        super().__init__(body, law, precision, correction, settings.breakable)
-        self._kinematics = Kinematics(body, law, precision, settings.rotation)
+        super().__init__(body, law, precision, correction, settings.breakable, settings.plane)
+        self._kinematics = Kinematics(body, law, precision, settings.rotation, settings.plane)
         self._n_pairs = len(body.bonds.first)
 
     def place(self, positions: np.ndarray) -> None:
@@ -57,6 +57,11 @@ class Evaluation(InternalForce):
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         return {"volume_ratios": self._kinematics.volume_ratios}
+
+
+def usual_precision(model, settings: ForceSettings) -> str:
+    """The precision asked for, or else the model's own; in plane strain, where the pressure follows from det F times K, double."""
+    return settings.precision or (model.default_precision if settings.plane == "stress" else "float64")
 
 
 class DomainWatch:

@@ -25,7 +25,7 @@ class Interfaces:
 
     Of two materials that are bonded F jumps by c (x) N across the interface, N its normal: the displacement is continuous, its slope
     along N is not.  Beside every point at an interface the jump c is the difference of two linear fits to the positions of either side,
-    theory (42), a linear function of the positions.  It carries the motion of a material on beyond the interface: there the points of the
+    theory (47), a linear function of the positions.  It carries the motion of a material on beyond the interface: there the points of the
     other are seen where they would be if their side moved as this one.
 
     A point that sees more than two materials, or no straight interface, has none: c = 0 there, and its own place is seen by all.

@@ -15,7 +15,7 @@ from ..kernels.gradient import deformation_gradients
 from ..kernels.passes import BoundPass
 from ..kernels.reference_state import shape_rows
 from ..kernels.threads import threads_in_use
-from ..materials import Law, plane_stress
+from ..materials import PLANES, Law, plane_stress
 from .protocol import InvalidState
 from .settings import ROTATION, ROTATIONS
 from .surrogate_thickness import SurrogateThickness
@@ -35,6 +35,8 @@ class Kinematics:
         Of the node records and the weighted bonds; positions, gradients and what is summed are double.
     rotation : {"polar", "convected"}, optional
         In the node records, which only bond forces read.
+    plane : {"stress", "strain"}
+        Whether the volume ratios follow from the plane-stress condition, or are det F.
 
     Attributes
     ----------
@@ -52,18 +54,20 @@ class Kinematics:
         K^-1 as (11, 12, 22), zero where the bonds do not span the plane.
     supported : ndarray of uint8, shape (n + m,)
         1 where the bonds span the plane.
+    gradient_ghosts : Ghosts
+        Which fill the gradients, and fold derivatives by them.
     surrogate_thickness : SurrogateThickness or None
         What solves the plane-stress condition in the place of the law.
     interfaces : Interfaces or None
         Where materials meet, in a body of several.
     """
 
-    def __init__(self, body: Body, law: Law, precision: str, rotation: str | None = None) -> None:
-        self.body, self.law = body, law
+    def __init__(self, body: Body, law: Law, precision: str, rotation: str | None = None, plane: str = "stress") -> None:
+        self.body, self.law, self.plane = body, law, plane
         bonds, points = body.bonds, body.all_points
         n, total = len(body), len(points)
         self.chunks = threads_in_use()
-        self.response = plane_stress.response.block(law)
+        self.response = PLANES[plane].response.block(law)
         self.parameters = law.parameters
 
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
@@ -81,6 +85,7 @@ class Kinematics:
         self._plane_displacements = np.zeros((len(body.planes), dimension))
         self._shifts = body.ghosts.shifts(body.points, self._plane_displacements)
         self.gradients = aligned_rows((total, dimension * dimension))
+        self.gradient_ghosts = body.ghosts if plane == "stress" else body.ghosts.keeping_volume()
         self._form_gradients = self.gradient_pass(self.positions, self.gradients, 1.0)
         self.volume_ratios = np.ones(total)
         self.records = aligned_rows((total, 4), precision)
@@ -169,7 +174,7 @@ class Kinematics:
             self._form_gradients()
             if self.interfaces is not None:
                 self.interfaces.correct(self.positions, self.gradients)
-            self.body.ghosts.fill_gradients(self.gradients)
+            self.gradient_ghosts.fill_gradients(self.gradients)
             self._formed = True
 
     def find_states(self) -> None:
@@ -192,6 +197,8 @@ class Kinematics:
     @cached_property
     def _find_states(self) -> Callable[[], int]:
         """The pass over the points' states; bound at its first use, when it is known what solves the plane-stress condition."""
+        if self.plane == "strain":
+            return node_state.held_states.bind(self.gradients, self.volume_ratios, self.records, chunks=self.chunks)
         if self.surrogate_thickness is not None:
             law = self.response.address, self.parameters
             return self.surrogate_thickness.bind(self.gradients, self.volume_ratios, *law, self.records, self.chunks)

@@ -10,7 +10,7 @@ import numpy as np
 from ..body import Body
 from ..kernels import nosb
 from ..kernels.block_arrays import aligned_rows
-from ..materials import Law
+from ..materials import PLANES, Law
 from .evaluation import Evaluation
 from .kinematics import locate
 from .portions import EvaluationOfPortions
@@ -23,7 +23,7 @@ class NOSBForce(ForceModel):
 
     name = family = "nosb"
     # K^-1 needs no correction of incomplete horizons, and P no rotation.
-    honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "breakable": (True,)}
+    honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "breakable": (True,), "plane": tuple(PLANES)}
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> NOSBEvaluation:
         return NOSBEvaluation(body, law, settings)

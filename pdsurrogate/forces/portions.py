@@ -11,8 +11,8 @@ from ..body import Body
 from ..kernels import node_state
 from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.passes import BoundPass
-from ..materials import Law, plane_stress
-from .evaluation import Evaluation
+from ..materials import PLANES, Law
+from .evaluation import Evaluation, usual_precision
 from .interfaces import Interfaces
 from .kinematics import Kinematics
 from .protocol import ForceModel, InternalForce, InvalidState, Portion
@@ -50,11 +50,12 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     merged = _merged(portions)
     if len(merged) == 1:
         return merged[0].model.bind(body, merged[0].law, settings)
-    honoured = {key for portion in merged for key in portion.model.honours}
+    honoured = {key for portion in merged for key in portion.model.honoured(settings.plane)}
     for portion in merged:
         # Of models beside one that has a domain, those that hold everywhere have no use for `outside`.
-        spared = "outside" in honoured and "outside" not in portion.model.honours
-        (replace(settings, outside=None) if spared else settings).check(portion.model.name, portion.model.honours)
+        honours = portion.model.honoured(settings.plane)
+        spared = "outside" in honoured and "outside" not in honours
+        (replace(settings, outside=None) if spared else settings).check(portion.model.name, honours)
         portion.model.check_material(portion.law)
     return merged[0].model.evaluation_of_portions(body, merged, settings)
 
@@ -78,7 +79,7 @@ def _same(model: ForceModel, other: ForceModel) -> bool:
 
 def common_precision(portions: Sequence[Portion], settings: ForceSettings) -> str:
     """The precision asked for, or else the greatest of the models' own."""
-    return settings.precision or max(portion.model.default_precision for portion in portions)
+    return max(usual_precision(portion.model, settings) for portion in portions)
 
 
 class View:
@@ -147,7 +148,7 @@ class PointStates:
 
     def __init__(self, kinematics: Kinematics, law: Law, view: View, precision: str, rotation: str | None) -> None:
         self._kinematics, self.law, self.view = kinematics, law, view
-        self.response, self.parameters, self.scratch = plane_stress.response.block(law), law.parameters, kinematics.scratch
+        self.response, self.parameters, self.scratch = PLANES[kinematics.plane].response.block(law), law.parameters, kinematics.scratch
         self.volume_ratios = np.ones(len(view.numbers))
         self.records = aligned_rows((len(view.numbers), 4), precision)
         self.surrogate_thickness: SurrogateThickness | None = None
@@ -173,6 +174,8 @@ class PointStates:
 
     def _bound(self) -> BoundPass:
         law, chunks = (self.response.address, self.parameters), self._kinematics.chunks
+        if self._kinematics.plane == "strain":
+            return node_state.held_states.bind(self.view.gradients, self.volume_ratios, self.records, chunks=chunks)
         if self.surrogate_thickness is not None:
             return self.surrogate_thickness.bind(self.view.gradients, self.volume_ratios, *law, self.records, chunks)
         return node_state.node_states.bind(self.view.gradients, self.volume_ratios, *law, self.scratch, self.records, chunks=chunks)
@@ -251,6 +254,12 @@ class EvaluationOfPortions(Evaluation):
     @property
     def force_scale(self) -> np.ndarray:
         return self._force_scale
+
+    def bulk_stresses(self) -> np.ndarray:
+        found, J3 = np.empty(len(self.body)), self.volume_ratios()
+        for law, points in self.laws:
+            found[points] = law.volumetric(J3[points], law.parameters)[1]
+        return found
 
     def volume_ratios(self) -> np.ndarray:
         self.find_states()

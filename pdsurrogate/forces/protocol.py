@@ -80,6 +80,9 @@ class CompiledBondForce:
         Rows of working memory that it needs, in that precision.
     needs_length : bool
         Whether it reads the last row of its states, l/horizon, which is filled for nobody else.
+    asks_law : bool
+        Whether it asks the response that the pass hands over, which says what the thickness does.  The force of every other is that of a
+        thickness without stress; plane strain adds the pressure to it (`pdsurrogate.forces.plane_strain`).
     """
 
     address: int
@@ -87,6 +90,7 @@ class CompiledBondForce:
     weights: np.ndarray
     work_rows: int
     needs_length: bool = False
+    asks_law: bool = False
 
 
 @dataclass(frozen=True)
@@ -138,6 +142,8 @@ class InternalForce(ABC):
         Of incomplete horizons, see `ForceSettings`.
     breakable : bool
         Whether `break_bonds` is allowed.
+    plane : {"stress", "strain"}
+        What the thickness does.
     has_energy : bool
         Whether the forces are minus the derivative of an energy, which `energy` gives.
     has_tangent : bool
@@ -157,8 +163,9 @@ class InternalForce(ABC):
     has_tangent = False
     learnt_thickness = False
 
-    def __init__(self, body: Body, law: Law, precision: str, correction: str, breakable: bool) -> None:
+    def __init__(self, body: Body, law: Law, precision: str, correction: str, breakable: bool, plane: str = "stress") -> None:
         self.body, self.law, self.precision, self.correction, self.breakable = body, law, precision, correction, breakable
+        self.plane = plane
         self.evaluations, self.pairs_outside = 0, 0
         self.seconds, self.timed = 0.0, 0
 
@@ -205,7 +212,17 @@ class InternalForce(ABC):
 
     @abstractmethod
     def volume_ratios(self) -> np.ndarray:
-        """J3 of the points at the positions last given, shape (n,); raises InvalidState where there is none."""
+        """J3 of the points at the positions last given, where their volumetric energy is taken, shape (n,).
+
+        Raises
+        ------
+        InvalidState
+            Where there is none.
+        """
+
+    def bulk_stresses(self) -> np.ndarray:
+        """U' of the points at the positions last given, the hydrostatic part of a stress that U gives, in units of mu, shape (n,)."""
+        return self.law.volumetric(self.volume_ratios(), self.law.parameters)[1]
 
     @property
     @abstractmethod
@@ -323,9 +340,13 @@ class ForceModel(ABC):
         ValueError
             If the model does not fit the material, or cannot honour a setting.
         """
-        settings.check(self.name, self.honours)
+        settings.check(self.name, self.honoured(settings.plane))
         self.check_material(law)
         return self.evaluation(body, law, settings)
+
+    def honoured(self, plane: str) -> Mapping[str, tuple]:
+        """What it can honour under plane stress or in plane strain; the same, but of a model with an evaluation for each."""
+        return self.honours
 
     @abstractmethod
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from ..kernels.bond_force import FALL_BACK, TURNED
 from ..kernels.reference_state import CORRECTIONS
+from ..materials import PLANES
 from ..paper.rotation import convected_rotations
 
 OUTSIDE_POLICIES = {"fallback": FALL_BACK, "warn": TURNED, "raise": TURNED, "extrapolate": TURNED}
@@ -42,6 +43,8 @@ class ForceSettings:
         right angle from its horizon has no features, and gets the exact bond force even where extrapolation is asked for.
     breakable : bool
         Whether bonds may break, which keeps reference data that an unbreakable body has no use for.
+    plane : {"stress", "strain"}
+        Whether the thickness is free, or held.
     """
 
     precision: str | None = None
@@ -49,6 +52,7 @@ class ForceSettings:
     rotation: str | None = None
     outside: str | None = None
     breakable: bool = False
+    plane: str = "stress"
 
     def __post_init__(self) -> None:
         for key, choices in (
@@ -56,6 +60,7 @@ class ForceSettings:
             ("correction", (None, *CORRECTIONS)),
             ("rotation", (None, *ROTATIONS)),
             ("outside", (None, *OUTSIDE_POLICIES)),
+            ("plane", tuple(PLANES)),
         ):
             if getattr(self, key) not in choices:
                 names = ", ".join(choice for choice in choices if choice)
@@ -76,13 +81,15 @@ class ForceSettings:
         ValueError
             Names the setting, the model, and what it takes.
         """
-        for key in ("precision", "correction", "rotation", "outside", "breakable"):
-            value = getattr(self, key)
-            if value in (None, False) or value in honours.get(key, ()):
+        for field in fields(self):
+            key, value = field.name, getattr(self, field.name)
+            if value == field.default or value in honours.get(key, ()):
                 continue
+            where = " in plane strain" if self.plane == "strain" and key != "plane" else ""
             taken = {key: honours[key]} if key in honours else honours
             words = ", ".join(_words(key, *values) for key, values in taken.items()) or "none of these settings"
-            raise ValueError(f"{name} does not take {_words(key, value)}; it takes {words}")
+            advice = "; force=analytic and force=bond-energy take both" if key == "plane" else ""
+            raise ValueError(f"{name} does not take {_words(key, value)}{where}; it takes {words}{advice}")
 
 
 def _words(key: str, *values) -> str:

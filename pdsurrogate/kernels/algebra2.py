@@ -8,15 +8,15 @@ import numpy as np
 
 from .block_arrays import rows_of
 from .compile import inlined
-from .lanes import subtract_positions, sum_matrix_products, sum_outer_products, sum_signed_records
+from .lanes import gather_pairs, subtract_positions, sum_matrix_products, sum_outer_products, sum_signed_records
 from .lanes import sum_quad_records as sum_matrices
 
 DIMENSION, MATRIX, SYMMETRIC = 2, 4, 3
 """Dimension, and reals of a matrix and of a symmetric matrix."""
 
-__all__ = ["subtract_positions", "sum_matrices", "sum_matrix_products", "sum_outer_products", "sum_signed_records"]
+__all__ = ["gather_pairs", "subtract_positions", "sum_matrices", "sum_matrix_products", "sum_outer_products", "sum_signed_records"]
 
-symmetric_rows, matrix_rows = rows_of(SYMMETRIC), rows_of(MATRIX)
+vector_rows, symmetric_rows, matrix_rows = rows_of(DIMENSION), rows_of(SYMMETRIC), rows_of(MATRIX)
 
 
 @inlined
@@ -189,3 +189,33 @@ def first_piola(F, state, result, unit):
     p = result[0] * unit
     q = result[1] / state[1] * unit
     return p * F[0] + q * F[3], p * F[1] - q * F[2], p * F[2] - q * F[1], p * F[3] + q * F[0]
+
+
+@inlined
+def matrix_column_at(rows, k):
+    """The matrix whose entries stand in column k of as many rows."""
+    return rows[0, k], rows[1, k], rows[2, k], rows[3, k]
+
+
+@inlined
+def plus_matrix(F, G):
+    """Sum of two matrices."""
+    return F[0] + G[0], F[1] + G[1], F[2] + G[2], F[3] + G[3]
+
+
+@inlined
+def times_matrix(factor, F):
+    """A multiple of a matrix."""
+    return factor * F[0], factor * F[1], factor * F[2], factor * F[3]
+
+
+@inlined
+def matrix_times_vector(F, v):
+    """F v."""
+    return F[0] * v[0] + F[2] * v[1], F[1] * v[0] + F[3] * v[1]
+
+
+@inlined
+def add_outer_product(F, v, w):
+    """F + v (x) w."""
+    return F[0] + v[0] * w[0], F[1] + v[1] * w[0], F[2] + v[0] * w[1], F[3] + v[1] * w[1]

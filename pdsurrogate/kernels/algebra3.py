@@ -11,7 +11,7 @@ from .compile import inlined
 DIMENSION, MATRIX, SYMMETRIC = 3, 9, 6
 """Dimension, and reals of a matrix and of a symmetric matrix."""
 
-symmetric_rows, matrix_rows = rows_of(SYMMETRIC), rows_of(MATRIX)
+vector_rows, symmetric_rows, matrix_rows = rows_of(DIMENSION), rows_of(SYMMETRIC), rows_of(MATRIX)
 
 
 @inlined
@@ -361,3 +361,66 @@ def subtract_positions(positions, first, second, at, out, column):
     for k in range(4):
         for r in range(3):
             out[r, column + k] = positions[second[at + k], r] - positions[first[at + k], r]
+
+
+@inlined
+def matrix_column_at(rows, k):
+    """The matrix whose entries stand in column k of as many rows."""
+    return rows[0, k], rows[1, k], rows[2, k], rows[3, k], rows[4, k], rows[5, k], rows[6, k], rows[7, k], rows[8, k]
+
+
+@inlined
+def plus_matrix(F, G):
+    """Sum of two matrices."""
+    return F[0] + G[0], F[1] + G[1], F[2] + G[2], F[3] + G[3], F[4] + G[4], F[5] + G[5], F[6] + G[6], F[7] + G[7], F[8] + G[8]
+
+
+@inlined
+def times_matrix(factor, F):
+    """A multiple of a matrix."""
+    return (
+        factor * F[0],
+        factor * F[1],
+        factor * F[2],
+        factor * F[3],
+        factor * F[4],
+        factor * F[5],
+        factor * F[6],
+        factor * F[7],
+        factor * F[8],
+    )
+
+
+@inlined
+def matrix_times_vector(F, v):
+    """F v."""
+    return (
+        F[0] * v[0] + F[3] * v[1] + F[6] * v[2],
+        F[1] * v[0] + F[4] * v[1] + F[7] * v[2],
+        F[2] * v[0] + F[5] * v[1] + F[8] * v[2],
+    )
+
+
+@inlined
+def add_outer_product(F, v, w):
+    """F + v (x) w."""
+    return (
+        F[0] + v[0] * w[0],
+        F[1] + v[1] * w[0],
+        F[2] + v[2] * w[0],
+        F[3] + v[0] * w[1],
+        F[4] + v[1] * w[1],
+        F[5] + v[2] * w[1],
+        F[6] + v[0] * w[2],
+        F[7] + v[1] * w[2],
+        F[8] + v[2] * w[2],
+    )
+
+
+@inlined
+def gather_pairs(matrices, positions, first, second, at, sums, differences, column):
+    """Sums of the matrices and differences of the positions of the ends of four pairs, a row for every component."""
+    subtract_positions(positions, first, second, at, differences, column)
+    for k in range(4):
+        for r in range(9):
+            sums[r, column + k] = matrices[first[at + k], r] + matrices[second[at + k], r]

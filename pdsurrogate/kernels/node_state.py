@@ -48,6 +48,37 @@ def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8)
 
 
 @Pass
+def held_states(chunk, chunks, gradients, volume_ratios, records):
+    """Node records with the thickness held: C33 = 1 and J3 = J, so that no law is asked; see `node_states`.
+
+    Returns
+    -------
+    int
+        Number of points with det F <= 0 or non-finite F.
+    """
+    widest_vectors()
+    start, stop = share_of(gradients.shape[0], chunk, chunks)
+    F = quad_records(gradients[start:stop])
+    J3 = volume_ratios[start:stop]
+    record = quad_records(records[start:stop])
+    count = 0
+    for k in range(stop - start):
+        trace = F[k, 0] * F[k, 0] + F[k, 1] * F[k, 1] + F[k, 2] * F[k, 2] + F[k, 3] * F[k, 3]
+        J = F[k, 0] * F[k, 3] - F[k, 1] * F[k, 2]
+        c = F[k, 0] + F[k, 3]
+        s = F[k, 1] - F[k, 2]
+        norm = inverse_square_root(c * c + s * s)
+        J3[k] = J
+        record[k, 0] = c * norm
+        record[k, 1] = s * norm
+        record[k, 2] = J
+        record[k, 3] = 1.0
+        # NaN fails both comparisons.
+        count += 0 if (J > 0.0) & (trace < np.inf) else 1
+    return count
+
+
+@Pass
 def node_states(chunk, chunks, gradients, volume_ratios, response, parameters, scratch, records):
     """Node records (cos, sin, J, C33) from the deformation gradients.
 

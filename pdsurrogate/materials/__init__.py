@@ -1,4 +1,4 @@
-"""Material laws, their plane-stress relations, and exact homogeneous solutions."""
+"""Material laws, their relations in the plane and in space, and exact homogeneous solutions."""
 
 from .arruda_boyce import ArrudaBoyce
 from .full_network import FullNetwork
@@ -7,12 +7,14 @@ from .law import InvariantLaw, Law, PrincipalStretchLaw
 from .mooney_rivlin import MooneyRivlin
 from .neo_hookean import NeoHookean
 from .ogden import Ogden
+from .planes import PLANES
 from .yeoh import Yeoh
 
 LAWS: dict[str, type[Law]] = {law.name: law for law in (NeoHookean, MooneyRivlin, Yeoh, Gent, ArrudaBoyce, Ogden, FullNetwork)}
 
 __all__ = [
     "LAWS",
+    "PLANES",
     "ArrudaBoyce",
     "FullNetwork",
     "Gent",

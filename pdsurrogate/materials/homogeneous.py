@@ -1,4 +1,4 @@
-"""Exact homogeneous plane-stress solutions of slightly compressible laws: what simulations are compared with.
+"""Exact homogeneous solutions of slightly compressible laws, under plane stress or in plane strain: what simulations are compared with.
 
 The textbook formulas of the paper's Table 1 are the incompressible limit, off by about 1 % in stress at K = 100 mu.
 """
@@ -10,13 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from . import plane_stress
 from .law import Law
+from .plane_stress import invariants
+from .planes import PLANES
 
 
 @dataclass(frozen=True)
 class HomogeneousState:
-    """A homogeneous state under plane stress.
+    """A homogeneous state in the plane.
 
     Attributes
     ----------
@@ -39,15 +40,18 @@ class HomogeneousState:
     energy_density: float
 
 
-def biaxial(law: Law, stretch: float, lateral_stretch: float) -> HomogeneousState:
-    """State at two given in-plane stretches."""
+def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stress") -> HomogeneousState:
+    """State at two given in-plane stretches; `plane` is a name of `PLANES`."""
     for value in (stretch, lateral_stretch):
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"a stretch must be positive and finite, not {value}")
     F = np.diag([stretch, lateral_stretch])
-    trace, J = plane_stress.invariants(F)
-    J3 = float(plane_stress.volume_ratio(law, trace, J))
-    P = plane_stress.first_piola_stress(law, F)
+    trace, J = invariants(F)
+    at = PLANES[plane]
+    J3 = float(at.volume_ratio(law, trace, J))
+    P = at.first_piola_stress(law, F)
+    if not np.isfinite(P).all():
+        raise ValueError(f"{law.name}: no state at stretches of {stretch:g} and {lateral_stretch:g}: {law.limit(trace, J)}")
     return HomogeneousState(
         float(stretch),
         float(lateral_stretch),
@@ -55,20 +59,20 @@ def biaxial(law: Law, stretch: float, lateral_stretch: float) -> HomogeneousStat
         J3,
         float(P[0, 0]),
         float(P[1, 1]),
-        float(plane_stress.energy_density(law, F)),
+        float(at.energy_density(law, F)),
     )
 
 
-def uniaxial(law: Law, stretch: float) -> HomogeneousState:
-    """Uniaxial tension or compression along x1: P22 = P33 = 0."""
+def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousState:
+    """Tension or compression along x1 with sides that nothing holds: P22 = 0, and P33 = 0 under plane stress."""
 
     def lateral_stress(lateral_stretch):
-        return biaxial(law, stretch, lateral_stretch).lateral_stress
+        return biaxial(law, stretch, lateral_stretch, plane).lateral_stress
 
     # From the incompressible lateral stretch outwards, but not past the law's limit, which may be near.
-    middle = stretch**-0.5
+    middle = stretch**-0.5 if plane == "stress" else 1 / stretch
     low, high = (_enclosing(lateral_stress, middle, sign) for sign in (-1, 1))
-    return biaxial(law, stretch, brentq(lateral_stress, low, high, xtol=1e-15, rtol=1e-15))
+    return biaxial(law, stretch, brentq(lateral_stress, low, high, xtol=1e-15, rtol=1e-15), plane)
 
 
 def _enclosing(function, middle: float, sign: int) -> float:

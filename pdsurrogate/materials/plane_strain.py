@@ -5,6 +5,8 @@ In-plane tensors have shape (..., 2, 2).  Stresses and energies carry the unit o
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..kernels.compile import inlined
 from . import plane_stress
 from .consistency import check_consistency
@@ -53,6 +55,34 @@ derivative by J3.
 """
 
 
+@inlined
+def _isochoric(state, found):
+    p, q, across, _, energy = found
+    return p, q + across, across, energy
+
+
+@inlined
+def _isochoric_of_invariants(state, isochoric, volumetric):
+    return _isochoric(state, plane_stress.of_invariants(_held(state), isochoric, (0.0, 0.0, 0.0)))
+
+
+@inlined
+def _isochoric_of_stretches(state, stretches, sums, volumetric):
+    return _isochoric(state, plane_stress.of_stretches(_held(state), stretches, sums, (0.0, 0.0, 0.0)))
+
+
+isochoric_response = Response(4, 1, _invariants, _isochoric_of_invariants, _stretches, _isochoric_of_stretches, curvature=False)
+"""``isochoric_response(law, trace, J, J3)``: p, q, the Kirchhoff stress across the plane, and the energy, all of W alone.
+
+U adds J U' to q and to the stress across: its stress is U' times the cofactor of F.
+"""
+
+
+def volume_ratio(law: Law, trace, area_ratio):
+    """J3, which is det F in the plane."""
+    return np.broadcast_arrays(np.asarray(trace, float), np.asarray(area_ratio, float))[1]
+
+
 def first_piola_stress(law: Law, F):
     """In-plane first Piola-Kirchhoff stress P, shape (..., 2, 2), in the unit of the shear modulus."""
     check_consistency(law)
@@ -66,3 +96,23 @@ def energy_density(law: Law, F):
     check_consistency(law)
     trace, J = plane_stress.invariants(F)
     return law.shear_modulus * response(law, trace, J, J)[4]
+
+
+def full_stress(law: Law, F, bulk_stress):
+    """First Piola-Kirchhoff stress with the one across the plane, shape (n, 3, 3), in the unit of the shear modulus.
+
+    Parameters
+    ----------
+    law : Law
+    F : ndarray, shape (n, 2, 2)
+    bulk_stress : ndarray, shape (n,)
+        U', in units of mu: at det F, or what a selective energy has in its place (theory (46)).
+    """
+    check_consistency(law)
+    trace, J = plane_stress.invariants(F)
+    p, q, across, _ = isochoric_response(law, trace, J, J)
+    pressure = J * bulk_stress
+    stress = np.zeros((len(F), 3, 3))
+    stress[:, :2, :2] = plane_stress.in_plane_stress(F, p, q + pressure)
+    stress[:, 2, 2] = across + pressure
+    return law.shear_modulus * stress

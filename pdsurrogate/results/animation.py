@@ -20,11 +20,10 @@ FRAMES_PER_SECOND = 8
 
 def save(result: Result, path: Path) -> None:
     """Write a GIF of the dynamics, one frame a state, coloured by damage where there is any, else by the greatest stretch."""
-    first, last = len(result.levels), len(result.states)
-    if last <= first:
+    frames = result.in_dynamics()
+    if not frames:
         return
-    frames = range(first, last)
-    fields = result.states[last - 1][1]
+    fields = result.states[frames[-1]][1]
     quantity, limits = (
         ("damage", (0.0, 1.0)) if "damage" in fields else ("principal_stretch", (1.0, float(fields["principal_stretch"].max())))
     )

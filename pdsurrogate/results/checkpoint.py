@@ -11,7 +11,7 @@ import numpy as np
 from ..array_files import read_arrays
 from .files import write_with
 
-FORMAT = 3
+FORMAT = 4
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
 

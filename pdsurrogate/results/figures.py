@@ -57,6 +57,19 @@ def loading_figure(stretches: list[float], stresses: list[float], references: li
         return figure
 
 
+def forces_figure(t: list[float], forces: dict[str, list[float]], unit: str) -> Figure:
+    """Components of forces, by name and component, against the loading parameter."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(4.8, 3.2), layout="constrained")
+        axis = figure.subplots()
+        for name, values in forces.items():
+            axis.plot(t, values, ".-", lw=1.2, ms=4, label=name)
+        if forces:
+            axis.legend(frameon=False)
+        axis.set(xlabel="t", ylabel=f"force on the body ({unit})")
+        return figure
+
+
 def contour_figure(cells: list[np.ndarray], values: list[np.ndarray], label: str, titles: list[str]) -> Figure:
     """Deformed bodies, to one scale of length, side by side or one below the other, whichever fits a page.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
-from ..materials import plane_stress
+from ..materials import PLANES, plane_strain, plane_stress
 
 
 def strain_energy(force: InternalForce) -> float:
@@ -20,10 +20,9 @@ def strain_energy(force: InternalForce) -> float:
     if force.has_energy:
         return force.energy()
     trace, J = plane_stress.invariants(force.deformation_gradients())
-    J3, volumes = force.volume_ratios(), force.body.volumes
+    J3, volumes, response = force.volume_ratios(), force.body.volumes, PLANES[force.plane].response
     energies = (
-        law.shear_modulus * (plane_stress.response(law, trace[points], J[points], J3[points])[4] * volumes[points]).sum()
-        for law, points in force.laws
+        law.shear_modulus * (response(law, trace[points], J[points], J3[points])[4] * volumes[points]).sum() for law, points in force.laws
     )
     return float(sum(energies))
 
@@ -88,13 +87,17 @@ class PointState:
     trace, area : ndarray, shape (n,)
         tr C and det F in the plane.
     volume_ratio : ndarray, shape (n,)
-        J3.
+        J3, where the volumetric energy is taken.
+    bulk_stress : ndarray, shape (n,)
+        U' there, in units of mu; in plane strain alone.
     """
 
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
         force.place(positions)
-        self.laws, self.displacement, self.damage = force.laws, positions - force.body.points, damage
+        self.laws, self.plane, self.displacement, self.damage = force.laws, force.plane, positions - force.body.points, damage
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
+        if self.plane == "strain":
+            self.bulk_stress = force.bulk_stresses()
         self.trace, self.area = (self.F * self.F).sum(axis=(1, 2)), np.linalg.det(self.F)
 
     def greatest_stretch(self) -> np.ndarray:
@@ -105,6 +108,9 @@ class PointState:
         """First Piola-Kirchhoff stress, shape (n, 3, 3)."""
         stress = np.zeros((len(self.F), 3, 3))
         for law, points in self.laws:
+            if self.plane == "strain":
+                stress[points] = plane_strain.full_stress(law, self.F[points], self.bulk_stress[points])
+                continue
             p, q, *_ = plane_stress.response(law, self.trace[points], self.area[points], self.volume_ratio[points])
             stress[points, :2, :2] = law.shear_modulus * plane_stress.in_plane_stress(self.F[points], p, q)
         return stress
@@ -112,7 +118,7 @@ class PointState:
     def deformation_gradient(self) -> np.ndarray:
         """F with the stretch of the thickness, shape (n, 3, 3)."""
         gradient = np.zeros((len(self.F), 3, 3))
-        gradient[:, :2, :2], gradient[:, 2, 2] = self.F, self.volume_ratio / self.area
+        gradient[:, :2, :2], gradient[:, 2, 2] = self.F, 1.0 if self.plane == "strain" else self.volume_ratio / self.area
         return gradient
 
 

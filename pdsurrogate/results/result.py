@@ -29,7 +29,7 @@ class Result:
     history : list of dict
         Rows of ``history.csv``.
     states : States
-        Fields on the points at every level, and at every output of the dynamics: pairs of a moment and fields, see
+        Fields on the points at every level, and at every output of dynamics that follow grips: pairs of a moment and fields, see
         `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.POINT_FIELDS`.
     """
 
@@ -82,51 +82,76 @@ class Result:
                 for state in self.states:
                     written.append(*state)
             figures.save(self.figure(), folder / f"{self.scene.name}.png")
-            if self.scene.dynamics is not None:
+            if not self.scene.stretched or self.scene.dynamics is not None:
                 figures.save(self.loading_figure(), folder / f"{self.scene.name}-loading.png")
                 animation.save(self, folder / f"{self.scene.name}.gif")
         write_json(folder / SUMMARY, self.summary)
 
     def figure(self):
-        """The deformed body at every level, coloured by the displacement across the loaded direction (Fig. 6)."""
+        """The deformed body at every level, coloured by the displacement across the loaded direction (Fig. 6).
+
+        Of a general programme at a few outputs, coloured by the size of the displacement; where bonds break, by damage.
+        """
         from . import figures
 
-        lateral = 1 - self.scene.loaded_axis
         chosen = self.chosen_states()
         states = [self.states[n][1] for n in chosen]  # once: a state may have to be read from its file
         cells = [figures.deformed_cells(self.body.points, fields, self.body.cell) for fields in states]
-        if self.scene.fracture is not None and chosen[-1] >= len(self.levels):
-            label, values = "damage", [fields["damage"] for fields in states]
+        if self.scene.fracture is not None and chosen[-1] in self.in_dynamics():
+            label, values = "damage", [fields.get("damage", np.zeros(len(self.body))) for fields in states]
+        elif not self.scene.stretched:
+            label = f"|u| ({self.scene.units.length})"
+            values = [np.linalg.norm(fields["displacement"], axis=1) for fields in states]
         else:
+            lateral = 1 - self.scene.loaded_axis
             label, values = f"u{lateral + 1} ({self.scene.units.length})", [fields["displacement"][:, lateral] for fields in states]
         return figures.contour_figure(cells, values, label, [self.title(n) for n in chosen])
 
+    def in_dynamics(self) -> list[int]:
+        """Numbers of the states that were recorded in dynamics."""
+        if self.scene.stretched:
+            return list(range(len(self.levels), len(self.states)))
+        return [number for number, level in enumerate(self.levels) if "time" in level]
+
     def chosen_states(self, most: int = 4) -> list[int]:
         """Numbers of the states that a figure shows: all levels, or a few outputs of the dynamics while its crack runs."""
-        if self.scene.dynamics is None:
+        moving, last = self.in_dynamics(), len(self.states) - 1
+        if self.scene.stretched and self.scene.dynamics is None:
             return list(range(len(self.states)))
-        first, last = len(self.levels), len(self.states) - 1
-        if last <= first:
+        if self.scene.stretched and not moving:
             return [last] if last >= 0 else []
+        if not self.scene.stretched and not (moving and self.scene.fracture is not None):
+            return sorted(set(np.linspace(0, last, min(most, last + 1)).round().astype(int).tolist()))
+        first = len(self.levels) if self.scene.stretched else moving[0]
         chosen = np.linspace(first, last, most)
         if self.scene.fracture is not None:
             broken = np.array([entry["broken_bonds"] for entry in self.summary["crack"]["tips"]])
             if broken[-1] > 0:
                 # Evenly over the growth of the crack, which takes a small part of the time.
-                chosen = first + np.searchsorted(broken, np.linspace(0.1, 1.0, most) * broken[-1])
+                grown = np.searchsorted(broken, np.linspace(0.1, 1.0, most) * broken[-1])
+                chosen = np.array(moving)[grown]
         return sorted(set(chosen.round().astype(int).tolist()))
 
     def title(self, number: int) -> str:
-        """What a figure says above a state: its stretch, and the time in dynamics."""
-        moment = self.states.moments[number]
-        if number < len(self.levels):
-            return f"stretch {moment.stretch:g}"
-        return f"stretch {moment.stretch:.3f}, {moment.time:.4g} {self.scene.units.time}"
+        """What a figure says above a state: the loading parameter, and the time in dynamics."""
+        moment, moving = self.states.moments[number], number in self.in_dynamics()
+        if self.scene.stretched:
+            at = f"stretch {moment.stretch:.3f}" if moving else f"stretch {moment.stretch:g}"
+        else:
+            at = f"t = {moment.t:.3g}"
+        return f"{at}, {moment.time:.4g} {self.scene.units.time}" if moving else at
 
     def loading_figure(self):
-        """Nominal stress against stretch, over levels and dynamics."""
+        """Over levels and dynamics: nominal stress against stretch, or, of a general programme, forces against t."""
         from . import figures
 
+        if not self.scene.stretched:
+            rows = [{"t": 0.0}, *(row for row in self.history if any(key.startswith("force_") for key in row))]
+            columns = list(dict.fromkeys(key for row in rows for key in row if key.startswith("force_")))
+            forces = {column.removeprefix("force_"): [row.get(column, 0.0) for row in rows] for column in columns}
+            greatest = max((max(map(abs, values)) for values in forces.values()), default=0.0)
+            shown = {name: values for name, values in forces.items() if max(map(abs, values)) > 1e-3 * greatest}
+            return figures.forces_figure([row["t"] for row in rows], shown, self.summary["units"]["force"])
         rows = [*self.levels, *(row for row in self.history if "time" in row)]
         references = [(level["stretch"], level["nominal_stress_reference"]) for level in self.levels if "nominal_stress_reference" in level]
         stress = [row["nominal_stress"] for row in rows]

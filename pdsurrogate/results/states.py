@@ -23,14 +23,18 @@ class Moment:
     run_time : float
         Place on the one axis of the whole run, on which states follow each other: 1 at the first level in equilibrium, 2 at the second,
         and so on; from the last level on the time of the dynamics is added.
-    stretch : float
+    stretch : float or None
+        Of a scene with grips.
     time : float
-        Since the dynamics began; 0 at a level in equilibrium.
+        That all dynamics have taken; 0 at a level before them.
+    t : float or None
+        Loading parameter of a scene with steps.
     """
 
     run_time: float
-    stretch: float
+    stretch: float | None
     time: float
+    t: float | None = None
 
 
 class States(Protocol):
@@ -88,7 +92,8 @@ class StatesInFiles:
         """Write a state, and the index with it."""
         from . import vtk
 
-        vtk.write_state(self._path(len(self.moments)), self.points, fields, asdict(moment))
+        values = {name: value for name, value in asdict(moment).items() if value is not None}
+        vtk.write_state(self._path(len(self.moments)), self.points, fields, values)
         self.moments.append(moment)
         self._write_index()
 

@@ -6,9 +6,8 @@ import hashlib
 import json
 import math
 from dataclasses import astuple, dataclass, field
-from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numba
 import numpy as np
@@ -20,14 +19,22 @@ from ..kernels.threads import threads_for
 from ..materials import Law
 from ..results import measures
 from ..results.checkpoint import Checkpoint
+from ..results.probes import Probes
 from ..results.states import Moment, States, StatesInFiles, StatesInMemory
 from ..scenes import Scene, SceneError
 from ..scenes.model import EDGES
 from ..solvers.conditions import Loading
+from ..solvers.grips import GripLoading
+from ..solvers.loads import LoadedForce, Loads
+from ..solvers.prescribed import PrescribedLoading
 from ..solvers.reductions import LOCAL, LocalReductions
 from ..solvers.regions import BodyRegions
 from .interruption import Interruption
 from .materials import models_of, portions_of
+from .programme import stages_of
+
+if TYPE_CHECKING:
+    from .fracture import Damage
 
 
 class Progress(Protocol):
@@ -36,14 +43,14 @@ class Progress(Protocol):
     def compiling(self) -> None:
         """Kernels are being compiled, which happens once on a machine."""
 
-    def level(self, number: int, stretch: float) -> None:
-        """A level of the loading programme begins."""
+    def level(self, number: int, parameter: float) -> None:
+        """The way to an output in equilibrium begins, in a stage of the programme, at a value of the loading parameter."""
 
     def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
         """How far the level has come."""
 
-    def dynamics(self, done: float, stretch: float, broken_bonds: int) -> None:
-        """How far the dynamics have come, from 0 to 1."""
+    def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
+        """How far a stage in dynamics has come, from 0 to 1."""
 
 
 class Silent:
@@ -52,13 +59,13 @@ class Silent:
     def compiling(self) -> None:
         """Say nothing."""
 
-    def level(self, number: int, stretch: float) -> None:
+    def level(self, number: int, parameter: float) -> None:
         """Say nothing."""
 
     def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
         """Say nothing."""
 
-    def dynamics(self, done: float, stretch: float, broken_bonds: int) -> None:
+    def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
         """Say nothing."""
 
 
@@ -74,17 +81,35 @@ class Run:
         Where states and checkpoints are written as they are reached.
     threads : int or None
         Of the kernels; None for as many as pay for the body.
-    law, body, loading, force
+    law, body, regions, loading, force
         What was built for it; the law is that of the rest where there are several materials.
     models : list of ForceModel
         Of the rest, then of `scene.materials`.
+    loads : Loads or None
+        None where the scene has none.
+    loaded : InternalForce or LoadedForce
+        The force with the loads, which is what solvers are given; without loads the force itself.
     grip_areas : dict of float
-        Cross-section of the body at every grip, by edge.
-    stress_grip : Grip
+        Cross-section of the body at every grip, by edge; empty without grips.
+    stress_grip : Grip or None
         The one whose force gives the nominal stress: that which travels further, of two that travel alike the right or top one.
     positions : ndarray, shape (n, 2)
-    stretch, target : float
-        At the positions; and of the level that is under way.
+    parameter, target : float
+        Loading parameter at the positions; and of the output that is under way.
+    stages : tuple of Stage
+        The programme.
+    stage, outputs : int
+        Number of the stage that is under way, and how many of its outputs are there.
+    begin : float
+        Loading parameter where that stage began.
+    elapsed : float
+        Time that earlier stages in dynamics took.
+    damage : Damage or None
+        None where the scene has no fracture: then there is nothing of it here.
+    velocities : ndarray, shape (n, 2), or None
+        With which a stage in dynamics ended; None after equilibrium.
+    earlier : tuple of float and ndarray, or None
+        The equilibrium before the last: its parameter and positions; of a loading that is `adaptive`.
     critical_stretch : float or None
         Where bonds break, if they do.
     steps : int
@@ -107,8 +132,6 @@ class Run:
     progress: Progress
     folder: Path | None = None
     threads: int | None = None
-    stretch: float = 1.0
-    target: float = 1.0
     critical_stretch: float | None = None
     steps: int = 0
     levels: list[dict] = field(default_factory=list)
@@ -120,27 +143,42 @@ class Run:
 
     def __post_init__(self) -> None:
         scene = self.scene
+        self.stages = stages_of(scene)
+        self.stage, self.outputs, self.elapsed = 0, 0, 0.0
+        self.damage: Damage | None = None
+        self.velocities: np.ndarray | None = None
+        self.earlier: tuple[float, np.ndarray] | None = None
         self.law: Law = scene.material.build()
         self.models = [self.model, *models_of(scene, self.model)]
         self.body: Body
         self.body, lower, upper = discretise(scene)
-        self._check_rate((upper - lower)[scene.loaded_axis])
+        self.regions = BodyRegions(scene, self.body, lower, upper, lambda: surface_of(scene, self.body, lower, upper))
+        if scene.stretched:
+            self._check_rate((upper - lower)[scene.loaded_axis])
         self.threads = self.threads or threads_for(len(self.body.bonds.first))
-        settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None)
+        fracture = scene.fracture is not None
+        settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, fracture, scene.plane)
         try:
-            self.loading = Loading(scene, self.body, lower, upper, self.reductions)
+            self.loads = Loads(scene, self.body, self.regions) if scene.loads else None
+            self.loading = self._loading(lower, upper)
             numba.set_num_threads(self.threads)
             self.force: InternalForce
             if scene.materials:
-                regions = BodyRegions(scene, self.body, lower, upper, partial(surface_of, scene, self.body, lower, upper))
-                self.force = bind_portions(self.body, portions_of(scene, self.body, self.models, regions), settings)
+                self.force = bind_portions(self.body, portions_of(scene, self.body, self.models, self.regions), settings)
             else:
                 self.force = self.model.bind(self.body, self.law, settings)
             self._check_support()
+            for number, probe in enumerate(scene.probes):
+                self.regions.check_place(f"probes.{number}.at", probe.at)
+            self.probes = Probes(self.body, scene.probes)
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
-        self.grip_areas = grip_areas(scene, lower, upper)
-        self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]))
+        self.loaded = self.force if self.loads is None else LoadedForce(self.force, self.loads)
+        areas = grip_areas(scene, lower, upper)
+        self.grip_areas = areas if scene.stretched else {}
+        self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]), default=None)
+        self.parameter = self.target = self.begin = self.loading.rest
+        self._check_speeds()
         self.positions = self.body.points.copy()
         self.states: States = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.body.points, scene.name)
 
@@ -149,14 +187,41 @@ class Run:
         spec = self.scene.dynamics
         if spec is None:
             return
-        laws = [self.law, *(part.material.build() for part in self.scene.materials)]
-        speed, wave = spec.stretch_rate * length, math.sqrt(min(law.shear_modulus for law in laws) / spec.density)
+        speed, wave = spec.stretch_rate * length, math.sqrt(self._least_modulus / spec.density)
         if speed > wave:
             unit = f"{self.scene.units.length}/{self.scene.units.time}"
             raise SceneError(
                 f"scene {self.scene.name}: dynamics.stretch_rate: the grips would move apart at {speed:.4g} {unit}, faster than "
                 f"shear waves at {wave:.4g} {unit}; the greatest rate is {wave / length:.4g}"
             )
+
+    @property
+    def _least_modulus(self) -> float:
+        """Shear modulus of the material in which shear waves are slowest."""
+        return min(law.shear_modulus for law in (self.law, *(part.material.build() for part in self.scene.materials)))
+
+    def _loading(self, lower, upper) -> Loading:
+        scene = self.scene
+        if scene.stretched:
+            return GripLoading(scene, self.body, lower, upper, self.reductions)
+        conditions = self.regions, self.loads, self.law.shear_modulus, self.reductions
+        return PrescribedLoading(scene, self.body, lower, upper, *conditions)
+
+    def _check_speeds(self) -> None:
+        """Refuse steps in which held parts of the body move apart faster than shear waves, as `_check_rate` does of grips."""
+        begin = self.loading.rest
+        for number, stage in enumerate(self.stages if not self.scene.stretched else ()):
+            if stage.inertia is not None:
+                speed = self.loading.greatest_speed(stage.inertia.motion(begin, stage.to))
+                wave = math.sqrt(self._least_modulus / stage.inertia.density)
+                if speed > wave:
+                    unit = f"{self.scene.units.length}/{self.scene.units.time}"
+                    raise SceneError(
+                        f"scene {self.scene.name}: steps.{number}.dynamics.duration: parts that are held would move apart at {speed:.4g} "
+                        f"{unit}, faster than shear waves at {wave:.4g} {unit}; the least duration is "
+                        f"{stage.inertia.duration * speed / wave:.4g} {self.scene.units.time}"
+                    )
+            begin = stage.to
 
     def _check_support(self) -> None:
         """Refuse points whose bonds lie on one line: only a crack may leave points without a deformation gradient."""
@@ -181,16 +246,18 @@ class Run:
         """How many points have too few bonds left for a deformation gradient."""
         return self.reductions.total_of_parts(int(np.count_nonzero(~self.force.supported)))
 
-    def nominal_stress(self, reactions: np.ndarray) -> float:
-        """Pull of one grip outwards along the loaded axis, over its own cross-section; see `Loading.reactions`."""
+    def nominal_stress(self, forces: np.ndarray) -> float:
+        """Pull of one grip outwards along the loaded axis, over its own cross-section, by the forces (2, 2) of the grips."""
         grip = self.stress_grip
         axis, side = EDGES[grip.edge]
-        return float(side * reactions[self.scene.grips.index(grip), axis] / self.grip_areas[grip.edge])
+        return float(side * forces[self.scene.grips.index(grip), axis] / self.grip_areas[grip.edge])
 
     def record(self, damage: np.ndarray | None = None, time: float = 0.0) -> None:
-        """Record the present state: of the last level, or so long after it."""
+        """Record the present state: of the last equilibrium, or so long after the beginning of the stage in dynamics."""
         fields = measures.point_fields(measures.PointState(self.force, self.positions, damage))
-        self.states.append(Moment(len(self.levels) + time, self.stretch, time), fields)
+        equilibria, since = sum("time" not in level for level in self.levels), self.elapsed + time
+        moment = Moment(equilibria + since, self.parameter, since)
+        self.states.append(moment if self.scene.stretched else Moment(moment.run_time, None, since, self.parameter), fields)
 
     @property
     def identity(self) -> dict:
@@ -208,7 +275,13 @@ class Run:
         if self.folder is None:
             return
         common = {
-            "stretch": self.stretch,
+            "parameter": self.parameter,
+            "stage": self.stage,
+            "outputs": self.outputs,
+            "begin": self.begin,
+            "elapsed": self.elapsed,
+            "crack": self.crack,
+            "earlier": None if self.earlier is None else self.earlier[0],
             "levels": self.levels,
             "history": self.history,
             "moments": [astuple(moment) for moment in self.states.moments],
@@ -216,17 +289,30 @@ class Run:
             "outside": self.force.pairs_outside,
         }
         held = {"positions": self.positions, **self.force.state_arrays()}
+        if self.damage is not None:
+            held["broken"] = self.damage.broken
+        if self.earlier is not None:
+            held["earlier"] = self.earlier[1]
         Checkpoint(self.identity, {**common, **progress}, {**held, **arrays}).write(self.folder)
 
     def restore(self) -> Checkpoint:
-        """Take up what a checkpoint holds of everything but the dynamics."""
+        """Take up what a checkpoint holds of everything but what moves a stage in dynamics."""
         held = {"positions": self.positions, **self.force.state_arrays()}
         found = Checkpoint.read(self.folder, self.identity, {key: (array.shape, array.dtype) for key, array in held.items()})
         progress = found.progress
         for key, array in held.items():
             array[:] = found.arrays[key]
-        self.stretch, self.levels, self.history = progress["stretch"], progress["levels"], progress["history"]
+        self.parameter, self.levels, self.history = progress["parameter"], progress["levels"], progress["history"]
+        self.stage, self.outputs = progress["stage"], progress["outputs"]
+        self.begin, self.elapsed, self.crack = progress["begin"], progress["elapsed"], progress["crack"]
+        if progress["earlier"] is not None:
+            self.earlier = progress["earlier"], found.arrays["earlier"].copy()
         self.states = StatesInFiles(self.folder, self.body.points, self.scene.name, [Moment(*moment) for moment in progress["moments"]])
+        if self.damage is not None:
+            pairs = np.flatnonzero(found.arrays["broken"])
+            if len(pairs):
+                self.damage.break_bonds(pairs)
+                self.force.break_bonds(pairs)
         self.force.evaluations, self.force.pairs_outside = progress["evaluations"], progress["outside"]
         return found
 

@@ -18,9 +18,9 @@ from ..results import Result
 from ..results.checkpoint import CheckpointError
 from ..results.folder import check_room, make_room, occupied
 from ..scenes import Scene, load_scene
-from ..solvers import Diverging, NotConverged, Unstable
+from ..solvers import Diverging, NotConverged, TooFar, Unstable
 from .interruption import Interrupted
-from .levels import go_through_levels, solver_of
+from .levels import go_through, solver_of
 from .run import Progress, Run, Silent
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ class SimulationInterrupted(SimulationFailed):
 ADVICE = {
     NotConverged: "allow more solver.most_evaluations, take a smaller solver.largest_increment, or another solver.method",
     Diverging: "take another solver.method",
+    TooFar: "take a smaller steps.largest_increment, or more outputs",
     Unstable: "push it less far, or follow it in dynamics",
     InvalidState: "take a finer spacing; or the material itself does not reach this far",
 }
@@ -135,13 +136,14 @@ def simulate(
             with run.interruption:
                 _go(run, resume)
         except Interrupted as error:
-            message = f"stretch {run.stretch:g}: {error}"
+            message = f"{run.loading.at(run.parameter)}: {error}"
             raise SimulationInterrupted(message, _result(run, clock.seconds, began, message)) from None
-        except (NotConverged, Diverging, Unstable, InvalidState, OutsideDomain) as error:
-            advice = DYNAMICS_ADVICE if run.steps else ADVICE.get(type(error))
+        except (NotConverged, Diverging, TooFar, Unstable, InvalidState, OutsideDomain) as error:
+            inertia = run.stages[run.stage].inertia is not None and run.steps > 0
+            advice = DYNAMICS_ADVICE if inertia else ADVICE.get(type(error))
             if isinstance(error, NotConverged | Unstable) and run.force.precision == "float32":
                 advice += "; or take precision=float64, whose rounding leaves less of a residual and disturbs less"
-            message = f"stretch {run.target:g}: {error}" + (f"; {advice}" if advice else "")
+            message = f"{run.loading.at(run.target)}: {error}" + (f"; {advice}" if advice else "")
             raise SimulationFailed(message, _result(run, clock.seconds, began, message)) from error
         return _result(run, clock.seconds, began, None)
 
@@ -168,57 +170,79 @@ def _model_of(force, scene: Scene) -> ForceModel:
 
 
 def _go(run: Run, resume: bool) -> None:
-    damage = None
+    """Go through the stages of the programme that are left."""
     if run.scene.fracture is not None:
         # Imported here: a scene without damage compiles none.
         from .fracture import Damage, critical_stretch_of
 
         spec = run.scene.fracture
-        critical = spec.critical_stretch or critical_stretch_of(run.law, spec.energy, run.body.horizon)
-        run.critical_stretch = critical
-        damage = Damage(run.body, critical)
+        run.critical_stretch = spec.critical_stretch or critical_stretch_of(run.law, spec.energy, run.body.horizon)
+        run.damage = Damage(run.body, run.critical_stretch)
     solver, transient = solver_of(run), None
     if resume:
-        transient = _take_up(run, solver, damage)
-    if transient is None:
-        go_through_levels(run, solver, damage)
-        transient = _dynamics_of(run, damage)
-        if transient is not None:
-            transient.begin()
-    if transient is not None:
-        transient.go()
+        transient = _take_up(run, solver)
+    while run.stage < len(run.stages) and not (run.crack is not None and run.crack["through"]):
+        stage = run.stages[run.stage]
+        if stage.inertia is None:
+            follows = run.stage + 1 if go_through(run, solver, stage) else _dynamics_after(run)
+            run.velocities = None
+        else:
+            transient = transient or _begun(run)
+            transient.go()
+            run.velocities, run.earlier, follows = transient.integrator.velocities, None, run.stage + 1
+            run.elapsed += transient.account.time
+            transient = None
+        run.stage, run.outputs, run.begin = follows, 0, run.parameter
 
 
-def _dynamics_of(run: Run, damage):
-    """The dynamics from the run's present state on; None where the scene has none."""
-    if run.scene.dynamics is None:
-        return None
+def _dynamics_after(run: Run) -> int:
+    """The next stage in dynamics, which takes over where a bond would break in equilibrium.
+
+    Raises
+    ------
+    Unstable
+        If there is none.
+    """
+    following = [number for number, stage in enumerate(run.stages) if number > run.stage and stage.inertia is not None]
+    if not following:
+        raise Unstable(f"a bond would break between {run.loading.at(run.parameter)} and here: what follows is not in equilibrium")
+    return following[0]
+
+
+def _transient(run: Run):
+    """The dynamics of the run's present stage."""
     from .transient import Transient
 
-    return Transient(run, damage)
+    return Transient(run, run.stages[run.stage])
 
 
-def _take_up(run: Run, solver, damage):
-    """Put a run where its checkpoint left it; returns the dynamics if it had come to them."""
+def _begun(run: Run):
+    transient = _transient(run)
+    transient.begin()
+    return transient
+
+
+def _take_up(run: Run, solver):
+    """Put a run where its checkpoint left it; returns the dynamics if it was in them."""
     try:
         checkpoint = run.restore()
         if checkpoint.progress["phase"] == "dynamics":
-            transient = _dynamics_of(run, damage)
+            transient = _transient(run)
             transient.resume(checkpoint)
             return transient
         solver.gave_up = bool(checkpoint.progress["gave_up"])
-        run.loading.apply(run.stretch, run.force, run.positions)
+        run.loading.apply(run.parameter, run.loaded, run.positions)
         return None
     except CheckpointError:
         raise
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise CheckpointError(f"the checkpoint in {run.folder} is damaged ({error}); run without resume") from None
 
 
 def _result(run: Run, seconds_compile: float, began: float, failure: str | None) -> Result:
     """Everything reached so far."""
     force, bonds, scene = run.force, run.body.bonds, run.scene
-    residuals = [level["residual"] for level in run.levels]
+    residuals = [level["residual"] for level in run.levels if "residual" in level]
     if failure is not None and run.residual is not None and np.isfinite(run.residual):
         residuals.append(run.residual)
     outside = force.fraction_outside
@@ -226,6 +250,7 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         "scene": scene.name,
         "force": run.model.name,
         "material": run.law.describe(),
+        "plane": force.plane,
         "n_points": len(run.body),
         "n_bonds": len(bonds.first),
         "n_directed_bonds": bonds.n_directed,
@@ -248,7 +273,7 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         "fraction_outside_domain": outside,
         "unsupported_points": run.unsupported_points(),
         "units": {**scene.units.model_dump(), "force": scene.units.force},
-        "grip_areas": run.grip_areas,
+        **({"grip_areas": run.grip_areas} if scene.stretched else {}),
         "levels": run.levels,
     }
     if scene.materials:
@@ -261,9 +286,10 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
                 strict=True,
             )
         ]
-    if scene.dynamics is not None:
-        stresses = [row["nominal_stress"] for row in [*run.levels, *run.history] if "nominal_stress" in row]
-        summary["peak_nominal_stress"] = max(stresses, default=None)
+    if any(stage.inertia is not None for stage in run.stages):
+        if scene.stretched:
+            stresses = [row["nominal_stress"] for row in [*run.levels, *run.history] if "nominal_stress" in row]
+            summary["peak_nominal_stress"] = max(stresses, default=None)
         summary["n_steps"] = run.steps
     if run.crack is not None:
         summary["critical_stretch"] = run.critical_stretch

@@ -1,11 +1,10 @@
-"""Explicit dynamics with the grips in motion: how cracks start and run, and where the work of the grips goes."""
+"""Stages in explicit dynamics: what is held goes on in time, how cracks start and run, and where the work of what holds and loads goes."""
 
 from __future__ import annotations
 
 import time as clock
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -15,10 +14,9 @@ from ..forces import InvalidState
 from ..results.checkpoint import Checkpoint
 from ..solvers import Diverging, ExplicitDynamics
 from ..solvers.reductions import LOCAL
+from .programme import Stage
+from .rows import force_columns, forces_by_name, output_row, probe_columns
 from .run import Run
-
-if TYPE_CHECKING:
-    from .fracture import Damage
 
 STEPS_PER_ROW = 20
 """Steps between rows of the history; work and damped energy are summed over them by the trapezoidal rule.
@@ -43,14 +41,13 @@ class Account:
 
     Attributes
     ----------
-    begin : float
-        Stretch at which the dynamics started.
     time : float
-        Since then.
+        Since the stage began.
     initial_energy : float
         Motion and strain at the start, per unit thickness.
     work, damped_energy, released_energy : float
-        Work of the grips, and energy taken by the damping and released by breaking bonds since then, per unit thickness.
+        Work of all that holds and loads the body, and energy taken by the damping and released by breaking bonds since then, per unit
+        thickness.
     power, damped_power : float
         When they were last taken.
     rate_time, damped_time : float
@@ -63,7 +60,6 @@ class Account:
         Pairs broken since the last state was written.
     """
 
-    begin: float
     time: float = 0.0
     initial_energy: float = 0.0
     work: float = 0.0
@@ -79,21 +75,20 @@ class Account:
 
 
 class Transient:
-    """The dynamics of one run.
+    """The dynamics of one stage of a run.
 
     Parameters
     ----------
     run : Run
-        With its positions in equilibrium at its stretch, or as a checkpoint left them.
-    damage : Damage or None
-        None where the scene has no fracture: then there is nothing of it here.
+        With its positions as the stage before left them, or as a checkpoint did.
+    stage : Stage
     """
 
-    def __init__(self, run: Run, damage: Damage | None) -> None:
-        self.run, self.damage, self.spec = run, damage, run.scene.dynamics
-        self.account = Account(run.stretch)
+    def __init__(self, run: Run, stage: Stage) -> None:
+        self.run, self.damage, self.spec, self.most_outputs = run, run.damage, stage.inertia, stage.outputs
+        self.account, self.motion = Account(), self.spec.motion(run.begin, stage.to)
         self.integrator = ExplicitDynamics(
-            run.force,
+            run.loaded,
             self._hold,
             run.positions,
             np.zeros_like(run.positions),
@@ -105,28 +100,28 @@ class Transient:
             run.reductions,
         )
         self._keeps_account = run.force.has_energy
-        if damage is not None:
+        if self.damage is not None and run.crack is None:
             run.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What a checkpoint holds of the dynamics."""
         integrator = self.integrator
-        arrays = {"velocities": integrator.velocities, "forces": integrator.forces, "mode": integrator.frequency.vector}
-        if self.damage is not None:
-            arrays["broken"] = self.damage.broken
-        return arrays
+        return {"velocities": integrator.velocities, "forces": integrator.forces, "mode": integrator.frequency.vector}
 
     def begin(self) -> None:
-        """Start from equilibrium, with the velocities of a homogeneous extension so that the grips send no shock."""
-        run, velocities = self.run, self.integrator.velocities
-        ahead = run.loading.stretched(run.positions, run.stretch, run.stretch + 1e-6)
-        velocities[:] = (ahead - run.positions) / 1e-6 * self.spec.stretch_rate * run.loading.free
-        self.integrator.begin()
-        duration, step = (self.spec.stretch - run.stretch) / self.spec.stretch_rate, self.integrator.time_step
-        if duration > MOST_STEPS * step:
+        """Start with the velocities that the stage before left.
+
+        After equilibrium the body goes on as it followed its conditions slowly, so that they send no shock; after dynamics it goes on as it
+        was, and where its conditions change their velocity they do send one.
+        """
+        run, integrator, motion = self.run, self.integrator, self.motion
+        velocities = run.loading.velocities(run.positions, motion) if run.velocities is None else run.velocities
+        integrator.velocities[:] = velocities * run.loading.free
+        integrator.begin()
+        if motion.duration > MOST_STEPS * integrator.time_step:
             raise Diverging(
-                f"the dynamics take {duration:.3g} {run.scene.units.time} in steps of {step:.3g}, more than {MOST_STEPS:.0e} of them; "
-                "check the units of dynamics.density and dynamics.stretch_rate"
+                f"the dynamics take {motion.duration:.3g} {run.scene.units.time} in steps of {integrator.time_step:.3g}, more than "
+                f"{MOST_STEPS:.0e} of them; check the units of {self.spec.keys}"
             )
         self._row(first=True)
 
@@ -134,23 +129,17 @@ class Transient:
         """Take up what a checkpoint holds."""
         run, integrator, kept = self.run, self.integrator, checkpoint.progress["dynamics"]
         self.account = Account(**kept["account"])
-        run.crack = kept["crack"]
         integrator.time_step, integrator.last_step, integrator.steps = kept["time_step"], kept["last_step"], kept["steps"]
+        run.steps = kept["all_steps"]
         integrator.velocities[:], integrator.forces[:] = checkpoint.arrays["velocities"], checkpoint.arrays["forces"]
         integrator.frequency.vector, integrator.frequency.fresh = checkpoint.arrays["mode"].copy(), False
-        if self.damage is not None:
-            pairs = np.flatnonzero(checkpoint.arrays["broken"])
-            if len(pairs):
-                self.damage.break_bonds(pairs)
-                run.force.break_bonds(pairs)
-        run.loading.apply(run.stretch, run.force, run.positions)
+        run.loading.apply(run.parameter, run.loaded, run.positions)
 
     def go(self) -> None:
-        """Run to the end of the programme, or until the body has come apart."""
-        run, spec, account, integrator = self.run, self.spec, self.account, self.integrator
-        span = spec.stretch - account.begin
+        """Run to the end of the stage, or until the body has come apart."""
+        run, account, integrator, motion = self.run, self.account, self.integrator, self.motion
         saved = clock.monotonic()
-        while account.outputs < spec.outputs:
+        while account.outputs < self.most_outputs:
             try:
                 self.step()
                 if integrator.steps % STEPS_PER_ROW == 0:
@@ -164,12 +153,13 @@ class Transient:
                 run.interruption.check()
             if integrator.steps % STEPS_PER_ROW == 0:
                 self._row()
-                run.progress.dynamics((run.stretch - account.begin) / span, run.stretch, run.crack["broken_bonds"] if run.crack else 0)
+                broken = run.crack["broken_bonds"] if run.crack else 0
+                run.progress.dynamics(min(1.0, account.time / motion.duration), run.parameter, broken)
             elif self._keeps_account and integrator.steps - account.last_break < STEPS_PER_ROW:
                 self._take_damping()
-            if run.stretch >= account.begin + span * (account.outputs + 1) / spec.outputs - 1e-12:
+            if motion.due(account.time, account.outputs + 1, self.most_outputs):
                 through = self._through()
-                if through or account.outputs + 1 == spec.outputs:
+                if through or account.outputs + 1 == self.most_outputs:
                     self._last_row()
                 self.output()
                 if through:
@@ -184,26 +174,26 @@ class Transient:
         run, integrator = self.run, self.integrator
         run.positions -= integrator.last_step * integrator.velocities
         self.account.time -= integrator.last_step
-        run.stretch = min(self.account.begin + self.spec.stretch_rate * self.account.time, self.spec.stretch)
-        recorded = run.states.moments[-1].time if len(run.states) else -np.inf
+        run.parameter = self.motion.at(self.account.time)
+        recorded = run.states.moments[-1].time - run.elapsed if len(run.states) else -np.inf
         if self.account.time > recorded + 0.5 * integrator.last_step:
             with suppress(InvalidState, Diverging):
                 self._check_inside()
-                run.force(run.positions, integrator.forces)
+                run.loaded(run.positions, integrator.forces)
                 self._last_row()
                 self._through()
                 self.output()
 
     def _check_inside(self) -> None:
-        """Raise InvalidState if a point has passed through a grip."""
-        self.run.loading.check_inside(self.run.stretch, self.run.force, self.run.positions)
+        """Raise InvalidState if a point has passed through a plane of reflection."""
+        self.run.loading.check_inside(self.run.parameter, self.run.force, self.run.positions)
 
     def step(self) -> None:
         run, account, integrator = self.run, self.account, self.integrator
         integrator.move()
         account.time += integrator.last_step
-        run.steps = integrator.steps
-        run.stretch = run.target = min(account.begin + self.spec.stretch_rate * account.time, self.spec.stretch)
+        run.steps += 1
+        run.parameter = run.target = self.motion.at(account.time)
         self._hold(run.positions, 0.0)
         if self.damage is None:
             integrator.evaluate()
@@ -227,8 +217,8 @@ class Transient:
                 return
 
     def _hold(self, positions: np.ndarray, ahead: float) -> None:
-        """Bring grips and held points to where they are a time `ahead` from now."""
-        self.run.loading.apply(self.run.stretch + ahead * self.spec.stretch_rate, self.run.force, positions)
+        """Bring all that is held to where it is a time `ahead` from now."""
+        self.run.loading.apply(self.run.parameter + ahead * self.motion.rate, self.run.loaded, positions)
 
     def _bonds_of_failed_points(self) -> np.ndarray:
         """Intact pairs of points that have lost bonds and whose deformation gradient has collapsed.
@@ -263,8 +253,10 @@ class Transient:
         run, crack = self.run, self.run.crack
         if crack["start"] is None:
             where = _midpoints(run.body, pairs).mean(axis=0)
-            stress = run.history[-1]["nominal_stress"]
-            crack["start"] = {"time": self.account.time, "stretch": run.stretch, "nominal_stress": stress, "x": where.tolist()}
+            start = {"time": run.elapsed + self.account.time, run.loading.parameter: run.parameter}
+            if "nominal_stress" in run.history[-1]:
+                start["nominal_stress"] = run.history[-1]["nominal_stress"]
+            crack["start"] = start | {"x": where.tolist()}
         crack["broken_bonds"] += run.reductions.total_of_parts(len(pairs))
         self.damage.break_bonds(pairs)
         release = run.force.break_bonds(pairs)
@@ -282,28 +274,31 @@ class Transient:
     def _row(self, first: bool = False) -> None:
         """A row of the history, and work and damped energy up to it."""
         run, account, integrator = self.run, self.account, self.integrator
-        rate = self.spec.stretch_rate * run.loading.length
-        reactions = run.loading.reactions(run.force)
+        reactions = run.loading.reactions(run.loaded)
         kinetic = integrator.kinetic_energy()
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
-        power = run.loading.pull(reactions) * rate
+        power = run.loading.power(reactions, self.motion, account.time, integrator.last_step)
+        if run.loads is not None:
+            power += run.reductions.total_of_parts(run.loads.power(run.positions, integrator.mean_velocities(), run.loaded.thickness()))
+        forces = forces_by_name(run, reactions)
         self._take_damping()
         strain = run.strain_energy()
         if not first:
             account.work += 0.5 * (account.time - account.rate_time) * (account.power + power)
         account.power, account.rate_time = power, account.time
-        row = {
-            "time": account.time,
-            "stretch": run.stretch,
-            "nominal_stress": run.nominal_stress(reactions),
+        row = {"time": run.elapsed + account.time, run.loading.parameter: run.parameter}
+        if run.scene.stretched:
+            row["nominal_stress"] = run.nominal_stress(reactions.forces)
+        else:
+            row["step"] = run.stage
+        row |= {
             "work": account.work,
             "kinetic_energy": kinetic,
             "damped_energy": account.damped_energy,
             "strain_energy": strain,
         }
-        for grip, reaction in zip(run.scene.grips, reactions.tolist(), strict=True):
-            row |= {f"force_{grip.edge}_{component}": value for component, value in enumerate(reaction, 1)}
+        row |= force_columns(forces) | probe_columns(run)
         if self._keeps_account:
             row["released_energy"] = account.released_energy
         if first:
@@ -332,22 +327,27 @@ class Transient:
         account.damped_power, account.damped_time = power, account.time
 
     def _through(self) -> bool:
-        """Whether the body has come apart between the grips."""
+        """Whether the body has come apart between what holds it."""
         if self.damage is None:
             return False
-        self.run.crack["through"] = not self._connected(*self.run.loading.ends())
+        ends = self.run.loading.ends()
+        self.run.crack["through"] = len(ends) > 1 and not all(self._connected(ends[0], others) for others in ends[1:])
         return self.run.crack["through"]
 
     def output(self) -> None:
         run, account = self.run, self.account
         self._hold(run.positions, 0.0)
         if self.damage is not None:
-            entry = {"time": account.time, "stretch": run.stretch, "broken_bonds": run.crack["broken_bonds"]}
+            entry = {"time": run.elapsed + account.time, run.loading.parameter: run.parameter, "broken_bonds": run.crack["broken_bonds"]}
             tips = crack_tips(run.body, np.array(account.recent, dtype=np.int64))
             # The tip of the largest crack stays where it was while nothing breaks.
             last = run.crack["tips"][-1]["tip"] if run.crack["tips"] else None
             run.crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
             account.recent = []
+        if not run.scene.stretched:
+            run.loaded(run.positions, np.empty_like(run.positions))
+            row = output_row(run, run.elapsed + account.time)
+            run.levels.append(row | {"kinetic_energy": self.integrator.kinetic_energy()})
         run.record(None if self.damage is None else self.damage.at_points(), account.time)
         account.outputs += 1
 
@@ -362,10 +362,10 @@ class Transient:
         integrator = self.integrator
         kept = {
             "account": asdict(self.account),
-            "crack": self.run.crack,
             "time_step": integrator.time_step,
             "last_step": integrator.last_step,
             "steps": integrator.steps,
+            "all_steps": self.run.steps,
         }
         self.run.checkpoint({"phase": "dynamics", "dynamics": kept}, self.arrays())
 

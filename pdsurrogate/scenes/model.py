@@ -12,6 +12,7 @@ from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, mod
 
 from ..body import WEIGHT_FUNCTIONS
 from ..materials import LAWS, Law
+from .amplitudes import amplitude_of
 from .loading import Load, Prescribed, Probe, Step
 from .problems import suggestion
 from .regions import RESERVED, Region, RegionName, RegionReference, references_in
@@ -307,12 +308,34 @@ class Scene(StrictModel):
     def _programme(self) -> Scene:
         if self.fracture is not None and self.dynamics is None and not any(step.dynamics for step in self.steps):
             raise ValueError("fracture needs dynamics: a crack that runs is not in equilibrium")
+        if self.fracture is not None and self.fracture.energy is not None and self.plane == "strain":
+            raise ValueError("fracture.energy gives a critical stretch under plane stress alone; give fracture.critical_stretch")
         if not self.stretched:
             return self
         if not self.stretches and self.dynamics is None:
             raise ValueError("the programme is empty: give stretches, or dynamics")
         if self.dynamics is not None and self.dynamics.stretch <= (self.stretches[-1] if self.stretches else 1.0):
             raise ValueError("dynamics.stretch must be greater than the last of stretches, where the dynamics start")
+        return self
+
+    @model_validator(mode="after")
+    def _thickness_of_pressures(self) -> Scene:
+        for number, load in enumerate(self.loads):
+            if self.plane == "strain" and load.thickness is not None:
+                raise ValueError(f"loads.{number}.thickness: under plane strain the thickness does not change; leave it out")
+        return self
+
+    @model_validator(mode="after")
+    def _amplitudes_at_steps(self) -> Scene:
+        """Refuse amplitudes that have no value where a step ends; between, they are asked for when the loading comes there."""
+        for key in ("prescribed", "loads"):
+            for number, entry in enumerate(getattr(self, key)):
+                amplitude = amplitude_of(entry.amplitude)
+                for step in self.steps:
+                    try:
+                        amplitude(step.to)
+                    except ValueError as error:
+                        raise ValueError(f"{key}.{number}.amplitude: {error}") from None
         return self
 
     @model_validator(mode="after")

@@ -38,7 +38,7 @@ def uniaxial_level(scene: Scene, stretch: float) -> dict[str, float]:
     if others or not isinstance(scene.body, Rectangle) or any(grip.holds != "normal" for grip in scene.grips):
         return {}
     try:
-        exact = homogeneous.uniaxial(scene.material.build(), stretch)
+        exact = homogeneous.uniaxial(scene.material.build(), stretch, scene.plane)
     except ValueError:
         return {}
     narrowing = (1 - exact.lateral_stretch) / 2 * scene.body.size[1 - scene.loaded_axis]
@@ -63,7 +63,7 @@ def finite_element_level(scene: Scene, stretch: float) -> dict[str, float]:
     keys = {"body", "holes", "precuts", "grips", "materials"}
     problem = scene.model_dump(mode="json", include=keys, exclude_none=True, by_alias=True)
     for case in _cases():
-        same = all(problem[key] == case.get(key, []) for key in problem) and not scene.holds
+        same = all(problem[key] == case.get(key, []) for key in problem) and not scene.holds and scene.plane == case.get("plane", "stress")
         if scene.materials and law.shear_modulus != case["shear_modulus"]:
             continue
         ratio = case["bulk_modulus"] / case["shear_modulus"]

@@ -1,7 +1,7 @@
 """Solvers: they know forces by their protocol alone."""
 
 from .dynamics import ExplicitDynamics
-from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, Unstable
+from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, TooFar, Unstable
 from .increments import Increments
 from .minimiser import EnergyMinimiser
 from .quasi_newton import Automatic, QuasiNewton
@@ -24,5 +24,6 @@ __all__ = [
     "Increments",
     "NotConverged",
     "QuasiNewton",
+    "TooFar",
     "Unstable",
 ]

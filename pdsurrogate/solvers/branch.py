@@ -25,7 +25,7 @@ LEAST_JUMP = 0.1
 class Branch:
     """Watches over the equilibria along a loading.
 
-    Only bodies that their grips push are looked at closely: under tension the stress itself keeps a body from buckling.
+    Only bodies that are pushed are looked at closely: under tension the stress itself keeps a body from buckling.
 
     Parameters
     ----------
@@ -38,13 +38,13 @@ class Branch:
         self._loading, self._force, self._reductions = loading, force, reductions
         self._stiffness: NearestBondStiffness | None = None
 
-    def check(self, before: float, stretch: float, guess: np.ndarray, positions: np.ndarray) -> None:
+    def check(self, before: float, after: float, guess: np.ndarray, positions: np.ndarray) -> None:
         """Check an equilibrium in which the force was last evaluated; the next one is taken to follow it.
 
         Parameters
         ----------
-        before, stretch : float
-            Of the last equilibrium, and of this one.
+        before, after : float
+            Loading parameter of the last equilibrium, and of this one.
         guess : ndarray, shape (n, 2)
             Extrapolation from the last equilibrium.
         positions : ndarray, shape (n, 2)
@@ -54,23 +54,25 @@ class Branch:
         InvalidState
             If a point lies beyond a plane of reflection.
         Unstable
-            If the body jumped away from the extrapolation while its grips pushed it, or its energy is not the least nearby.
+            If a body that is pushed jumped away from the extrapolation, where conditions tell how far it should have gone, or its energy is
+            not the least nearby.
         """
         loading, force = self._loading, self._force
-        loading.check_inside(stretch, force, positions)
-        growth = abs(stretch - before) * self._reductions.extent(force.body.points)
-        moved = np.sqrt(self._reductions.total(np.square(positions - guess)) / self._reductions.total_of_parts(positions.size))
-        jumped = moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing)
-        if not (jumped or force.has_energy) or loading.pull(loading.reactions(force)) >= 0:
+        loading.check_inside(after, force, positions)
+        growth, jumped = loading.growth(before, after), False
+        if growth is not None:
+            moved = np.sqrt(self._reductions.total(np.square(positions - guess)) / self._reductions.total_of_parts(positions.size))
+            jumped = moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing)
+        if not (jumped or force.has_energy) or not loading.pushes(force):
             return
         if jumped:
             raise Unstable(
-                f"the body buckles between the stretches {before:.4g} and {stretch:.4g}: while its length changed by {growth:.3g}, "
+                f"the body buckles between the stretches {before:.4g} and {after:.4g}: while its length changed by {growth:.3g}, "
                 f"its points moved by {moved:.3g} in the mean from where the states before lead"
             )
-        self._check_stability(stretch, positions)
+        self._check_stability(after, positions)
 
-    def _check_stability(self, stretch: float, positions: np.ndarray) -> None:
+    def _check_stability(self, parameter: float, positions: np.ndarray) -> None:
         loading, force = self._loading, self._force
         if self._stiffness is None:
             self._stiffness = NearestBondStiffness(force.body, force.stiffness_moduli, loading.free)
@@ -79,7 +81,7 @@ class Branch:
             force(positions, np.empty_like(positions))
         if curvature < NEGATIVE:
             raise Unstable(
-                f"the equilibrium at stretch {stretch:.4g} is not stable: along one displacement the energy has "
+                f"the equilibrium at {self._loading.at(parameter)} is not stable: along one displacement the energy has "
                 f"{curvature:.2g} times the curvature that it has at rest, so that the body buckles"
             )
 

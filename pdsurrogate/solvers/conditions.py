@@ -1,159 +1,190 @@
-"""How a body is held and pulled: reflected grips, and points held component by component."""
+"""How a body is held and loaded: what every way of saying it has in common."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from ..body import Body, ReflectionPlane
+from ..body import Body
 from ..forces import InternalForce, InvalidState
 from ..forces.kinematics import at_point
-from ..scenes.model import EDGES, Hold, Scene
+from .motion import Motion
 from .reductions import LocalReductions
+from .regions import LAYER
 
-
-def reflection_planes(scene: Scene, lower, upper) -> tuple[ReflectionPlane, ...]:
-    """Planes in which the body is continued beyond its grips; none where points are held instead."""
-    if scene.support != "reflected":
-        return ()
-    planes = []
-    for grip in scene.grips:
-        axis, side = EDGES[grip.edge]
-        parity = [-1, -1]
-        if grip.holds == "normal":
-            parity[1 - axis] = 1
-        planes.append(ReflectionPlane(axis, (lower, upper)[side > 0][axis], side, tuple(parity)))
-    return tuple(planes)
+if TYPE_CHECKING:
+    from .loads import Loads
 
 
 @dataclass(frozen=True)
-class _HeldPoints:
-    """Points of which some components move with the loading: ``displacement = travel * elongation``."""
+class HeldPoints:
+    """Points of which some components follow the loading parameter.
 
+    Attributes
+    ----------
+    name : str
+        What messages call the condition.
+    holder : int or None
+        Number of the holder whose force theirs is; None where nobody asks for it.
+    points : ndarray of int, shape (k,)
+    components : tuple of int
+    displacement : callable
+        Displacement at a value of the parameter, shape (2,) or (k, 2); only held components are read.
+    """
+
+    name: str
+    holder: int | None
     points: np.ndarray
     components: tuple[int, ...]
-    travel: np.ndarray
+    displacement: Callable[[float], np.ndarray]
 
 
-def _place(body: Body, point: int) -> str:
+@dataclass(frozen=True)
+class HeldPlane:
+    """A plane of reflection that follows the loading parameter.
+
+    Attributes
+    ----------
+    name : str
+        What messages call it.
+    holders : tuple of int or None
+        By component: number of the holder whose force that of the plane is.
+    components : tuple of int
+        Held ones.
+    displacement : callable
+        Displacement at a value of the parameter, shape (2,); 0 in free components.
+    """
+
+    name: str
+    holders: tuple[int | None, int | None]
+    components: tuple[int, ...]
+    displacement: Callable[[float], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Reactions:
+    """Forces on the body of all that holds it, per unit thickness, in the state last evaluated.
+
+    Attributes
+    ----------
+    forces : ndarray, shape (holders, 2)
+        Of every holder.
+    on_planes : ndarray, shape (planes, 2)
+    at_points : ndarray, shape (n, 2), or None
+        On held points, 0 in free components; None where no holder holds points.
+    """
+
+    forces: np.ndarray
+    on_planes: np.ndarray
+    at_points: np.ndarray | None
+
+
+def place_of(body: Body, point: int) -> str:
+    """Where a point is, for messages."""
     x1, x2 = body.points[point]
     return f"({x1:.4g}, {x2:.4g})"
 
 
-class Loading:
-    """The conditions of a scene on a body: what is held, and where it is at a given stretch.
+def edge_points(body: Body, axis: int, side: int, position: float) -> np.ndarray:
+    """Numbers of the points along an edge, the line on which a coordinate has the value `position`."""
+    distance = -side * (body.points[:, axis] - position)
+    return np.flatnonzero(distance < LAYER * body.cell[axis])
+
+
+class Loading(ABC):
+    """The conditions of a scene on a body: what is held, and where it is at a value of the loading parameter.
 
     Parameters
     ----------
-    scene : Scene
     body : Body
-    lower, upper : ndarray, shape (2,)
-        Bounding box of the body.
+    names : sequence of str
+        Of the holders: those whose forces are told.
+    planes : sequence of HeldPlane
+        In the order of the body's.
+    held : sequence of HeldPoints
+        The force on a point that two hold alike counts with the later of them.
+    loads : Loads or None
     reductions : LocalReductions
 
     Attributes
     ----------
-    axis : int
-        Loaded direction.
+    parameter : str
+        Name of the loading parameter.
+    rest : float
+        Its value at rest.
+    adaptive : bool
+        Whether increments of the parameter are made longer only where they are easy, and begin from the best of several guesses.
     free : ndarray, shape (n, 2)
         1 where a component may move, 0 where it is held.
-
-    Raises
-    ------
-    ValueError
-        If a condition holds no point, two move a point differently, or a piece of the body is not held; names it.
+    names, loads
     """
 
-    def __init__(self, scene: Scene, body: Body, lower, upper, reductions: LocalReductions) -> None:
-        self.scene, self.body, self._reductions = scene, body, reductions
-        self.axis = scene.loaded_axis
-        self.lower, self.length = lower[self.axis], upper[self.axis] - lower[self.axis]
-        self._held = [self._region(number, hold) for number, hold in enumerate(scene.holds)]
-        if scene.support == "points":
-            self._held += [self._edge(grip, lower, upper) for grip in scene.grips]
+    parameter: ClassVar[str]
+    rest: ClassVar[float]
+    adaptive: ClassVar[bool] = False
+
+    def __init__(
+        self,
+        body: Body,
+        names: tuple[str, ...],
+        planes: tuple[HeldPlane, ...],
+        held: tuple[HeldPoints, ...],
+        loads: Loads | None,
+        reductions: LocalReductions,
+    ) -> None:
+        self.body, self.names, self.loads, self._reductions = body, names, loads, reductions
+        self._planes, self._held = planes, held
         self.free = np.ones((len(body), 2))
-        for held in self._held:
-            for component in held.components:
-                self.free[held.points, component] = 0
-        self._check_agreement()
-        self._check_pieces()
+        for part in held:
+            for component in part.components:
+                self.free[part.points, component] = 0
 
-    def _check_agreement(self) -> None:
-        """Refuse two conditions that move a point differently: it would go with the later one."""
-        names = [f"holds.{number}" for number in range(len(self.scene.holds))] + [f"the {grip.edge} grip" for grip in self.scene.grips]
+    def _check_agreement(self, held: tuple[HeldPoints, ...], samples: tuple[float, ...]) -> None:
+        """Refuse two conditions that move a point differently at one of some values of the parameter: it would go with the later one."""
         for component in range(2):
-            travel, holder = np.zeros(len(self.body)), np.full(len(self.body), -1)
-            for number, held in enumerate(self._held):
-                if component not in held.components:
-                    continue
-                twice = (holder[held.points] >= 0) & (travel[held.points] != held.travel[component])
-                if twice.any():
-                    point = held.points[twice][0]
-                    raise ValueError(
-                        f"{names[holder[point]]} and {names[number]} move point {point} at {_place(self.body, point)} differently along "
-                        f"x{component + 1}"
-                    )
-                travel[held.points], holder[held.points] = held.travel[component], number
+            for sample in samples:
+                travel, holder = np.zeros(len(self.body)), np.full(len(self.body), -1)
+                for number, part in enumerate(held):
+                    if component not in part.components:
+                        continue
+                    goes = np.broadcast_to(part.displacement(sample)[..., component], len(part.points))
+                    apart = np.abs(travel[part.points] - goes) > 1e-9 * self.body.spacing
+                    twice = part.points[(holder[part.points] >= 0) & apart]
+                    if len(twice):
+                        raise ValueError(
+                            f"{held[holder[twice[0]]].name} and {part.name} move point {twice[0]} at {place_of(self.body, twice[0])} "
+                            f"differently along x{component + 1}"
+                        )
+                    travel[part.points], holder[part.points] = goes, number
 
-    def _check_pieces(self) -> None:
-        """Refuse grips that reach no point, and pieces of the body that nothing holds along the loaded axis."""
-        bonds, n = self.body.bonds, len(self.body)
-        if self.scene.support == "reflected":
-            for number, grip in enumerate(self.scene.grips):
-                if not (self._outer_planes == number).any():
-                    raise ValueError(f"grips.{number}: no bond of the body crosses its {grip.edge} edge; do holes take all that is there?")
-        within = bonds.second < n
-        count, piece = self._reductions.pieces(n, bonds.first[within], bonds.second[within])
-        held = np.zeros(count, dtype=bool)
-        held[piece[self.free[:, self.axis] == 0]] = True
-        held[piece[bonds.first[~within]]] = True  # by a grip's plane
-        if not held.all():
-            loose = np.flatnonzero(piece == np.flatnonzero(~held)[0])
-            raise ValueError(
-                f"body: it is in {count} pieces, and one of {len(loose)} points, at {_place(self.body, loose[0])}, is held by no grip; "
-                "a hole or precut separates it, or a hold is missing"
-            )
+    def _check_planes(self, keys: tuple[str, ...]) -> None:
+        """Refuse planes that no bond crosses; `keys` name them."""
+        for number, (key, plane) in enumerate(zip(keys, self._planes, strict=True)):
+            if not (self._levers[1] == number).any():
+                edge = plane.name.split()[0]
+                raise ValueError(f"{key}: no bond of the body crosses its {edge} edge; do holes take all that is there?")
 
-    def _region(self, number: int, hold: Hold) -> _HeldPoints:
-        if hold.points is not None:
-            points = np.array(hold.points)
-            if points.size and points.max() >= len(self.body):
-                raise ValueError(f"holds.{number}: there is no point {points.max()}; the body has {len(self.body)}")
-        else:
-            low, high = np.array(hold.box)
-            points = np.flatnonzero(((self.body.points >= low) & (self.body.points <= high)).all(axis=1))
-        if len(points) == 0:
-            raise ValueError(f"holds.{number}: no point of the body lies in its region")
-        return _HeldPoints(points, tuple(int(name == "x2") for name in hold.components), np.array(hold.travel))
+    def at(self, parameter: float) -> str:
+        """Words for a value of the parameter."""
+        return f"{self.parameter} {parameter:g}"
 
-    def _edge(self, grip, lower, upper) -> _HeldPoints:
-        axis, side = EDGES[grip.edge]
-        distance = -side * (self.body.points[:, axis] - (lower, upper)[side > 0][axis])
-        points = np.flatnonzero(distance < 0.99 * self.body.cell[axis])
-        if len(points) == 0:
-            raise ValueError(f"grips: no point lies within one cell of the {grip.edge} edge")
-        return _HeldPoints(points, (axis,) if grip.holds == "normal" else (0, 1), self._travel(grip))
+    def apply(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
+        """Move everything that is held to where it is at a value of the parameter, and bring the loads to their size there."""
+        for part in self._held:
+            displacement = part.displacement(parameter)
+            for component in part.components:
+                positions[part.points, component] = self.body.points[part.points, component] + displacement[..., component]
+        for number, plane in enumerate(self._planes):
+            force.move_plane(number, plane.displacement(parameter))
+        if self.loads is not None:
+            self.loads.set(parameter)
 
-    @staticmethod
-    def _travel(grip) -> np.ndarray:
-        axis, side = EDGES[grip.edge]
-        travel = np.zeros(2)
-        travel[axis] = side * grip.travel
-        return travel
-
-    def apply(self, stretch: float, force: InternalForce, positions: np.ndarray) -> None:
-        """Move everything that is held to where it is at a stretch."""
-        elongation = (stretch - 1) * self.length
-        for held in self._held:
-            for component in held.components:
-                positions[held.points, component] = self.body.points[held.points, component] + held.travel[component] * elongation
-        if self.scene.support == "reflected":
-            for number, grip in enumerate(self.scene.grips):
-                force.move_plane(number, self._travel(grip) * elongation)
-
-    def check_inside(self, stretch: float, force: InternalForce, positions: np.ndarray) -> None:
+    def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Check that no point is on the far side of a plane in which the body is reflected, where its own image belongs.
 
         Points without support are left out: nothing moves them.
@@ -161,30 +192,68 @@ class Loading:
         Raises
         ------
         InvalidState
-            Names the point that is farthest beyond, and the grip.
+            Names the point that is farthest beyond, and the plane.
         """
-        if self.scene.support != "reflected":
-            return
         supported = force.supported
-        for plane, grip in zip(self.body.planes, self.scene.grips, strict=True):
-            place = plane.position + self._travel(grip)[plane.axis] * (stretch - 1) * self.length
+        for plane, held in zip(self.body.planes, self._planes, strict=True):
+            place = plane.position + held.displacement(parameter)[plane.axis]
             beyond = np.where(supported, plane.side * (positions[:, plane.axis] - place), 0.0)
             worst = int(beyond.argmax())
             if beyond[worst] > 1e-6 * self.body.spacing:
-                what = f"it lies {beyond[worst]:.3g} beyond the {grip.edge} grip, on the side of its own image"
+                what = f"it lies {beyond[worst]:.3g} beyond the {held.name}, on the side of its own image"
                 raise InvalidState(at_point(self.body, worst, what))
 
-    def reactions(self, force: InternalForce) -> np.ndarray:
-        """Force of every grip on the body in the state last evaluated, per unit thickness, shape (2, 2): grips, components."""
-        pair_forces, bonds, grips = force.pair_forces(), self.body.bonds, range(len(self.scene.grips))
-        if self.scene.support == "reflected":
-            # What the far side of the plane exerts: all bonds that cross it.
-            crossing, planes = pair_forces[self._outer_pairs], self._outer_planes
-            forces = np.stack([np.bincount(planes, crossing[:, component], len(grips)) for component in (0, 1)], axis=1)
-            return self._reductions.total_of_parts(forces)
-        # Points held by a grip take from it what their bonds pull with, in the components that it holds.
-        n, within = len(self.body), bonds.second < len(self.body)
-        internal = np.stack(
+    def reactions(self, force: InternalForce) -> Reactions:
+        """Forces of all holders on the body in the state last evaluated.
+
+        On held points, what keeps the internal force and the loads there in balance.  On a plane, what works with its displacement: half
+        of what every bond with an image pulls with, times the displacement of the image by that of the plane, since an image on the
+        other side has a bond alike.  In a single plane that is the sum over all bonds that cross it.
+        """
+        pair_forces = force.pair_forces()
+        bonds, planes, shares = self._levers
+        crossing = pair_forces[bonds]
+        on_planes = np.zeros((len(self._planes), 2))
+        for component in (0, 1) if self._planes else ():
+            on_planes[:, component] = np.bincount(planes, crossing[:, component] * shares[:, component], len(self._planes))
+        forces, at_points = np.zeros((len(self.names), 2)), None
+        for number, plane in enumerate(self._planes):
+            for component in plane.components:
+                forces[plane.holders[component], component] += on_planes[number, component]
+        if any(part.holder is not None for part in self._held):
+            at_points = -self._on_points(force, pair_forces) * (1 - self.free)
+            for part, owned in zip(self._held, self._owned, strict=True):
+                for component, points in owned.items():
+                    forces[part.holder, component] += at_points[points, component].sum()
+        return Reactions(self._reductions.total_of_parts(forces), self._reductions.total_of_parts(on_planes), at_points)
+
+    def moments(self, force: InternalForce, reactions: Reactions) -> np.ndarray:
+        """Moments of the holders' forces about the origin of the coordinates, counter-clockwise, per unit thickness, shape (holders,).
+
+        A bond that crosses a plane pulls at the middle between its ends.
+        """
+        positions, moments = force.positions, np.zeros(len(self.names))
+        bonds, planes, shares = self._levers
+        if len(bonds):
+            pulls = force.pair_forces()[bonds] * shares
+            middles = (positions[self.body.bonds.first[bonds]] + positions[self.body.bonds.second[bonds]]) / 2
+            for number, plane in enumerate(self._planes):
+                own = planes == number
+                for component in plane.components:
+                    arms = middles[own, 1 - component] * (1 if component == 1 else -1)
+                    moments[plane.holders[component]] += (arms * pulls[own, component]).sum()
+        if reactions.at_points is not None:
+            for part, owned in zip(self._held, self._owned, strict=True):
+                for component, points in owned.items():
+                    arms = positions[points, 1 - component] * (1 if component == 1 else -1)
+                    moments[part.holder] += (arms * reactions.at_points[points, component]).sum()
+        return self._reductions.total_of_parts(moments)
+
+    def _on_points(self, force: InternalForce, pair_forces: np.ndarray) -> np.ndarray:
+        """Internal force and loads on every point in the state last evaluated, shape (n, 2)."""
+        n, bonds = len(self.body), self.body.bonds
+        within = bonds.second < n
+        total = np.stack(
             [
                 np.bincount(bonds.first, pair_forces[:, component], n)
                 - np.bincount(bonds.second[within], pair_forces[within, component], n)
@@ -192,42 +261,90 @@ class Loading:
             ],
             axis=1,
         )
-        reactions = np.zeros((len(grips), 2))
-        for grip, held in zip(grips, self._held[len(self.scene.holds) :], strict=True):
-            for component in held.components:
-                reactions[grip, component] = -internal[held.points, component].sum()
-        return self._reductions.total_of_parts(reactions)
+        if self.loads is not None:
+            self.loads.forces(force.positions[:n], force.thickness(), total)
+        return total
 
-    def pull(self, reactions: np.ndarray) -> float:
-        """Force of the grips along the load per unit thickness, from their `reactions`; negative where they push."""
-        return float((reactions * self.travels()).sum())
+    @cached_property
+    def _owned(self) -> list[dict[int, np.ndarray]]:
+        """By condition and component, the points whose force counts with its holder; none where nobody asks."""
+        owner = np.full((len(self.body), 2), -1)
+        for number, part in enumerate(self._held):
+            for component in part.components:
+                owner[part.points, component] = number
+        return [
+            {} if part.holder is None else {c: part.points[owner[part.points, c] == number] for c in part.components}
+            for number, part in enumerate(self._held)
+        ]
 
-    def travels(self) -> np.ndarray:
-        """Displacement of every grip for a unit of elongation, shape (2, 2): grips, components."""
-        return np.array([self._travel(grip) for grip in self.scene.grips])
+    @cached_property
+    def _levers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Bonds with images that planes move: number of the bond, of the plane, and half the image's displacement by that of the plane."""
+        n, ghosts = len(self.body), self.body.ghosts
+        outer = np.flatnonzero(self.body.bonds.second >= n)
+        levers = ghosts.lever[self.body.bonds.second[outer] - n]
+        rows, planes = np.nonzero(levers.any(axis=2))
+        return outer[rows], planes, levers[rows, planes] / 2
 
-    def ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """Points that each grip holds directly."""
-        if self.scene.support == "points":
-            low, high = self._held[len(self.scene.holds) :]
-            return low.points, high.points
+    def ends(self) -> list[np.ndarray]:
+        """Points that each holder holds directly."""
+        found: list[list[np.ndarray]] = [[] for _ in self.names]
         ghosts = self.body.ghosts
-        low, high = (ghosts.source[ghosts.plane == plane] for plane in range(2))
-        return low, high
+        for number, plane in enumerate(self._planes):
+            for holder in {plane.holders[component] for component in plane.components}:
+                found[holder].append(ghosts.source[ghosts.plane == number])
+        for part in self._held:
+            if part.holder is not None:
+                found[part.holder].append(part.points)
+        return [np.concatenate(parts) for parts in found]
 
-    @cached_property
-    def _outer_pairs(self) -> np.ndarray:
-        return np.flatnonzero(self.body.bonds.second >= len(self.body))
+    @abstractmethod
+    def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float:
+        """Greatest increment of the parameter to plan on the way from one value to another.
 
-    @cached_property
-    def _outer_planes(self) -> np.ndarray:
-        return self.body.ghosts.plane[self.body.bonds.second[self._outer_pairs] - len(self.body)]
+        Parameters
+        ----------
+        positions : ndarray, shape (n, 2)
+            In equilibrium at the start.
+        start, end : float
+        asked : float or None
+            What the scene bounds it by.
+        """
 
-    def stretched(self, positions: np.ndarray, before: float, after: float) -> np.ndarray:
-        """First guess: positions stretched along the loaded axis between the grips."""
-        lower_grip = next(grip for grip in self.scene.grips if EDGES[grip.edge][1] < 0)
-        travel = self._travel(lower_grip)[self.axis]
-        old, new = (self.lower + travel * (stretch - 1) * self.length for stretch in (before, after))
-        guess = positions.copy()
-        guess[:, self.axis] = new + (positions[:, self.axis] - old) * after / before
-        return guess
+    @abstractmethod
+    def guesses(self, positions: np.ndarray, before: float, after: float, earlier: tuple[float, np.ndarray] | None) -> list[np.ndarray]:
+        """First guesses of an equilibrium, any of which may be the best.
+
+        Parameters
+        ----------
+        positions : ndarray, shape (n, 2)
+            In equilibrium at the value `before` of the parameter.
+        before, after : float
+        earlier : tuple of float and ndarray, or None
+            The equilibrium before that one.
+
+        Raises
+        ------
+        TooFar
+            If the step is longer than the first guess is good for.
+        """
+
+    @abstractmethod
+    def velocities(self, positions: np.ndarray, motion: Motion) -> np.ndarray:
+        """Velocities with which a body that has followed its conditions slowly goes on with them, shape (n, 2)."""
+
+    @abstractmethod
+    def power(self, reactions: Reactions, motion: Motion, time: float, step: float) -> float:
+        """Power of all that holds the body, per unit thickness, at the end of a time step."""
+
+    @abstractmethod
+    def growth(self, before: float, after: float) -> float | None:
+        """Change of the body's extent between two values of the parameter; None where conditions do not tell it."""
+
+    @abstractmethod
+    def pushes(self, force: InternalForce) -> bool:
+        """Whether the body may buckle in the state last evaluated, since it is under compression."""
+
+    def reached(self, parameter: float) -> str:
+        """How far conditions have come at a value of the parameter, for messages; empty where the value says it."""
+        return ""

@@ -138,16 +138,20 @@ class ExplicitDynamics:
         """Of the velocities at the last half step."""
         return 0.5 * self._reductions.dot(self.velocities, self.velocities, self._mass)
 
-    def damped_power(self) -> float:
-        """Power that damping and viscosity take; leaves the force evaluated at the positions themselves.
-
-        It is taken with the velocity at the positions, the mean of those half a step before and after.  That half a step before alone
-        would overstate it where velocities change within a step, as they do beside a crack.
-        """
+    def mean_velocities(self) -> np.ndarray:
+        """Velocities at the positions, the mean of those half a step before and after, shape (n, 2)."""
         following = self.velocities.copy()
         scheme = self.forces, self._free, self._mass, self._damping, self.last_step, self.last_step
         central_difference_step[self.positions.shape[1]](self.positions.copy(), following, *scheme)
-        mean = 0.5 * (self.velocities + following)
+        return 0.5 * (self.velocities + following)
+
+    def damped_power(self) -> float:
+        """Power that damping and viscosity take; leaves the force evaluated at the positions themselves.
+
+        It is taken with the velocity at the positions.  That half a step before alone would overstate it where velocities change within a
+        step, as they do beside a crack.
+        """
+        mean = self.mean_velocities()
         power = self._damping * self._reductions.dot(mean, mean, self._mass)
         if self._viscosity > 0:
             self._hold(self.positions, 0.0)

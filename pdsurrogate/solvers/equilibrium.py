@@ -32,6 +32,10 @@ class Unstable(RuntimeError):
     """An equilibrium that was found, but is not stable or not a continuation of the one before."""
 
 
+class TooFar(RuntimeError):
+    """An increment whose first guess strains the body more than a solver could put right."""
+
+
 @dataclass(frozen=True)
 class Equilibrium:
     """What a solver reached.

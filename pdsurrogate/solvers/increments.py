@@ -1,4 +1,4 @@
-"""Increments of a loading parameter: as planned where that works, halved after a failure, doubled again after successes."""
+"""Increments of a loading parameter: as planned where that works, halved after a failure, doubled again after easy successes."""
 
 from __future__ import annotations
 
@@ -54,11 +54,13 @@ class Increments:
         """Of the present increment."""
         return float(abs(self._planned[-1] - self._planned[0]) * self.share / self._count)
 
-    def accept(self) -> None:
-        """Go on from the target, with an increment twice as long where that is planned."""
+    def accept(self, easy: bool = True) -> bool:
+        """Go on from the target; after an easy success with an increment twice as long where that is planned. Says whether it is longer."""
         self._done += self.share
-        if self.share < 1 and (self._done / (2 * self.share)).is_integer():
+        longer = easy and self.share < 1 and (self._done / (2 * self.share)).is_integer()
+        if longer:
             self.share *= 2
+        return longer
 
     def shorten(self) -> bool:
         """Halve the increment; False where it would become too short."""

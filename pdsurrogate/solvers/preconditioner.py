@@ -31,29 +31,14 @@ class NearestBondStiffness:
     ----------
     body : Body
     shear_moduli : float or ndarray, shape (n,)
-        Of all points, or of each.
+        Of all points, or about each.
     free : ndarray, shape (n, 2)
         1 where a component may move; held ones get the identity.
     """
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        n, bonds, points, ghosts = len(body), body.bonds, body.all_points, body.ghosts
-        vector = points[bonds.second] - points[bonds.first]
-        length = np.linalg.norm(vector, axis=1)
-        volumes = body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-        if isinstance(shear_moduli, np.ndarray):
-            ends = np.concatenate([shear_moduli, shear_moduli[ghosts.source]])
-            shear_moduli = (ends[bonds.first] + ends[bonds.second]) / 2
-        stiffness = 6 * shear_moduli * body.weigh(length) * volumes / body.kappa
-        near = length <= REACH * body.spacing
-        if not near.any():
-            near[:] = True
-        moment = stiffness * length**2
-        stiffness, along = stiffness[near] * moment.sum() / moment[near].sum(), vector[near] / length[near, None]
-        first, second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
-        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        blocks = np.einsum("b,bi,bj->bij", stiffness, along, along) + SHEAR_SHARE * np.einsum("b,bi,bj->bij", stiffness, across, across)
-
+        n, ghosts = len(body), body.ghosts
+        first, second, blocks = _springs(body, shear_moduli)
         within = second < n
         # A ghost moves with the point behind it, each component with its parity.
         mirrored, parity = second.copy(), np.ones((len(second), 2))
@@ -91,3 +76,46 @@ class NearestBondStiffness:
         for axis in self._drifting:
             displacements[:, axis] -= displacements[:, axis].mean()
         return displacements
+
+    def response(self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray) -> np.ndarray:
+        """Displacements of the body, shape (n, 2), where held components and planes of reflection are displaced.
+
+        Parameters
+        ----------
+        body : Body
+        shear_moduli : float or ndarray, shape (n,)
+            Both as given when the stiffness was made.
+        held : ndarray, shape (n, 2)
+            Displacements in held components, 0 in free ones.
+        planes : ndarray, shape (planes, 2)
+            Displacements of the planes.
+        """
+        n, ghosts = len(body), body.ghosts
+        first, second, blocks = _springs(body, shear_moduli)
+        moved = np.vstack([held, held[ghosts.source] * ghosts.parity + np.einsum("mpd,pd->md", ghosts.lever, planes)])
+        pulls, within = np.einsum("bij,bj->bi", blocks, moved[second] - moved[first]), second < n
+        forces = np.stack(
+            [np.bincount(first, pulls[:, axis], n) - np.bincount(second[within], pulls[within, axis], n) for axis in (0, 1)], axis=1
+        )
+        return self.solve(forces) + held
+
+
+def _springs(body: Body, shear_moduli: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ends of the nearest bonds and the stiffness of each, shape (k, 2, 2); `second` may be a ghost."""
+    bonds, points = body.bonds, body.all_points
+    vector = points[bonds.second] - points[bonds.first]
+    length = np.linalg.norm(vector, axis=1)
+    volumes = body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
+    if isinstance(shear_moduli, np.ndarray):
+        ends = np.concatenate([shear_moduli, shear_moduli[body.ghosts.source]])
+        shear_moduli = (ends[bonds.first] + ends[bonds.second]) / 2
+    stiffness = 6 * shear_moduli * body.weigh(length) * volumes / body.kappa
+    near = length <= REACH * body.spacing
+    if not near.any():
+        near[:] = True
+    moment = stiffness * length**2
+    stiffness, along = stiffness[near] * moment.sum() / moment[near].sum(), vector[near] / length[near, None]
+    first, second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    blocks = np.einsum("b,bi,bj->bij", stiffness, along, along) + SHEAR_SHARE * np.einsum("b,bi,bj->bij", stiffness, across, across)
+    return first, second, blocks

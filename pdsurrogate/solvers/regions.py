@@ -14,6 +14,7 @@ from ..body import Body, Surface
 from ..scenes import Region, Scene
 from ..scenes.model import EDGES
 from ..scenes.problems import suggestion
+from .planes import whole_edge
 
 LAYER = 0.99
 """Cells from an edge, or from the boundary, within which points are those of it: the outermost, half a cell inside, and of a boundary that
@@ -124,9 +125,7 @@ class _Facets(_Parts):
 
     def listed(self, region: Region) -> np.ndarray:
         key = "near" if region.points is None else "points"
-        raise ValueError(
-            f"points have no boundary that a load acts on; in the place of {key} give an edge, outline, holes, a box or the like"
-        )
+        raise ValueError(f"points have no boundary for a load to act on; in the place of {key} give an edge, outline, holes or a box")
 
 
 def _facets_of(surface: Surface, name: str) -> np.ndarray:
@@ -206,14 +205,7 @@ class BodyRegions:
 
     def edge(self, reference: str | Region) -> str | None:
         """Name of the edge that a region is, if it is exactly one of them."""
-        if isinstance(reference, str):
-            return (
-                reference if reference in EDGES else self.edge(self._scene.regions[reference]) if reference in self._scene.regions else None
-            )
-        if reference.edge is not None:
-            return reference.edge
-        members = list(reference.members())
-        return self.edge(members[0][1]) if len(members) == 1 and reference.other is None else None
+        return whole_edge(self._scene, reference)
 
     def label(self, reference: str | Region, otherwise: str) -> str:
         """Name of a region, or of its edge, where it is said by one."""
@@ -276,6 +268,9 @@ class BodyRegions:
         if isinstance(reference, Region) and reference.both is not None:
             counts = [f"{key} {self._resolved(member, parts).inside.sum()}" for key, member in reference.members()]
             return f": of {len(parts.places)} there are in {', in '.join(counts)}, and none in all of them"
+        edge = self.edge(reference)
+        if edge is not None and parts is not self._points:
+            return f"; no straight side of the body is on its {edge} edge"
         if not np.isfinite(distance).any():
             return ""
         number = int(distance.argmin())

@@ -101,10 +101,13 @@ class Subject:
         As on the command line.
     quick : bool
         Fewer steps, for tests and a first look.
+    plane : {"stress", "strain"}
+        What the thickness does; the properties of `pdsurrogate.stress_test.conformance` are asked in either.
     """
 
     reference: str
     quick: bool = False
+    plane: str = "stress"
     measured: dict = field(default_factory=dict)
     """What several cases share, measured once."""
 
@@ -122,7 +125,7 @@ class Subject:
 
     def bind(self, body: Body, law: Law | None = None, precision: str = "float64") -> InternalForce:
         """The model on a body."""
-        return self.model.bind(body, law or self.law, ForceSettings(precision=precision))
+        return self.model.bind(body, law or self.law, ForceSettings(precision=precision, plane=self.plane))
 
     def describes(self, law: Law) -> bool:
         """Whether the model can be used for a material."""

@@ -39,7 +39,7 @@ from ..forces.settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
 from ..kernels.reference_state import CORRECTIONS
 from ..kernels.threads import thread_count
 from ..learning import wide_design
-from ..materials import Law, plane_stress
+from ..materials import PLANES, Law
 from ..run.run import Silent
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import MaterialSpec, load_scene
@@ -80,10 +80,18 @@ class Row:
         As on the command line.
     departures : mapping
         By the name of the property; every other property is held.
+    plane : {"stress", "strain"}
+        What the thickness does.
     """
 
     reference: str
     departures: Mapping[str, Departure] = field(default_factory=dict)
+    plane: str = "stress"
+
+    @property
+    def name(self) -> str:
+        """The reference, and the plane where that is not the usual one."""
+        return self.reference if self.plane == "stress" else f"{self.reference} in plane {self.plane}"
 
 
 @dataclass(frozen=True)
@@ -128,14 +136,14 @@ class Property(Case):
 
 def _evaluate(subject: Subject, body: Body, positions: np.ndarray, **settings):
     """A fresh evaluation on a body, in double precision if nothing else is asked, and the forces."""
-    force = subject.model.bind(body, subject.law, ForceSettings(**{"precision": "float64", **settings}))
+    force = subject.model.bind(body, subject.law, ForceSettings(**{"precision": "float64", "plane": subject.plane, **settings}))
     return force, _forces(force, positions)
 
 
 def _bound(subject: Subject, name: str, make: Callable[[], Body], law: Law | None = None):
     """An evaluation on a body that several properties and deformations share, bound once for a subject."""
     if name not in subject.measured:
-        subject.measured[name] = subject.model.bind(make(), law or subject.law, ForceSettings(precision="float64"))
+        subject.measured[name] = subject.model.bind(make(), law or subject.law, ForceSettings(precision="float64", plane=subject.plane))
     return subject.measured[name]
 
 
@@ -323,8 +331,9 @@ def homogeneous_stress(subject: Subject) -> Outcome:
 def _exact_stress(force):
     """The stress that a force model would have without errors of a fit: the law's, or the exact force's with the same correction."""
     if force.correction != "scalar":
-        return lambda F: plane_stress.first_piola_stress(force.law, F)
-    exact = AnalyticBondForce(force.law).bind(force.body, force.law, ForceSettings(precision="float64", correction="scalar"))
+        return lambda F: PLANES[force.plane].first_piola_stress(force.law, F)
+    scalar = ForceSettings(precision="float64", correction="scalar", plane=force.plane)
+    exact = AnalyticBondForce(force.law).bind(force.body, force.law, scalar)
 
     def stress(F):
         _forces(exact, force.body.points @ F.T)
@@ -363,6 +372,8 @@ def kernel_and_numpy(subject: Subject) -> Outcome:
     against those in float64 as a whole, see `single_precision`.
     """
     model, law = subject.model, subject.law
+    if subject.plane != "stress":
+        return Outcome(INAPPLICABLE, "its face in NumPy is that of a sheet")
     if isinstance(model, ForceSurrogate):
         X = wide_design(law, 1000, (0.8, 3.5), random_state=11).X.T
         found, expected = kernel_bond_force(model, law, np.float64)(*X), model.bond_force(*X)
@@ -455,7 +466,7 @@ def broken_bonds(subject: Subject) -> Outcome:
 
 def unbreakable(subject: Subject) -> Outcome:
     """Whether breaking bonds of an evaluation that was not bound for it is refused with what to do."""
-    force = subject.model.bind(sheet(), subject.law, ForceSettings())
+    force = subject.model.bind(sheet(), subject.law, ForceSettings(plane=subject.plane))
     try:
         force.break_bonds(np.arange(5))
     except ValueError as error:
@@ -479,6 +490,7 @@ def checkpoint(subject: Subject) -> Outcome:
     """Points that end elsewhere when a run in equilibrium is killed between two levels and resumed from its checkpoint: none may."""
     # Without the exact solution to compare with, which costs more than the run with some laws.
     changes = {"spacing": 0.1, "body.size": [0.8, 0.8], "stretches": [1.05, 1.15], "solver.tolerance": 1e-4, "reference": None}
+    changes["plane"] = subject.plane
     scene = load_scene("uniaxial", changes, material=subject.law.describe())
     try:
         whole = simulate(scene, subject.model)
@@ -514,6 +526,7 @@ SETTINGS = {
     "rotation": tuple(ROTATIONS),
     "outside": tuple(OUTSIDE_POLICIES),
     "breakable": (True,),
+    "plane": tuple(PLANES),
 }
 """Settings of a force evaluation, and the values that can be asked for."""
 
@@ -523,7 +536,7 @@ IN_WORDS = {"breakable": "bonds that break"}
 
 def settings_refused(subject: Subject) -> Outcome:
     """Settings that change nothing, are refused without their name, or are taken or refused against what the model declares."""
-    wrong, declared = [], subject.model.honours
+    wrong, declared = [], subject.model.honoured(subject.plane)
     for key, values in SETTINGS.items():
         usual, stated, taken = _settings_outcome(subject, key, None), _own_choice(subject, key), {}
         for value in values:
@@ -543,14 +556,14 @@ def settings_refused(subject: Subject) -> Outcome:
 
 def _bind_with(subject: Subject, key: str, value):
     """An evaluation with one setting; None leaves it to the model."""
-    settings = ForceSettings() if value is None else ForceSettings(**{key: value})
-    return subject.model.bind(sheet(), subject.law, settings)
+    chosen = {} if value is None else {key: value}
+    return subject.model.bind(sheet(), subject.law, ForceSettings(**{"plane": subject.plane, **chosen}))
 
 
 def _own_choice(subject: Subject, key: str):
     """What an evaluation says that it does where nothing is asked; None of what it does not say."""
     force = _bind_with(subject, key, None)
-    return {"precision": force.precision, "correction": force.correction}.get(key)
+    return {"precision": force.precision, "correction": force.correction, "plane": force.plane}.get(key)
 
 
 def _settings_outcome(subject: Subject, key: str, value):
@@ -637,5 +650,7 @@ TABLE = (
     Row("gent", MOMENTS),
     Row("ogden", MOMENTS),
     Row("full-network", MOMENTS),
+    Row("bond-energy", plane="strain"),
+    Row("neo-hookean", MOMENTS, plane="strain"),
 )
 """Every force model that is shipped, and what it states that it does not do."""

@@ -1,0 +1,179 @@
+"""Motion and its gradient at places of a body, from polynomials fitted to the points around them."""
+
+from __future__ import annotations
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from .body import Body
+
+REACH = 1.3
+"""Horizons within which points take part in a fit.
+
+A load on the boundary acts on the rows of points beside it as the fit at the boundary has them.  Where that differs from the forces that a
+uniformly stressed body exerts on these rows, they are displaced, in equilibrium with one another and with nothing beyond.  Of a straight
+edge under a uniform traction, which moves by that too: by 1.7 and 0.7 cells times the strain (analytic bond forces, bond energies; horizons
+of 3.15 cells) where two rows carry the load, by 0.37 and 0.05 with one horizon, and by 0.04 with 1.3, where either is near its minimum.
+"""
+
+LEAST_REACH = 2.5
+"""Cells within which points are taken where the horizon is shorter: at a straight edge two rows of them."""
+
+ALONG = 0.7
+"""Cells along the boundary over which the weights of points fall by e, for its motion; across it they reach as far as `REACH`.
+
+Loads spread no farther than that along an edge.  Where they spread as far as across it, the row at a corner had 1.6 times its share, and
+the middle of a square of 20 cells pulled at its edge was displaced by 0.05 and 0.04 cells times the strain; it is by 0.019 and 0.005.
+"""
+
+LEAST_WEIGHT = 1e-6
+"""Of points beside the boundary, below which they are left out."""
+
+THINNEST = 0.05
+"""Cells, weighted root mean square, by which points must deviate from every straight line, and from every parabola where those are fitted:
+points of one row tell no slope across it."""
+
+OUTSIDE = 1.25
+"""Cells from the nearest point at which a place lies outside: a corner of a cell lies 0.71 away, and what cells take over from a cut
+neighbour adds half a cell."""
+
+
+def interpolation(body: Body, places: np.ndarray) -> tuple[sparse.csr_array, tuple[sparse.csr_array, ...]]:
+    """Motion and deformation gradient at places in a body, from those of its points around them.
+
+    A quadratic field is fitted to the points around a place that no hole or cut separates from it: motions that are quadratic there are
+    exact, with their gradients.  Where the points are too few, or in two rows, the field is linear.
+
+    Parameters
+    ----------
+    body : Body
+    places : ndarray, shape (k, d)
+        In the reference state; in the body or on its boundary.
+
+    Returns
+    -------
+    values : csr_array, shape (k, n)
+        ``values @ positions`` are the positions of the places; rows are 1 in sum.
+    gradients : tuple of d csr_array, shape (k, n)
+        ``gradients[b] @ positions`` are the derivatives of positions by X_b, columns of F; rows are 0 in sum.
+
+    Raises
+    ------
+    ValueError
+        If a place lies outside the body, or too few points are beside it.
+    """
+    distance, nearest = cKDTree(body.points).query(places)
+    far = distance > OUTSIDE * body.cell.max()
+    if far.any():
+        place = int(np.argmax(distance))
+        raise ValueError(
+            f"{_text(places[place])} lies outside the body; its nearest point is {nearest[place]} at {_text(body.points[nearest[place]])}, "
+            f"{distance[place]:.3g} away"
+        )
+    quadratic = _Surroundings(body, places).fit(2)
+    rest = np.flatnonzero(empty_rows(quadratic[0]))
+    linear = _Surroundings(body, places[rest]).fit(1)
+    lost = empty_rows(linear[0])
+    if lost.any():
+        raise ValueError(
+            f"{_text(places[rest[lost.argmax()]])}: the points of the body beside it, as far as no hole or cut lies between, are fewer "
+            "than three or in one row, and tell no deformation; a smaller spacing has more of them"
+        )
+    values, *gradients = (_filled(rows, others, rest) for rows, others in zip(quadratic, linear, strict=True))
+    return values, tuple(gradients)
+
+
+def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> sparse.csr_array:
+    """The motion of places on the boundary, from that of the points beside it: N of `Surface`.
+
+    A linear field is fitted to the points, at a corner to those beside either side, so that the rows of N are 1 in sum and have the place
+    as their first moment.  Where too few points lie along a normal, as in a sharp corner, it is fitted to all that are as near.
+
+    Parameters
+    ----------
+    body : Body
+    nodes : ndarray, shape (k, 2)
+    normals : ndarray, shape (k, 2, 2)
+        Unit normals of the two facets that meet there.
+
+    Returns
+    -------
+    csr_array, shape (k, n)
+        With empty rows where the points beside a node are too few or in one row.
+    """
+    rows = _Surroundings(body, nodes, normals).fit(1)[0]
+    rest = np.flatnonzero(empty_rows(rows))
+    return _filled(rows, _Surroundings(body, nodes[rest]).fit(1)[0], rest)
+
+
+def empty_rows(rows: sparse.csr_array) -> np.ndarray:
+    """Which rows have no entries."""
+    return np.diff(rows.indptr) == 0
+
+
+def _filled(rows: sparse.csr_array, others: sparse.csr_array, numbers: np.ndarray) -> sparse.csr_array:
+    """The rows, with the others in the place of the empty ones of the given numbers."""
+    if not len(numbers):
+        return rows
+    into = sparse.csr_array((np.ones(len(numbers)), (numbers, np.arange(len(numbers)))), shape=(rows.shape[0], len(numbers)))
+    return (rows + into @ others).tocsr()
+
+
+class _Surroundings:
+    """The points around places, as far as nothing separates them, with their weights in a fit.
+
+    Points count with their volume and 1 - (distance / reach)^2; with normals the distance is that along either of them, and what is beside
+    it counts as `ALONG` says.
+    """
+
+    def __init__(self, body: Body, places: np.ndarray, normals: np.ndarray | None = None) -> None:
+        self.shape, self.cell = (len(places), len(body)), body.cell.max()
+        self.reach = max(REACH * body.horizon, LEAST_REACH * self.cell)
+        near = cKDTree(places).sparse_distance_matrix(cKDTree(body.points), self.reach, output_type="ndarray")
+        near = near[np.lexsort((near["j"], near["i"]))]
+        weights = 1 - (near["v"] / self.reach) ** 2
+        if normals is not None:
+            offsets = body.points[near["j"]] - places[near["i"]]
+            depths = np.einsum("pd,pnd->pn", offsets, normals[near["i"]])
+            beside = near["v"][:, None] ** 2 - depths**2
+            weights = ((1 - (depths / self.reach) ** 2) * np.exp(-beside / (ALONG * self.cell) ** 2)).sum(axis=1)
+            near, weights = near[weights > LEAST_WEIGHT], weights[weights > LEAST_WEIGHT]
+        if body.separates is not None and len(near):
+            bound = ~body.separates(places[near["i"]], body.points[near["j"]])
+            near, weights = near[bound], weights[bound]
+        self.place, self.point = near["i"], near["j"]
+        weights = weights * body.volumes[self.point]
+        self.weights = weights / self._total(weights)[self.place]
+        self.offsets = (body.points[self.point] - places[self.place]) / self.reach
+
+    def _total(self, terms: np.ndarray) -> np.ndarray:
+        return np.bincount(self.place, terms, self.shape[0])
+
+    def fit(self, degree: int) -> tuple[sparse.csr_array, ...]:
+        """Rows of the value and of the derivatives along the axes of a polynomial fitted by least squares; empty where points are few."""
+        dimension = self.offsets.shape[1]
+        powers = [chosen for order in range(degree + 1) for chosen in combinations_with_replacement(range(dimension), order)]
+        terms = np.stack([self.offsets[:, chosen].prod(axis=1) for chosen in powers], axis=1)
+        normal = np.empty((self.shape[0], len(powers), len(powers)))
+        for row in range(len(powers)):
+            for column in range(row, len(powers)):
+                normal[:, row, column] = normal[:, column, row] = self._total(self.weights * terms[:, row] * terms[:, column])
+        told = np.linalg.eigvalsh(normal)[:, 0] > (THINNEST * self.cell / self.reach) ** (2 * degree)
+        normal[~told] = np.eye(len(powers))
+        # The coefficients are M^-1 sum w p(x_j) y_j; at the place itself the value is the first, and the slopes are those that follow.
+        inverse = np.linalg.inv(normal)
+        kept = told[self.place]
+        pointers = np.concatenate([[0], np.cumsum(np.bincount(self.place[kept], minlength=self.shape[0]))])
+
+        def rows(coefficient: int) -> sparse.csr_array:
+            entries = self.weights * (inverse[self.place, coefficient] * terms).sum(axis=1)
+            return sparse.csr_array((entries[kept], self.point[kept], pointers), shape=self.shape)
+
+        return rows(0), *(rows(1 + axis) / self.reach for axis in range(dimension))
+
+
+def _text(place: np.ndarray) -> str:
+    return f"({', '.join(f'{coordinate:.4g}' for coordinate in place)})"

@@ -1,0 +1,50 @@
+"""Plane strain of a bond force that knows nothing of the thickness but that it is free of stress."""
+
+from functools import cache
+
+import numpy as np
+from numba import carray
+
+from .block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
+from .compile import bond_force_signature, call_block, compile_block_function, widest_vectors
+
+MODEL, VOLUMETRIC, OWN = 0, 1, 2
+"""Places in the sizes: addresses of the model's block function and of the law's volumetric one, and where the model's own sizes begin."""
+
+MOST_SIZES = 4096
+"""More than any model has; each reads its own."""
+
+
+@cache
+def plane_strain_bond_force(dtype):
+    """Block function that adds the pressure of a held thickness to the force of a model, T + (J3 U' - tr(T U)/3) U^-1 (theory (42)).
+
+    The isochoric part of the Kirchhoff stress has no trace, and the model has its part across the plane taken off all three.
+    """
+
+    def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
+        widest_vectors()
+        model = carray(sizes, (MOST_SIZES,))
+        call_block(model[MODEL], states, model[OWN:], weights, response, parameters, work, scratch, traction)
+        states = carray(states, (STATE_ROWS, BLOCK))
+        traction = carray(traction, (TRACTION_ROWS, BLOCK))
+        scratch = carray(scratch, (SCRATCH_ROWS, BLOCK))
+        for k in range(BLOCK):
+            J = np.float64(states[3, k])
+            scratch[0, k] = 1.0
+            scratch[1, k] = J
+            scratch[2, k] = J * np.sqrt(np.float64(states[4, k]))
+        call_block(model[VOLUMETRIC], scratch[0:3], parameters, scratch[3:7])
+        for k in range(BLOCK):
+            a = np.float64(states[0, k])
+            b = np.float64(states[1, k])
+            U_mm = np.float64(states[2, k])
+            T_nn = np.float64(traction[0, k])
+            T_nm = np.float64(traction[1, k])
+            T_mm = np.float64(traction[2, k])
+            q = (scratch[5, k] - (T_nn * a + 2.0 * T_nm * b + T_mm * U_mm) / 3.0) / scratch[1, k]
+            traction[0, k] = T_nn + q * U_mm
+            traction[1, k] = T_nm - q * b
+            traction[2, k] = T_mm + q * a
+
+    return compile_block_function(bond_force, bond_force_signature(np.dtype(dtype)))

@@ -1,0 +1,170 @@
+"""The isochoric energy of the bonds and the mean dilatation of the points: passes of a selective energy (theory (43)-(47)).
+
+Written once over an algebra.  The reference data of a pair are n, 1/l and the volume that its isochoric energy counts for; a pair that
+carries nothing, or that pads a block, has none, and its state is replaced by rest.
+"""
+
+from .block_arrays import BLOCK, block_rows, put_column
+from .compile import call_block, inlined, widest_vectors
+from .passes import ByDimension, Pass, share_of
+
+STATE_ROWS, RESULT_ROWS = 3, 4
+"""Rows of the states and of the result of an isochoric response, which ends with the energy."""
+
+
+def buffer_rows(dimension: int) -> int:
+    """Rows of doubles that a chunk works on: gradients, bonds, states and results."""
+    return dimension * dimension + dimension + STATE_ROWS + RESULT_ROWS
+
+
+def _gradient_of_bond(algebra):
+    """F_ij = Fbar + (y/l - Fbar n) (x) n of theory (27)."""
+    length, volume = algebra.DIMENSION, algebra.DIMENSION + 1
+
+    @inlined
+    def gradient_of_bond(sums, bonds, reference, k):
+        """From column k of the sums of the ends' gradients, the bonds and the reference data; I of a pair that carries nothing."""
+        n = algebra.column_at(reference, k)
+        mean = algebra.times_matrix(0.5, algebra.matrix_column_at(sums, k))
+        along = algebra.times(reference[length, k], algebra.column_at(bonds, k))
+        F = algebra.add_outer_product(mean, algebra.minus(along, algebra.matrix_times_vector(mean, n)), n)
+        alive = 1.0 if reference[volume, k] > 0.0 else 0.0
+        return algebra.plus_diagonal(algebra.times_matrix(alive, F), 1.0 - alive)
+
+    return gradient_of_bond
+
+
+@ByDimension
+def pair_volumes(algebra):
+    """Det F_ij of every pair."""
+    gradient_of_bond = _gradient_of_bond(algebra)
+    matrix, dimension = algebra.MATRIX, algebra.DIMENSION
+
+    @Pass
+    def pair_volumes(chunk, chunks, positions, gradients, first, second, geometry, buffers, volumes):
+        """Det F_ij of every pair.
+
+        Parameters
+        ----------
+        positions : (n, d) of points and ghosts.
+        gradients : (n, d d) F by columns.
+        first, second : (n_blocks * BLOCK,) the pairs, padded with any.
+        geometry : (n_blocks, d + 2, BLOCK) n, 1/l, volume.
+        buffers : (n_chunks, `buffer_rows`, BLOCK).
+        volumes : (n_blocks * BLOCK,) out.
+
+        Returns
+        -------
+        int
+            Number of pairs with det F_ij <= 0, or none.
+        """
+        widest_vectors()
+        first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
+        sums = block_rows(buffers[chunk, 0:matrix])
+        bonds = block_rows(buffers[chunk, matrix : matrix + dimension])
+        bad = 0
+        for block in range(first_block, last_block):
+            at = block * BLOCK
+            reference = block_rows(geometry[block])
+            found = volumes[at : at + BLOCK]
+            for k in range(0, BLOCK, 4):
+                algebra.gather_pairs(gradients, positions, first, second, at + k, sums, bonds, k)
+            for k in range(BLOCK):
+                J = algebra.determinant(gradient_of_bond(sums, bonds, reference, k))
+                found[k] = J
+                # NaN counts too.
+                bad += 0 if J > 0.0 else 1
+        return bad
+
+    return pair_volumes
+
+
+@Pass
+def mean_dilatations(chunk, chunks, pointers, pair_of, shares, volumes, means):
+    """Mean of det F_ij over every point's bonds by the shares of its volume; 1 where no bond has a share."""
+    start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
+    for i in range(start, stop):
+        total = 0.0
+        whole = 0.0
+        for b in range(pointers[i], pointers[i + 1]):
+            total += shares[b] * volumes[pair_of[b]]
+            whole += shares[b]
+        means[i] = total / whole if whole > 0.0 else 1.0
+
+
+@ByDimension
+def pair_energies(algebra):
+    """Isochoric energy of the pairs, and their parts of the force and of the points' S, that of the points' pressures included."""
+    gradient_of_bond = _gradient_of_bond(algebra)
+    matrix, dimension = algebra.MATRIX, algebra.DIMENSION
+    state_rows, result_rows = matrix + dimension, matrix + dimension + STATE_ROWS
+    length, volume = dimension, dimension + 1
+
+    @Pass
+    def pair_energies(
+        chunk,
+        chunks,
+        positions,
+        gradients,
+        pressures,
+        first,
+        second,
+        geometry,
+        shares,
+        response,
+        parameters,
+        buffers,
+        energies,
+        forces,
+        moments,
+    ):
+        """Isochoric energy of the pairs, and their parts of the force; dimensionless, times volume.
+
+        Parameters
+        ----------
+        positions, gradients, first, second, geometry, buffers : see `pair_volumes`.
+        pressures : (n,) of points and ghosts: what a share of a point's volume weighs the change of det F_ij with.
+        shares : (n_blocks, 2, BLOCK) of the volumes of both ends.
+        response, parameters : the isochoric response of the law, as (p, q, r, energy).
+        energies : (n_blocks,) out: sum of the volume times the isochoric energy over each block.
+        forces : (n_blocks * BLOCK, d) out: P n/l, what the bond part exerts on the first point.
+        moments : (n_blocks * BLOCK, d d) out: S of the pair, P (I - n (x) n)/2, by columns.
+        """
+        widest_vectors()
+        first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
+        sums = block_rows(buffers[chunk, 0:matrix])
+        bonds = block_rows(buffers[chunk, matrix:state_rows])
+        states = block_rows(buffers[chunk, state_rows:result_rows])
+        result = block_rows(buffers[chunk, result_rows : result_rows + RESULT_ROWS])
+        for block in range(first_block, last_block):
+            at = block * BLOCK
+            reference = block_rows(geometry[block])
+            share = block_rows(shares[block])
+            for k in range(0, BLOCK, 4):
+                algebra.gather_pairs(gradients, positions, first, second, at + k, sums, bonds, k)
+            for k in range(BLOCK):
+                F = gradient_of_bond(sums, bonds, reference, k)
+                put_column(sums, k, F)
+                put_column(states, k, algebra.response_state(F, 1.0))
+            call_block(response, states, parameters, result)
+            # The bonds are done with: their first row takes the pressures.
+            for k in range(BLOCK):
+                bonds[0, k] = share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]
+            force = algebra.vector_rows(forces[at : at + BLOCK])
+            moment = algebra.matrix_rows(moments[at : at + BLOCK])
+            total = 0.0
+            for k in range(BLOCK):
+                n = algebra.column_at(reference, k)
+                F = algebra.matrix_column_at(sums, k)
+                state = states[0, k], states[1, k], states[2, k]
+                found = result[0, k], result[1, k], result[2, k]
+                P = algebra.first_piola(F, state, found, reference[volume, k])
+                P = algebra.plus_matrix(P, algebra.times_matrix(bonds[0, k], algebra.cofactor(F)))
+                traction = algebra.matrix_times_vector(P, n)
+                algebra.put_vector(force, k, algebra.times(reference[length, k], traction))
+                across = algebra.add_outer_product(P, algebra.times(-1.0, traction), n)
+                algebra.put_matrix(moment, k, algebra.times_matrix(0.5, across))
+                total += reference[volume, k] * result[3, k]
+            energies[block] = total
+
+    return pair_energies

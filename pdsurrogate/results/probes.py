@@ -1,0 +1,65 @@
+"""Probes: what is read at given places of a body at every output."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..body import Body
+from ..body import interpolation
+from ..scenes import Probe
+from .measures import PointState
+
+
+class Probes:
+    """Places in a body at which displacement, stress and deformation gradient are read.
+
+    Parameters
+    ----------
+    body : Body
+    probes : sequence of Probe
+
+    Raises
+    ------
+    ValueError
+        If a place lies outside the body, or too few points are beside it; names the key.
+    """
+
+    def __init__(self, body: Body, probes: tuple[Probe, ...]) -> None:
+        self._names, self._rows = [probe.name for probe in probes], []
+        for number, probe in enumerate(probes):
+            try:
+                self._rows.append(interpolation(body, np.array([probe.at]))[0])
+            except ValueError as error:
+                raise ValueError(f"probes.{number}.at: {error}") from None
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def read(self, state: PointState) -> dict[str, dict[str, list]]:
+        """What the probes read in a state.
+
+        Positions, stresses and gradients of the points are continued to the place by one linear fit to those around it.
+
+        Returns
+        -------
+        dict
+            By name of the probe: ``displacement`` (d components), ``stress`` (first Piola-Kirchhoff, 3 rows of 3) and ``F`` (3 rows of 3).
+        """
+        stress, gradient = (field.reshape(len(field), 9) for field in (state.stress(), state.deformation_gradient()))
+        return {
+            name: {
+                # Rows are 1 in sum and have the place as their first moment, so displacements may be fitted in the place of positions.
+                "displacement": (row @ state.displacement)[0].tolist(),
+                "stress": (row @ stress)[0].reshape(3, 3).tolist(),
+                "F": (row @ gradient)[0].reshape(3, 3).tolist(),
+            }
+            for name, row in zip(self._names, self._rows, strict=True)
+        }
+
+    def columns(self, displacements: np.ndarray) -> dict[str, float]:
+        """Displacements that the probes read from those of the points (n, d), for a row of the history."""
+        return {
+            f"{name}_displacement_{component}": float(value)
+            for name, row in zip(self._names, self._rows, strict=True)
+            for component, value in enumerate((row @ displacements)[0], 1)
+        }

@@ -1,0 +1,80 @@
+"""The programme of a scene, said in either way, as stages: each in equilibrium or in dynamics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..scenes import Scene
+from ..solvers.motion import Motion
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """What a stage in dynamics has beside its way.
+
+    Attributes
+    ----------
+    density, damping, viscosity, safety : float
+        See `pdsurrogate.scenes.StepDynamics`.
+    duration : float or None
+        Of the stage.
+    rate : float or None
+        Of the loading parameter; one of the two is given.
+    keys : str
+        What an error about its units names.
+    """
+
+    density: float
+    damping: float
+    viscosity: float
+    safety: float
+    duration: float | None
+    rate: float | None
+    keys: str
+
+    def motion(self, begin: float, end: float) -> Motion:
+        """The loading parameter in time."""
+        return Motion.at_rate(begin, end, self.rate) if self.duration is None else Motion.lasting(begin, end, self.duration)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of a programme.
+
+    Attributes
+    ----------
+    to : float
+        Loading parameter at its end.
+    outputs : int
+        States recorded on the way, evenly, the last one at the end.
+    largest_increment : float or None
+        Of the parameter between two equilibria; None where the first guess tells.
+    inertia : Inertia or None
+        None in equilibrium.
+    """
+
+    to: float
+    outputs: int
+    largest_increment: float | None
+    inertia: Inertia | None
+
+
+def stages_of(scene: Scene) -> tuple[Stage, ...]:
+    """Of grips every stretch is a stage in equilibrium, and what follows one in dynamics; of the general way, every step is one."""
+    if not scene.stretched:
+        return tuple(
+            Stage(step.to, step.outputs, step.largest_increment, None if step.dynamics is None else _inertia(number, step.dynamics))
+            for number, step in enumerate(scene.steps)
+        )
+    stages = [Stage(stretch, 1, scene.solver.largest_increment, None) for stretch in scene.stretches]
+    spec = scene.dynamics
+    if spec is not None:
+        keys = "dynamics.density and dynamics.stretch_rate"
+        inertia = Inertia(spec.density, spec.damping, spec.viscosity, spec.safety, None, spec.stretch_rate, keys)
+        stages.append(Stage(spec.stretch, spec.outputs, None, inertia))
+    return tuple(stages)
+
+
+def _inertia(number: int, spec) -> Inertia:
+    keys = f"steps.{number}.dynamics.density and steps.{number}.dynamics.duration"
+    return Inertia(spec.density, spec.damping, spec.viscosity, spec.safety, spec.duration, None, keys)

@@ -1,0 +1,115 @@
+"""What is measured at an output: the rows of ``summary["levels"]``, and the forces in the history."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..results import measures
+from ..scenes import Rectangle
+from ..scenes.references import reference_level
+
+if TYPE_CHECKING:
+    from ..solvers.conditions import Reactions
+    from .run import Run
+
+
+def forces_by_name(run: Run, reactions: Reactions) -> dict[str, np.ndarray]:
+    """Force on the body of everything that holds or loads it, shape (2,), in the state last evaluated, per unit thickness."""
+    forces = dict(zip(run.loading.names, reactions.forces, strict=True))
+    if run.loads is not None:
+        for name, force in run.loads.by_name(run.positions, run.loaded.thickness()).items():
+            forces[name] = forces.get(name, 0.0) + force
+    return forces
+
+
+def moments_by_name(run: Run, reactions: Reactions) -> dict[str, float]:
+    """Moments of the same about the origin of the coordinates, counter-clockwise."""
+    moments = dict(zip(run.loading.names, run.loading.moments(run.loaded, reactions), strict=True))
+    if run.loads is not None:
+        for name, moment in run.loads.moments(run.positions, np.zeros(2), run.loaded.thickness()).items():
+            moments[name] = moments.get(name, 0.0) + moment
+    return {name: float(moment) for name, moment in moments.items()}
+
+
+def force_columns(forces: dict[str, np.ndarray]) -> dict[str, float]:
+    """Forces by name as columns of the history."""
+    return {f"force_{name}_{component}": float(value) for name, force in forces.items() for component, value in enumerate(force, 1)}
+
+
+def output_row(run: Run, time: float | None = None) -> dict:
+    """What is told of any output of a general programme: where it is, and all forces and moments.
+
+    Parameters
+    ----------
+    run : Run
+        With its force evaluated at its positions.
+    time : float, optional
+        Since the dynamics began; none in equilibrium.
+    """
+    reactions = run.loading.reactions(run.loaded)
+    row: dict = {run.loading.parameter: run.parameter, "step": run.stage}
+    if time is not None:
+        row["time"] = time
+    row["forces"] = {name: force.tolist() for name, force in forces_by_name(run, reactions).items()}
+    row["moments"] = moments_by_name(run, reactions)
+    if run.force.has_energy:
+        row["energy"] = run.strain_energy()
+    return row | probe_readings(run)
+
+
+def probe_readings(run: Run) -> dict:
+    """What the probes read in the present state, as an entry of a row; none where there are no probes."""
+    if not len(run.probes):
+        return {}
+    return {"probes": run.probes.read(measures.PointState(run.force, run.positions))}
+
+
+def probe_columns(run: Run) -> dict[str, float]:
+    """Displacements that the probes read, as columns of the history."""
+    return run.probes.columns(run.positions - run.body.points)
+
+
+def level_row(run: Run) -> dict:
+    """What is told of an equilibrium, but how it was found."""
+    if run.scene.stretched:
+        return _stretched(run)
+    row = output_row(run)
+    if run.loading.pushes(run.loaded):
+        row["stability"] = "checked" if run.loaded.has_energy else "not checked"
+    return row
+
+
+def _stretched(run: Run) -> dict:
+    """An equilibrium between two grips."""
+    axis, body, stretch = run.loading.axis, run.body, run.parameter
+    displacements = run.positions - body.points
+    reactions = run.loading.reactions(run.force)
+    level = {
+        "stretch": stretch,
+        "nominal_stress": run.nominal_stress(reactions.forces),
+        "nominal_stress_grip": run.stress_grip.edge,
+        "nominal_stress_area": run.grip_areas[run.stress_grip.edge],
+        "forces": {name: force.tolist() for name, force in forces_by_name(run, reactions).items()},
+        "nominal_stress_work_conjugate": float(run.force.mean_stress()[axis, axis]),
+    }
+    if run.force.has_energy:
+        level["energy"] = run.strain_energy()
+    if run.loading.pull(reactions) < -run.scene.solver.tolerance * run.force.law.shear_modulus * min(run.grip_areas.values()):
+        level["stability"] = "checked" if run.force.has_energy else "not checked"
+    if isinstance(run.scene.body, Rectangle):
+        # Other outlines have no straight edges to read displacements from.
+        _, low, high = measures.edge_displacements(body, displacements, 1 - axis)
+        level["lateral_displacement"] = float((low - high).mean() / 2)
+        level["greatest_lateral_displacement"] = float(max(np.abs(low).max(), np.abs(high).max()))
+        level["roughness"] = measures.roughness(body, displacements, axis)
+    return level | probe_readings(run)
+
+
+def compare(run: Run, level: dict) -> None:
+    """Put the values of the scene's reference, and what a level differs from them by, beside its own."""
+    for key, reference in reference_level(run.scene, level["stretch"]).items() if run.scene.stretched else ():
+        if key in level:
+            level[f"{key}_reference"] = float(reference)
+            level[f"{key}_error"] = float(level[key] / reference - 1) if reference else None

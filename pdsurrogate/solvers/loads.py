@@ -1,0 +1,415 @@
+"""Loads: forces on the boundary, in the volume and on points, and pressures that follow the boundary (theory (42)-(46))."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import sparse
+
+from ..body import Body
+from ..body.surface import Surface
+from ..forces import InternalForce, InvalidState
+from ..scenes.amplitudes import amplitude_of
+from ..scenes.loading import Load
+from ..scenes.model import EDGES, Scene
+
+if TYPE_CHECKING:
+    from .regions import BodyRegions
+
+ON_A_PLANE = 1e-6
+"""Spacings within which a facet counts as lying in a plane of reflection."""
+
+
+@dataclass(frozen=True)
+class _DeadForces:
+    """A load whose forces keep their size and direction: where it acts, and with what where its amplitude is 1, shape (k, 2)."""
+
+    points: np.ndarray
+    forces: np.ndarray
+
+
+class _Pressures:
+    """All pressures of a scene, facet by facet; a facet that two of them act on is here twice.
+
+    Parameters
+    ----------
+    surface : Surface
+    facets : ndarray of int, shape (f,)
+    loads : ndarray of int, shape (f,)
+        Number of the load that presses on each facet.
+    values : ndarray, shape (f,)
+        Pressures where the amplitude is 1.
+    deformed : ndarray of bool, shape (f,)
+        Whether they act on the thickness that the sheet has in its deformed state.
+
+    Attributes
+    ----------
+    loads : ndarray of int, shape (f,)
+    needs_thickness : bool
+    """
+
+    def __init__(self, surface: Surface, facets: np.ndarray, loads: np.ndarray, values: np.ndarray, deformed: np.ndarray) -> None:
+        first, second = _end_rows(surface, facets)
+        # Of the body's points only those that the facets hang on: what is done at every evaluation is as small as the boundary.
+        self._points = np.unique(np.concatenate([first.indices, second.indices]))
+        first, second = first[:, self._points], second[:, self._points]
+        self._middle, self._along = (first + second).tocsr() / 2, (second - first).tocsr()
+        self._spread = self._middle.T.tocsr()
+        self.loads, self._values, self._undeformed = loads, values, ~deformed
+        self.needs_thickness = bool(deformed.any())
+        self._pressures = np.zeros(len(values))
+        # The area is measured about a place within the body, where least is lost to rounding.
+        self._origin = surface.nodes.mean(axis=0)
+        start = surface.nodes[surface.facets[facets]] - self._origin
+        self._areas_at_rest = _areas(start.mean(axis=1), start[:, 1] - start[:, 0])
+
+    def set(self, factors: np.ndarray) -> None:
+        """Take the present amplitudes of all loads."""
+        np.multiply(self._values, factors[self.loads], out=self._pressures)
+
+    def on_facets(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
+        """Force on every facet, shape (f, 2) (theory (44), (45)).
+
+        Raises
+        ------
+        InvalidState
+            Where there is none.
+        """
+        along = self._along @ positions.take(self._points, axis=0)
+        pull = self._pressures
+        if self.needs_thickness:
+            there = self._middle @ thickness[self._points]
+            there[self._undeformed] = 1.0
+            if not (there > 0).all():
+                raise InvalidState("the thickness of the sheet that a pressure acts on, continued to the boundary, is not positive there")
+            pull = pull * there
+        forces = np.empty_like(along)
+        np.multiply(pull, along[:, 1], out=forces[:, 0])
+        np.multiply(pull, along[:, 0], out=forces[:, 1])
+        np.negative(forces[:, 0], out=forces[:, 0])
+        if not np.isfinite(forces).all():
+            raise InvalidState("the force of a pressure on the boundary is not finite")
+        return forces
+
+    def add(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
+        """Add the forces on the points to `out`, shape (n, 2)."""
+        out[self._points] += self._spread @ self.on_facets(positions, thickness)
+
+    def middles(self, vectors: np.ndarray) -> np.ndarray:
+        """What the middles of the facets do where the points have the given positions or velocities, shape (f, 2)."""
+        return self._middle @ vectors.take(self._points, axis=0)
+
+    def potential(self, positions: np.ndarray) -> float:
+        """Pressure times the area that the facets have swept since rest (theory (46)); of pressures that have a potential."""
+        areas = _areas(self.middles(positions) - self._origin, self._along @ positions.take(self._points, axis=0))
+        return float((self._pressures * (areas - self._areas_at_rest)).sum())
+
+
+def _end_rows(surface: Surface, facets: np.ndarray) -> tuple[sparse.csr_array, sparse.csr_array]:
+    """Rows of N of the two ends of facets, shape (f, n) each."""
+    first, second = surface.facets[facets].T
+    return surface.interpolation[first], surface.interpolation[second]
+
+
+def _areas(middles: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Area between each facet and the origin: in sum, what a closed chain of facets encloses."""
+    return 0.5 * _cross(middles, along)
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+class Loads:
+    """The loads of a scene on a body, at one value of the loading parameter at a time.
+
+    Forces that keep their size and direction are summed once for a value of the parameter; only pressures are found anew in every state.
+
+    Parameters
+    ----------
+    scene : Scene
+    body : Body
+    regions : BodyRegions
+
+    Attributes
+    ----------
+    needs_thickness : bool
+        Whether a pressure acts on the deformed thickness: then all that asks for a state asks for the thickness too, as the stretch of it
+        at the points, J3 / det F, shape (n,).
+    no_potential_because : str or None
+        Why the loads are not minus the derivative of a potential; None if they are.
+
+    Raises
+    ------
+    ValueError
+        For a region that is empty, or a load on an edge that is held by reflection; names the key.
+    """
+
+    def __init__(self, scene: Scene, body: Body, regions: BodyRegions) -> None:
+        self.body = body
+        # A name that several loads have, as traction and pressure on one edge may, stands for all of them.
+        self._names = [load.name or regions.label(load.region, f"loads.{number}") for number, load in enumerate(scene.loads)]
+        distinct = list(dict.fromkeys(load.amplitude for load in scene.loads))
+        self._amplitudes = [amplitude_of(amplitude) for amplitude in distinct]
+        self._followed = np.array([distinct.index(load.amplitude) for load in scene.loads])
+        self._dead: dict[int, _DeadForces] = {}
+        self.no_potential_because: str | None = None
+        pressed = []
+        for number, load in enumerate(scene.loads):
+            if load.kind == "pressure":
+                facets = self._facets(number, load, regions)
+                deformed = scene.plane == "stress" and load.thickness != "undeformed"
+                self._note_potential(self._names[number], deformed, regions.surface().facets[facets])
+                pressed.append((facets, *(np.full(len(facets), value) for value in (number, load.pressure, deformed))))
+            else:
+                self._dead[number] = self._dead_forces(number, load, regions)
+        self._pressures = _Pressures(regions.surface(), *map(np.concatenate, zip(*pressed, strict=True))) if pressed else None
+        # Dead loads of one amplitude act as one.
+        self._patterns: dict[int, np.ndarray] = {}
+        for number, dead in self._dead.items():
+            pattern = self._patterns.setdefault(self._followed[number], np.zeros_like(body.points))
+            pattern[dead.points] += dead.forces
+        self._present = np.zeros_like(body.points) if self._patterns else None
+        self.needs_thickness = self._pressures is not None and self._pressures.needs_thickness
+        self.set(0.0)
+
+    def _facets(self, number: int, load: Load, regions: BodyRegions) -> np.ndarray:
+        """Facets that a traction or pressure acts on; none may lie in a plane in which the body is reflected."""
+        facets, surface = regions.facets(load.region), regions.surface()
+        edges = {place: edge for edge, place in EDGES.items()}
+        for plane in self.body.planes:
+            distance = np.abs(surface.nodes[surface.facets[facets]][..., plane.axis] - plane.position)
+            if (distance < ON_A_PLANE * self.body.spacing).all(axis=1).any():
+                edge = edges[plane.axis, plane.side]
+                raise ValueError(
+                    f"loads.{number}.region: it takes in facets of the {edge} edge, which is held by reflection, so that a {load.kind} "
+                    f"there goes into what holds it; leave the {edge} edge out, or hold points (support=points)"
+                )
+        return facets
+
+    def _dead_forces(self, number: int, load: Load, regions: BodyRegions) -> _DeadForces:
+        """A dead load as forces on points (theory (43))."""
+        if load.kind == "traction":
+            facets, surface = self._facets(number, load, regions), regions.surface()
+            first, second = _end_rows(surface, facets)
+            lengths = (first + second).T @ surface.lengths()[facets] / 2
+            points = np.flatnonzero(lengths)
+            return _DeadForces(points, lengths[points, None] * np.array(load.traction))
+        points = regions.points(load.region)
+        if load.kind == "body_force":
+            return _DeadForces(points, self.body.volumes[points, None] * np.array(load.body_force))
+        return _DeadForces(points, np.tile(np.array(load.force) / len(points), (len(points), 1)))
+
+    def _note_potential(self, name: str, deformed: bool, ends: np.ndarray) -> None:
+        """Note why a pressure on facets of the given ends has no potential, if it has none."""
+        closed = (np.bincount(ends[:, 0], minlength=ends.max() + 1) == np.bincount(ends[:, 1], minlength=ends.max() + 1)).all()
+        if deformed:
+            why = "acts on the deformed thickness; on the undeformed one (thickness=undeformed) a closed boundary would give it a potential"
+        elif not closed:
+            why = "acts on a part of the boundary that is not closed"
+        else:
+            return
+        self.no_potential_because = self.no_potential_because or f"the pressure on {name} {why}"
+
+    @property
+    def conservative(self) -> bool:
+        """Whether the loads are minus the derivative of their `potential`."""
+        return self.no_potential_because is None
+
+    def set(self, t: float) -> None:
+        """Bring all loads to their size at a value of the loading parameter.
+
+        Raises
+        ------
+        InvalidState
+            Where an amplitude or a force has no finite value there.
+        """
+        try:
+            factors = np.array([amplitude(t) for amplitude in self._amplitudes])
+        except ValueError as error:
+            raise InvalidState(f"loads: {error}") from None
+        self._factors = factors[self._followed]
+        if self._pressures is not None:
+            self._pressures.set(self._factors)
+        if self._present is not None:
+            self._present[:] = 0.0
+            with np.errstate(over="ignore"):
+                for number, pattern in self._patterns.items():
+                    self._present += factors[number] * pattern
+            if not np.isfinite(self._present).all():
+                raise InvalidState(f"loads: a force is not finite at t = {t:g}")
+
+    def forces(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
+        """Add the forces of the loads on the points, per unit thickness of the undeformed body, to `out` (n, 2).
+
+        Parameters
+        ----------
+        positions : ndarray, shape (n, 2)
+        thickness : ndarray, shape (n,), or None
+            See `needs_thickness`.
+        out : ndarray, shape (n, 2)
+
+        Raises
+        ------
+        InvalidState
+            Where a pressure has no force.
+        """
+        if self._present is not None:
+            out += self._present
+        if self._pressures is not None:
+            self._pressures.add(positions, thickness, out)
+
+    def potential(self, positions: np.ndarray) -> float:
+        """Potential energy of the loads of their present size, zero at rest (theory (46)); of loads that are `conservative`.
+
+        Raises
+        ------
+        TypeError
+            If there is none.
+        """
+        if not self.conservative:
+            raise TypeError(f"these loads have no potential: {self.no_potential_because}")
+        potential = 0.0
+        if self._present is not None:
+            potential -= float(np.einsum("nc,nc->", self._present, positions - self.body.points))
+        if self._pressures is not None:
+            potential += self._pressures.potential(positions)
+        return potential
+
+    def power(self, positions: np.ndarray, velocities: np.ndarray, thickness: np.ndarray | None = None) -> float:
+        """Power of the loads in a state in which the points have the given velocities (n, 2)."""
+        power = 0.0
+        if self._present is not None:
+            power += float(np.einsum("nc,nc->", self._present, velocities))
+        if self._pressures is not None:
+            power += float((self._pressures.on_facets(positions, thickness) * self._pressures.middles(velocities)).sum())
+        return power
+
+    def by_name(self, positions: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        """Total force of the loads in a state, shape (2,), by name; loads of one name are summed."""
+        totals = {name: np.zeros(2) for name in self._names}
+        for name, _, forces in self._actions(positions, thickness):
+            totals[name] += forces.sum(axis=0)
+        return totals
+
+    def moments(self, positions: np.ndarray, about: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, float]:
+        """Moment of the loads in a state about a place (2,), counter-clockwise, by name; loads of one name are summed."""
+        totals = dict.fromkeys(self._names, 0.0)
+        for name, places, forces in self._actions(positions, thickness):
+            totals[name] += float(_cross(places - about, forces).sum())
+        return totals
+
+    def _actions(self, positions: np.ndarray, thickness: np.ndarray | None) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+        """Name, places (k, 2) and forces (k, 2) of every load."""
+        for number, dead in self._dead.items():
+            yield self._names[number], positions[dead.points], self._factors[number] * dead.forces
+        if self._pressures is not None:
+            places, forces = self._pressures.middles(positions), self._pressures.on_facets(positions, thickness)
+            for number in np.unique(self._pressures.loads):
+                own = self._pressures.loads == number
+                yield self._names[number], places[own], forces[own]
+
+
+class LoadedForce:
+    """An internal force and loads: all that solvers ask of a force, which they are given in the place of it where there are loads.
+
+    What a bond or a point holds by itself is asked of the internal force; of that only what solvers need is passed on.
+
+    Parameters
+    ----------
+    internal : InternalForce
+    loads : Loads
+
+    Attributes
+    ----------
+    internal, loads
+    body, law, precision
+        Of the internal force.
+    has_energy : bool
+        Whether the sum of both is minus the derivative of an energy.
+    """
+
+    def __init__(self, internal: InternalForce, loads: Loads) -> None:
+        self.internal, self.loads = internal, loads
+        self.body, self.law, self.precision = internal.body, internal.law, internal.precision
+        self.has_energy = internal.has_energy and loads.conservative
+        self._thickness, self._product = np.ones(len(internal.body)), np.empty(len(internal.body))
+
+    @property
+    def no_energy_because(self) -> str | None:
+        """What the loads have against an energy; None where that is not what is missing."""
+        return self.loads.no_potential_because
+
+    @property
+    def evaluations(self) -> int:
+        """Begun so far."""
+        return self.internal.evaluations
+
+    @property
+    def positions(self) -> np.ndarray:
+        """See `InternalForce`."""
+        return self.internal.positions
+
+    @property
+    def supported(self) -> np.ndarray:
+        """See `InternalForce`."""
+        return self.internal.supported
+
+    @property
+    def force_scale(self) -> float | np.ndarray:
+        """See `InternalForce`."""
+        return self.internal.force_scale
+
+    @property
+    def stiffness_moduli(self) -> float | np.ndarray:
+        """See `InternalForce`."""
+        return self.internal.stiffness_moduli
+
+    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
+        """Internal force and loads on every point per unit thickness at positions (n, 2), written to `out` (n, 2).
+
+        Raises
+        ------
+        InvalidState
+            Where the state has no force.
+        OutsideDomain
+            See `InternalForce`.
+        """
+        self.internal(positions, out)
+        self.loads.forces(positions, self.thickness(), out)
+
+    def thickness(self) -> np.ndarray | None:
+        """Stretch of the thickness at the points in the state last evaluated, shape (n,), valid until the next; None if no load needs it.
+
+        Raises
+        ------
+        InvalidState
+            Where there is none.
+        """
+        if not self.loads.needs_thickness:
+            return None
+        J3, F = self.internal.volume_ratios(), self.internal.deformation_gradients()
+        thickness, product = self._thickness, self._product
+        np.multiply(F[:, 0, 0], F[:, 1, 1], out=thickness)
+        np.multiply(F[:, 0, 1], F[:, 1, 0], out=product)
+        thickness -= product
+        return np.divide(J3, thickness, out=thickness)
+
+    def energy(self) -> float:
+        """Stored energy and potential of the loads, per unit thickness, in the state last evaluated; where there are both."""
+        return self.internal.energy() + self.loads.potential(self.internal.positions[: len(self.body)])
+
+    def pair_forces(self) -> np.ndarray:
+        """See `InternalForce`."""
+        return self.internal.pair_forces()
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """See `InternalForce`; loads have none of their own."""
+        return self.internal.state_arrays()
+
+    def move_plane(self, plane: int, displacement) -> None:
+        """See `InternalForce`."""
+        self.internal.move_plane(plane, displacement)

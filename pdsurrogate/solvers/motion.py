@@ -1,0 +1,48 @@
+"""How a loading parameter goes on in time, while a body has inertia."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The loading parameter as a function of the time since a phase of dynamics began.
+
+    Attributes
+    ----------
+    begin, end : float
+        Of the parameter.
+    rate : float
+        Its change per unit time.
+    duration : float
+        Of the phase.
+    """
+
+    begin: float
+    end: float
+    rate: float
+    duration: float
+
+    @classmethod
+    def lasting(cls, begin: float, end: float, duration: float) -> Motion:
+        """Evenly from one value to another in a given time; the values may be the same."""
+        return cls(begin, end, (end - begin) / duration, duration)
+
+    @classmethod
+    def at_rate(cls, begin: float, end: float, rate: float) -> Motion:
+        """From one value to a greater one at a given rate."""
+        return cls(begin, end, rate, (end - begin) / rate)
+
+    def at(self, time: float) -> float:
+        """The parameter at a time; from the end of the phase on it stays."""
+        value = self.begin + self.rate * time
+        return min(value, self.end) if self.rate > 0 else max(value, self.end)
+
+    def due(self, time: float, number: int, outputs: int) -> bool:
+        """Whether output `number` of as many as `outputs`, evenly over the phase, is to be written at a time."""
+        if self.rate == 0:
+            return time >= self.duration * number / outputs * (1 - 1e-12)
+        span = self.end - self.begin
+        reached, wanted = self.at(time), self.begin + span * number / outputs
+        return reached >= wanted - 1e-12 if span > 0 else reached <= wanted + 1e-12

@@ -1,0 +1,64 @@
+"""Which edges of a scene hold its body by reflection: known from names, before there is a body."""
+
+from __future__ import annotations
+
+from ..body import ReflectionPlane
+from ..scenes.loading import Prescribed
+from ..scenes.model import EDGES, Scene
+from ..scenes.regions import EDGE_NAMES, RegionReference
+
+
+def whole_edge(scene: Scene, region: RegionReference) -> str | None:
+    """Name of the edge that a region is, if it is exactly one whole edge."""
+    if isinstance(region, str):
+        if region in EDGE_NAMES:
+            return region
+        return whole_edge(scene, scene.regions[region]) if region in scene.regions else None
+    members = list(region.members())
+    if len(members) == 1 and region.other is None:
+        return whole_edge(scene, members[0][1])
+    return region.edge
+
+
+def prescribed_components(entry: Prescribed) -> tuple[int, ...]:
+    """Components that an entry of `prescribed` holds: 0 for x1, 1 for x2."""
+    if entry.rotation is not None:
+        return 0, 1
+    return tuple(component for component, value in enumerate((entry.x1, entry.x2)) if value is not None)
+
+
+def reflected_edges(scene: Scene) -> dict[str, tuple[int, ...]]:
+    """Edges that are held by reflection, each with the numbers of the entries of `prescribed` that hold it.
+
+    An edge is, if it is named whole, its normal component is prescribed and nothing turns it: a mirror image has no other place to be.
+    All other edges hold their outermost points.
+    """
+    if scene.support != "reflected":
+        return {}
+    named: dict[str, list[int]] = {}
+    for number, entry in enumerate(scene.prescribed):
+        edge = whole_edge(scene, entry.region)
+        if edge is not None:
+            named.setdefault(edge, []).append(number)
+    reflected = {}
+    for edge, numbers in named.items():
+        entries = [scene.prescribed[number] for number in numbers]
+        held = {component for entry in entries for component in prescribed_components(entry)}
+        if EDGES[edge][0] in held and all(entry.rotation is None for entry in entries):
+            reflected[edge] = tuple(numbers)
+    return reflected
+
+
+def reflection_planes(scene: Scene, lower, upper) -> tuple[ReflectionPlane, ...]:
+    """Planes in which the body is continued beyond its grips, or beyond the edges of `reflected_edges`; none where points are held."""
+    if scene.support != "reflected":
+        return ()
+    held = {grip.edge: (EDGES[grip.edge][0],) if grip.holds == "normal" else (0, 1) for grip in scene.grips}
+    for edge, numbers in reflected_edges(scene).items():
+        held[edge] = tuple({component for number in numbers for component in prescribed_components(scene.prescribed[number])})
+    planes = []
+    for edge, components in held.items():
+        axis, side = EDGES[edge]
+        parity = tuple(-1 if component in components else 1 for component in (0, 1))
+        planes.append(ReflectionPlane(axis, (lower, upper)[side > 0][axis], side, parity))
+    return tuple(planes)

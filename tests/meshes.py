@@ -1,0 +1,71 @@
+"""Mesh files for tests."""
+
+import meshio
+import numpy as np
+
+__all__ = ["write_plate"]
+
+GMSH_TYPES = {"line": 1, "triangle": 2, "quad": 3}
+
+
+def write_plate(path, count=12, hole=((4, 4), (8, 8)), turned=False, version=4):
+    """A square of side 1.2 with a square hole, of quadrilaterals left and triangles right, with physical groups.
+
+    Of cells soft, those left of the middle, and stiff, the rest; of lines pull, the right edge, cavity, around the hole, and seam, the
+    middle below the hole, inside the material.  Triangles run clockwise where `turned`.
+
+    A path that ends with .inp becomes an Abaqus file, one with .msh one of gmsh, as it writes today (version 4.1) or did (2.2).
+    """
+    side = 1.2 / count
+    points = np.array([[i * side, j * side, 0.0] for j in range(count + 1) for i in range(count + 1)])
+
+    def node(i, j):
+        return i + (count + 1) * j
+
+    (i0, j0), (i1, j1) = hole
+    cells = [(i, j) for j in range(count) for i in range(count) if not (i0 <= i < i1 and j0 <= j < j1)]
+    corners = {(i, j): [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)] for i, j in cells}
+    quads = [corners[i, j] for i, j in cells if i < count // 2]
+    triangles = [three for i, j in cells if i >= count // 2 for three in (corners[i, j][:3], [corners[i, j][k] for k in (0, 2, 3)])]
+    if turned:
+        triangles = [three[::-1] for three in triangles]
+    pull = [[node(count, j), node(count, j + 1)] for j in range(count)]
+    cavity = [[node(i, j), node(i + 1, j)] for i in range(i0, i1) for j in (j0, j1)]
+    cavity += [[node(i, j), node(i, j + 1)] for j in range(j0, j1) for i in (i0, i1)]
+    seam = [[node(count // 2, j), node(count // 2, j + 1)] for j in range(j0)]
+    blocks = [("quad", quads), ("triangle", triangles), ("line", pull), ("line", cavity), ("line", seam)]
+    names = {"soft": (1, 2), "stiff": (2, 2), "pull": (3, 1), "cavity": (4, 1), "seam": (5, 1)}
+    if path.suffix == ".inp":
+        sets = {
+            name: [np.arange(len(of_block) if k == number else 0) for k, (_, of_block) in enumerate(blocks, 1)]
+            for name, (number, _) in names.items()
+        }
+        meshio.write(path, meshio.Mesh(points, blocks, cell_sets=sets))
+    elif version == 2:
+        numbers = [np.full(len(of_block), number) for number, (_, of_block) in enumerate(blocks, 1)]
+        data = {"gmsh:physical": numbers, "gmsh:geometrical": numbers}
+        fields = {name: np.array(entry) for name, entry in names.items()}
+        meshio.write(path, meshio.Mesh(points, blocks, cell_data=data, field_data=fields), file_format="gmsh22", binary=False)
+    else:
+        path.write_text("\n".join(_gmsh_lines(points, blocks, names)) + "\n")
+    return path
+
+
+def _gmsh_lines(points, blocks, names):
+    """A file of gmsh's version 4.1, with one entity for each block."""
+    yield from ("$MeshFormat", "4.1 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(names)))
+    yield from (f'{dimension} {number} "{name}"' for name, (number, dimension) in names.items())
+    yield from ("$EndPhysicalNames", "$Entities", "0 3 2 0")
+    yield from (f"{number} 0 0 0 1 1 0 1 {number} 0" for number in (3, 4, 5, 1, 2))
+    yield from ("$EndEntities", "$Nodes", f"1 {len(points)} 1 {len(points)}", f"2 1 0 {len(points)}")
+    yield from map(str, range(1, len(points) + 1))
+    yield from (f"{x1!r} {x2!r} 0" for x1, x2, _ in points.tolist())
+    total = sum(len(cells) for _, cells in blocks)
+    yield from ("$EndNodes", "$Elements", f"{len(blocks)} {total} 1 {total}")
+    tag = 0
+    for number, (kind, cells) in enumerate(blocks, 1):
+        yield f"{1 if kind == 'line' else 2} {number} {GMSH_TYPES[kind]} {len(cells)}"
+        for cell in cells:
+            tag += 1
+            yield " ".join(map(str, [tag, *(corner + 1 for corner in cell)]))
+    yield "$EndElements"

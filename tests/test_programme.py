@@ -1,0 +1,216 @@
+"""Programmes of steps: in equilibrium and in dynamics, automatic increments, forces by name, resuming, and what is said on failure."""
+
+import json
+
+import numpy as np
+import pytest
+
+import pdsurrogate as pd
+from pdsurrogate.run import transient
+from pdsurrogate.run.run import Run, Silent
+from pdsurrogate.run.simulate import SimulationFailed, simulate
+from pdsurrogate.solvers import Increments
+from pdsurrogate.solvers.motion import Motion
+
+SHEET = {"name": "sheet", "spacing": 0.1, "body": pd.Rectangle(size=(1.0, 0.8)), "material": "neo-hookean"}
+CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 1.0, "x2": 0.0})
+
+
+def scene_of(steps=(1.0,), prescribed=CLAMPS, **changes):
+    return pd.Scene(**SHEET | {"prescribed": prescribed, "steps": steps} | changes)
+
+
+def gripped(**changes):
+    grips = ({"edge": "left", "travel": 0.0}, {"edge": "right", "travel": 1.0})
+    return pd.Scene(**SHEET | {"grips": grips} | changes)
+
+
+def forces_of(history, name, component=1):
+    return np.array([row[f"force_{name}_{component}"] for row in history if f"force_{name}_{component}" in row])
+
+
+def dynamic(to, duration, outputs=1, **changes):
+    return {"to": to, "outputs": outputs, "dynamics": {"duration": duration, "density": 0.01, **changes}}
+
+
+def test_steps_follow_the_states_of_stretches():
+    """The same problem said in both ways: stretch 1 + t."""
+    short, general = simulate(gripped(stretches=(1.2, 1.4)), "analytic"), simulate(scene_of((0.2, 0.4)), "analytic")
+    for number, (level, other) in enumerate(zip(short.levels, general.levels, strict=True)):
+        np.testing.assert_allclose(general.displacement(number), short.displacement(number), atol=1e-6)
+        np.testing.assert_allclose(list(other["forces"].values()), list(level["forces"].values()), atol=1e-6)
+    assert [(moment.run_time, moment.t, moment.time) for moment in general.states.moments] == [(1, 0.2, 0), (2, 0.4, 0)]
+
+
+def test_a_cycle_ends_at_rest_and_has_no_hysteresis():
+    result = simulate(pd.load_scene("load-cycle", spacing=0.1, **{"solver.tolerance": 1e-8}), "bond-energy")
+    levels = {0: result.levels[0], 2: result.levels[2]}
+    assert [level["t"] for level in result.levels] == [0.5, 1.0, 0.5, 0.0, -0.5, 0.0]
+    for rest in (3, 5):
+        assert np.abs(result.displacement(rest)).max() < 1e-6
+        assert np.abs(list(result.levels[rest]["forces"].values())).max() < 1e-6
+    assert levels[0]["forces"]["right"] == pytest.approx(levels[2]["forces"]["right"], abs=1e-6)
+    assert levels[0]["energy"] == pytest.approx(levels[2]["energy"], rel=1e-6)
+    assert result.levels[4]["forces"]["right"][0] < -0.1
+
+
+@pytest.fixture
+def every_step(monkeypatch):
+    """A row of the history, and a term of the account, for every step."""
+    monkeypatch.setattr(transient, "STEPS_PER_ROW", 1)
+
+
+@pytest.mark.usefixtures("every_step")
+def test_dynamics_follow_those_of_the_short_way():
+    """From stretch 1.1 on at the same rate: the same velocities at first, the same work, up to rounding."""
+    spec = {"stretch": 1.3, "stretch_rate": 2.0, "density": 0.01, "damping": 1.0, "viscosity": 1e-3, "outputs": 2}
+    short = simulate(gripped(stretches=(1.1,), dynamics=spec), "bond-energy")
+    general = simulate(scene_of((0.1, dynamic(0.3, 0.1, 2, damping=1.0, viscosity=1e-3))), "bond-energy")
+    rows, others = ([row for row in result.history if "time" in row] for result in (short, general))
+    assert len(rows) == len(others) > 3
+    for key in ("time", "work", "kinetic_energy", "damped_energy", "strain_energy", "force_left_1", "force_right_2"):
+        scale = max(abs(row[key]) for row in rows)
+        # But for the last step, within which the grips stop: of the general way its power and its retarded force know that.
+        np.testing.assert_allclose([row[key] for row in others][:-1], [row[key] for row in rows][:-1], atol=1e-6 * scale + 1e-12)
+    np.testing.assert_allclose(general.displacement(), short.displacement(), atol=1e-6)
+
+
+@pytest.mark.usefixtures("every_step")
+def test_dynamics_may_stand_anywhere():
+    """Loaded slowly, let swing, pulled while it swings, and brought to rest: at the end the equilibrium that slow loading leads to."""
+    programme = (0.1, dynamic(0.1, 0.2, 2), dynamic(0.2, 0.2), 0.2)
+    result = simulate(scene_of(programme), "bond-energy")
+    slow = simulate(scene_of((0.2,)), "bond-energy")
+    assert [level["step"] for level in result.levels] == [0, 1, 1, 2, 3]
+    assert [level.get("time") for level in result.levels] == [None, *(pytest.approx(t, abs=0.01) for t in (0.1, 0.2, 0.4)), None]
+    times = [moment.run_time for moment in result.states.moments]
+    assert times == sorted(times)
+    np.testing.assert_allclose(result.displacement(), slow.displacement(), atol=1e-5)
+    # Nothing moves in the hold but rounding; the pull starts from rest, since a step of dynamics keeps the velocities of the one before.
+    kinetic = [row["kinetic_energy"] for row in result.history if row.get("step") == 1]
+    assert max(kinetic) < 1e-8
+    first = next(row for row in result.history if row.get("step") == 2)
+    assert first["kinetic_energy"] < 1e-8
+    # What the grips put in is there.
+    last = [row for row in result.history if row.get("step") == 2][-1]
+    gained = last["strain_energy"] + last["kinetic_energy"] - first["strain_energy"]
+    assert last["work"] == pytest.approx(gained, rel=0.02)
+    assert len(forces_of(result.history, "right")) > 10
+
+
+@pytest.mark.parametrize("interrupted", [1, 3, 4])
+def test_a_programme_resumes_to_the_same_bits(tmp_path, interrupted, monkeypatch):
+    """After an output in equilibrium within a step, in dynamics, and after dynamics."""
+    scene = scene_of(({"to": 0.3, "outputs": 2}, dynamic(0.4, 0.1, 2), 0.2, 0.0), body=pd.Rectangle(size=(0.8, 0.8)))
+    whole = simulate(scene, "bond-energy", folder=tmp_path / "whole")
+    checkpoint, written = Run.checkpoint, []
+
+    def stopping(run, *rest):
+        checkpoint(run, *rest)
+        written.append(len(run.levels))
+        if len(run.levels) == interrupted:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Run, "checkpoint", stopping)
+    with pytest.raises(KeyboardInterrupt):
+        simulate(scene, "bond-energy", folder=tmp_path / "cut")
+    monkeypatch.undo()
+    resumed = simulate(scene, "bond-energy", folder=tmp_path / "cut", resume=True)
+    assert resumed.history == whole.history
+    assert resumed.levels == whole.levels
+    assert resumed.states.moments == whole.states.moments
+    np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
+    resumed.save(tmp_path / "cut")
+    names = {path.name for path in (tmp_path / "cut").iterdir()}
+    assert {"summary.json", "history.csv", "sheet.png", "sheet-loading.png", "sheet.gif", "sheet-000.vtu"} <= names
+    assert (tmp_path / "cut" / "history.csv").read_text().startswith("t,increment,")
+    assert [level["t"] for level in json.loads((tmp_path / "cut" / "summary.json").read_text())["levels"]][-1] == 0.0
+
+
+def test_increments_are_chosen_by_what_the_first_guess_strains():
+    """To stretch 3 in one step: its guess strains bonds by 2, four times what the solver may take at once."""
+    run = Run(scene_of((2.0,)), pd.load_surrogate("analytic"), Silent())
+    assert run.loading.largest_increment(run.positions, 0.0, 2.0, None) == pytest.approx(0.5)
+    assert run.loading.largest_increment(run.positions, 0.0, 2.0, 0.1) == pytest.approx(0.1)
+    turned = Run(pd.load_scene("rotation", spacing=0.1), pd.load_surrogate("analytic"), Silent())
+    assert turned.loading.largest_increment(turned.positions, 0.0, 1.0, None) == 1.0
+    result = simulate(scene_of((1.2,)), "analytic")
+    taken = list(dict.fromkeys(row["increment"] for row in result.history if "residual" in row))
+    assert taken == pytest.approx([0.3, 0.6, 0.9, 1.2])
+
+
+def test_increments_are_longer_only_after_easy_ones():
+    increments = Increments(0.0, 1.0, 1.0)
+    for _ in range(2):
+        assert increments.shorten()
+    assert not increments.accept()  # a quarter of the way, from where a half does not lead to a planned value
+    assert not increments.accept(easy=False)
+    assert increments.share == 0.25
+    assert not increments.accept()
+    assert increments.accept()
+    assert increments.finished
+
+
+def test_a_failure_says_how_far_the_loading_came():
+    scene = scene_of((0.5,), solver={"method": "relaxation", "most_evaluations": 30})
+    with pytest.raises(SimulationFailed, match=r"^t = 0\.5: .*followed to t = 0, and not further .* \(prescribed\.1 to x1 = 0\)") as caught:
+        simulate(scene, "analytic")
+    assert "solver.most_evaluations" in str(caught.value)
+    assert any("failure" in row for row in caught.value.result.history)
+
+
+def test_a_bond_that_would_break_hands_over_to_dynamics():
+    """In equilibrium up to the output before; then the next step in dynamics, or an error that asks for one."""
+    fracture = {"critical_stretch": 1.5}
+    cut = {"start": [0.5, -0.1], "end": [0.5, 0.4]}
+    steps = (0.1, 0.6, dynamic(1.0, 0.5, 4, viscosity=1e-3))
+    result = simulate(scene_of(steps, fracture=fracture, precuts=[cut]), "bond-energy")
+    assert [level["t"] for level in result.levels][:1] == [0.1]
+    assert result.levels[1]["step"] == 2
+    assert result.summary["crack"]["broken_bonds"] > 0
+    assert result.summary["crack"]["start"]["t"] > 0.1
+    with pytest.raises(SimulationFailed, match=r"a bond would break between t = 0\.02 and here.*follow it in dynamics"):
+        simulate(scene_of((dynamic(0.02, 0.1), 0.6), fracture=fracture, precuts=[cut]), "bond-energy")
+
+
+def test_what_moves_faster_than_waves_is_refused():
+    with pytest.raises(pd.SceneError, match=r"steps\.1\.dynamics\.duration: parts that are held would move apart at 100 cm/s"):
+        Run(scene_of((0.1, dynamic(1.1, 0.01))), pd.load_surrogate("analytic"), Silent())
+
+
+def test_motion_goes_evenly_and_stops():
+    for begin, end in ((0.0, 1.0), (1.0, -1.0), (0.3, 0.3)):
+        motion = Motion.lasting(begin, end, 2.0)
+        assert [motion.at(time) for time in (0.0, 1.0, 2.0, 3.0)] == [begin, (begin + end) / 2, end, end]
+        assert [motion.due(time, 1, 2) for time in (0.999, 1.0)] == [False, True]
+    assert Motion.at_rate(1.1, 1.3, 2.0).duration == pytest.approx(0.1)
+
+
+LOADS = (
+    {"prescribed": ({"region": "left", "x1": 0.0, "x2": 0.0},), "loads": ({"region": "right", "traction": [0.2, 0.0]},)},
+    {
+        "prescribed": ({"region": "left", "x1": 0.0, "x2": 0.0},),
+        "loads": ({"region": "top", "pressure": 0.05}, {"body_force": [0.0, -0.05]}),
+        "support": "points",
+    },
+)
+
+
+@pytest.mark.parametrize("loading", LOADS)
+def test_reactions_balance_loads(loading):
+    """In equilibrium: forces and, of an energy with points held, moments."""
+    level = simulate(scene_of(**loading), "bond-energy").levels[0]
+    total = np.sum(list(level["forces"].values()), axis=0)
+    np.testing.assert_allclose(total, 0, atol=1e-5)
+    if loading.get("support") == "points":
+        assert sum(level["moments"].values()) == pytest.approx(0, abs=1e-5)
+
+
+@pytest.mark.usefixtures("every_step")
+@pytest.mark.parametrize("loading", LOADS)
+def test_the_account_of_loads_closes(loading):
+    """Loads that grow within one swing of the body: their work is there as energy of strain and motion, to the trapezoidal rule."""
+    result = simulate(scene_of((dynamic(1.0, 0.5),), **loading), "bond-energy")
+    last = [row for row in result.history if "time" in row][-1]
+    assert last["work"] > 1e-4
+    assert last["work"] == pytest.approx(last["strain_energy"] + last["kinetic_energy"], rel=0.02)

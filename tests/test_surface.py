@@ -1,0 +1,363 @@
+"""The boundary of bodies, and the motion of places on it and within from that of the points."""
+
+import numpy as np
+import pytest
+from meshes import write_plate
+
+from pdsurrogate.body import Body, ReflectionPlane, interpolation
+from pdsurrogate.body.local_fit import empty_rows
+from pdsurrogate.discretisation import discretise, surface_of
+from pdsurrogate.forces import AnalyticBondForce, BondEnergyForce, ForceSettings
+from pdsurrogate.materials import NeoHookean, homogeneous
+from pdsurrogate.scenes import load_scene
+
+SQUARE = {"shape": "rectangle", "size": [2.0, 2.0], "lower": [-1.0, -1.0]}
+DISC = {"shape": "circle", "radius": 1.0}
+TRIANGLE = {"shape": "polygon", "vertices": [[0, 0], [1.3, 2.2], [2.1, 0]]}  # clockwise
+LETTER = {"shape": "polygon", "vertices": [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]}
+BOW = {"shape": "polygon", "vertices": [[-1, -1], [1, 1], [1, -1], [-1, 0.5]]}  # its sides cross at (-1/7, -1/7)
+
+
+def circle(radius, x1, x2):
+    return {"shape": "circle", "radius": radius, "centre": [x1, x2]}
+
+
+def box(lower, upper):
+    return {"shape": "rectangle", "size": [upper[0] - lower[0], upper[1] - lower[1]], "lower": list(lower)}
+
+
+SEGMENT = 0.25 * np.arccos(0.6) - 0.3 * 0.4  # of a disc of radius 0.5, beyond a chord 0.3 from its centre
+
+BODIES = {
+    "square": (SQUARE, [], 4.0, 1e-12),
+    "square with a hole": (SQUARE, [circle(0.5, 0.1, 0.0)], 4 - np.pi / 4, 1e-12),
+    "ring": (DISC, [circle(0.4, 0.0, 0.0)], np.pi * (1 - 0.16), 1e-12),
+    "ellipse": ({"shape": "ellipse", "semi_axes": [1.5, 0.6]}, [], np.pi * 0.9, 1e-12),
+    "triangle": (TRIANGLE, [], 2.1 * 2.2 / 2, 1e-12),
+    "letter": (LETTER, [box((0.3, 0.3), (0.7, 0.7))], 3 - 0.16, 1e-12),
+    "sides that cross": (BOW, [], 12.5 / 7, 1e-12),
+    "hole at a corner": (SQUARE, [circle(0.5, 1.0, 1.0)], 4 - np.pi / 16, 1e-12),
+    "hole across an edge": (SQUARE, [circle(0.5, 1.3, 0.0)], 4 - SEGMENT, 2e-3),
+    "slot across an edge": (SQUARE, [box((0.4, -0.15), (1.2, 0.15))], 4 - 0.18, 1e-12),
+    "slot along an edge": (SQUARE, [box((0.7, -0.15), (1.0, 0.15))], 4 - 0.09, 1e-12),
+    "holes that overlap": (SQUARE, [box((-0.5, -0.5), (0.1, 0.1)), box((-0.1, -0.1), (0.5, 0.5))], 4 - 0.72 + 0.04, 1e-12),
+    "holes that share a side": (SQUARE, [box((-0.5, -0.5), (0.0, 0.1)), box((0.0, -0.5), (0.5, 0.3))], 4 - 0.3 - 0.4, 1e-12),
+    "holes that share an edge on one side": (SQUARE, [box((-0.5, -0.5), (0.0, 0.5)), box((-0.5, -0.5), (0.5, 0.0))], 4 - 0.75, 1e-12),
+    "hole within a hole": (SQUARE, [circle(0.5, 0.0, 0.0), circle(0.3, 0.1, 0.0)], 4 - np.pi / 4, 1e-12),
+    "two pieces": (SQUARE, [box((-0.15, -2.0), (0.15, 2.0))], 4 - 0.6, 1e-12),
+}
+
+
+def bodied(body, holes=(), spacing=0.1, **changes):
+    """Scene of a body, the body, and its surface."""
+    scene = load_scene("uniaxial", {"body": body, "holes": list(holes), "spacing": spacing, "support": "points", **changes})
+    discretised = discretise(scene)
+    return scene, discretised, surface_of(scene, *discretised)
+
+
+def check_closed(surface):
+    """Every node is the end of as many facets as it is the start of, and the normals cancel."""
+    first, second = surface.facets.T
+    ends = np.arange(len(surface.nodes))
+    assert np.array_equal(np.bincount(first, minlength=len(ends)), np.bincount(second, minlength=len(ends)))
+    assert np.bincount(first).min() >= 1
+    np.testing.assert_allclose(surface.normals().sum(axis=0), 0, atol=1e-12)
+    assert len(np.unique(np.sort(surface.facets, axis=1), axis=0)) == len(surface.facets)
+
+
+def area_within(surface):
+    """By the divergence theorem: half the integral of X . N over the boundary."""
+    return (surface.midpoints() * surface.normals()).sum() / 2
+
+
+def check_affine(surface, body):
+    rows = surface.interpolation
+    assert surface.followed().all()
+    np.testing.assert_allclose(rows.sum(axis=1), 1, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rows @ body.points, surface.nodes, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("case", BODIES)
+def test_boundaries_are_closed_and_enclose_the_body(case):
+    """Area by the divergence theorem; that of the points is found on a raster, to some 1/1000 of a cell for each cell that is cut.
+
+    Whole circles have their areas to rounding, and quarters of them, which begin on an axis.  An arc cut elsewhere ends within a facet,
+    which lies beyond the circle by up to theta^2/12 of the radius: (h/2)^3/(12 r) = 2e-5 of area at either end, and more at the edge.
+    """
+    shape, holes, area, tolerance = BODIES[case]
+    _, (body, _, _), surface = bodied(shape, holes)
+    check_closed(surface)
+    assert area_within(surface) == pytest.approx(area, abs=tolerance)
+    assert body.volumes.sum() == pytest.approx(area, abs=0.01)
+    check_affine(surface, body)
+    assert surface.lengths().max() < 0.15 + 1e-9
+    # The body is on the left of every facet.
+    normals = surface.normals() / surface.lengths()[:, None]
+    assert surface.encloses(surface.midpoints() - 1e-4 * normals).all()
+    assert not surface.encloses(surface.midpoints() + 1e-4 * normals).any()
+
+
+def test_facets_of_a_rectangle_end_on_the_boundaries_of_cells():
+    """Cells of 3/43 by 4/57, an edge as long as its cells together, each part on its edge."""
+    _, (body, lower, upper), surface = bodied({"shape": "rectangle", "size": [3.0, 4.0], "lower": [-1.5, -2.0]}, spacing=0.07)
+    np.testing.assert_allclose(body.cell, [3 / 43, 4 / 57])
+    for edge, (axis, place, count, normal) in {
+        "left": (0, lower[0], 57, (-1, 0)),
+        "right": (0, upper[0], 57, (1, 0)),
+        "bottom": (1, lower[1], 43, (0, -1)),
+        "top": (1, upper[1], 43, (0, 1)),
+    }.items():
+        facets = np.flatnonzero(surface.parts == edge)
+        assert len(facets) == count
+        assert (surface.nodes[surface.facets[facets]][..., axis] == place).all()
+        np.testing.assert_allclose(surface.lengths()[facets], body.cell[1 - axis], rtol=1e-12)
+        np.testing.assert_allclose(surface.normals()[facets].sum(axis=0), np.array(normal) * (upper - lower)[1 - axis], atol=1e-12)
+    assert set(surface.parts) == {"left", "right", "bottom", "top"}
+
+
+def test_parts_are_named_where_they_lie():
+    _, _, surface = bodied(LETTER, [circle(0.2, 0.5, 0.5), circle(0.2, 0.5, 1.5)])
+    assert dict(zip(*np.unique(surface.parts, return_counts=True), strict=True)) == {
+        "bottom": 20,
+        "left": 20,
+        "right": 10,
+        "top": 10,
+        "outline": 20,
+        "holes.0": 28,
+        "holes.1": 28,
+    }
+    # A notch through an edge is of the hole, and the edge is what is left of it.
+    _, _, notched = bodied(SQUARE, [box((0.4, -0.15), (1.2, 0.15))])
+    assert notched.lengths()[notched.parts == "right"].sum() == pytest.approx(1.7)
+    assert notched.lengths()[notched.parts == "holes.0"].sum() == pytest.approx(0.3 + 2 * 0.6)
+    assert not (bodied(DISC)[2].parts != "outline").any()
+
+
+@pytest.mark.parametrize("shape", [circle(0.5, 0.1, 0.2), {"shape": "ellipse", "semi_axes": [0.7, 0.3], "centre": [0.1, 0.0]}])
+def test_round_facets_are_of_second_order(shape):
+    """Area to rounding, length to theta^2/24 of it, where theta = h/(2 a); on the middles of facets the body is its own mirror image."""
+    for spacing in (0.1, 0.05):
+        surface = bodied(SQUARE, [shape], spacing)[2]
+        hole = surface.parts == "holes.0"
+        area = -(surface.midpoints() * surface.normals())[hole].sum() / 2
+        if shape["shape"] == "circle":
+            assert area == pytest.approx(np.pi * 0.25, rel=1e-12)
+            length, theta = np.pi, spacing / (2 * 0.5)
+            assert surface.lengths()[hole].sum() == pytest.approx(length, rel=theta**2 / 20)
+            distance = np.linalg.norm(surface.nodes[surface.facets[hole]] - shape["centre"], axis=-1) / 0.5 - 1
+            assert 0 < distance.min() <= distance.max() < theta**2 / 10
+        else:
+            assert area == pytest.approx(np.pi * 0.21, rel=1e-12)
+        assert surface.lengths()[hole].max() <= 0.51 * spacing
+        middles = surface.midpoints()[hole] - shape["centre"]
+        for mirror in ([-1, 1], [1, -1]):
+            images = {tuple(place) for place in np.round(middles * mirror, 9) + 0.0}
+            assert images == {tuple(place) for place in np.round(middles, 9) + 0.0}
+
+
+def smooth(places):
+    """A field of second degree and more; its second derivatives are below 3."""
+    x1, x2 = places.T
+    return np.stack([np.sin(1.5 * x1 + 0.4) * np.cos(x2), x1**2 - 0.7 * x1 * x2 + np.exp(0.5 * x2)], axis=1)
+
+
+def smooth_gradient(places, step=1e-5):
+    ends = [[smooth(places + sign * step * np.eye(2)[axis]) for sign in (-1, 1)] for axis in (0, 1)]
+    return np.stack([(after - before) / (2 * step) for before, after in ends], axis=2)
+
+
+@pytest.mark.parametrize("case", ["square", "ring", "letter", "hole across an edge"])
+def test_the_boundary_follows_smooth_motions_to_second_order(case):
+    """Half the spacing gives a quarter of the error, at corners too; beside curved ones, where cells are cut at random, less than 0.4.
+
+    The fit at a straight edge has an error of h^2 times the second derivative across it, and a corner has that of both directions.
+    """
+    errors = []
+    for spacing in (0.1, 0.05, 0.025):
+        shape, holes, *_ = BODIES[case]
+        _, (body, _, _), surface = bodied(shape, holes, spacing)
+        errors.append(np.abs(surface.interpolation @ smooth(body.points) - smooth(surface.nodes)).max())
+        assert errors[-1] < 6 * spacing**2
+    assert errors[1] < 0.4 * errors[0]
+    assert errors[2] < 0.4 * errors[1]
+
+
+@pytest.mark.parametrize("case", ["square", "ring", "letter"])
+def test_places_follow_quadratic_motions_exactly(case):
+    """With their gradients, inside and on the boundary; cubic ones leave third- and second-order errors."""
+    shape, holes, *_ = BODIES[case]
+    errors = []
+    for spacing in (0.1, 0.05):
+        _, (body, _, _), surface = bodied(shape, holes, spacing)
+        places = np.concatenate([surface.nodes, surface.midpoints(), body.points[::7] + 0.3 * spacing * np.array([1, -0.5])])
+        values, gradients = interpolation(body, places)
+        np.testing.assert_allclose(values @ body.points, places, rtol=0, atol=1e-12)
+        deformation = np.stack([rows @ body.points for rows in gradients], axis=2)
+        np.testing.assert_allclose(deformation, np.broadcast_to(np.eye(2), deformation.shape), rtol=0, atol=1e-11)
+        square = np.stack([places[:, 0] ** 2, places[:, 0] * places[:, 1]], axis=1)
+        at_points = np.stack([body.points[:, 0] ** 2, body.points[:, 0] * body.points[:, 1]], axis=1)
+        np.testing.assert_allclose(values @ at_points, square, rtol=0, atol=1e-11)
+        np.testing.assert_allclose(gradients[0] @ at_points, np.stack([2 * places[:, 0], places[:, 1]], axis=1), rtol=0, atol=1e-10)
+        slopes = np.stack([rows @ smooth(body.points) for rows in gradients], axis=2)
+        errors.append([np.abs(values @ smooth(body.points) - smooth(places)).max(), np.abs(slopes - smooth_gradient(places)).max()])
+    (value, slope), (finer_value, finer_slope) = errors
+    assert finer_value < value / 5
+    assert finer_slope < slope / 3
+
+
+@pytest.mark.parametrize(
+    ("force", "edge", "middle"), [(AnalyticBondForce, 0.06, 0.025), (BondEnergyForce, 0.15, 0.01)], ids=["analytic", "bond-energy"]
+)
+def test_an_edge_under_a_uniform_traction_moves_as_the_theory_says(force, edge, middle):
+    """Linear equilibrium of a square of 20 cells, held by reflection at its left and pulled at its right with the stress of a unit strain.
+
+    The tangent is found by central differences.  The error is first order in the spacing: stated in cells times the strain, of the edge, as
+    the traction does work on it, and of the middle of the body.  Two rows of points instead gave 1.7 and 0.7 at the edge.
+    """
+    count, law = 20, NeoHookean()
+    spacing = 1 / count
+    body = Body.rectangle(1.0, 1.0, spacing, 3.15 * spacing, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1)),))
+    internal, forces, step = force().bind(body, law, ForceSettings(precision="float64")), np.empty((count**2, 2)), 1e-6
+    tangent = np.empty((2 * count**2, 2 * count**2))
+    for component in range(2 * count**2):
+        both = []
+        for sign in (1, -1):
+            positions = body.points.copy()
+            positions.ravel()[component] += sign * step
+            internal(positions, forces)
+            both.append(forces.ravel().copy())
+        tangent[:, component] = (both[1] - both[0]) / (2 * step)
+    tangent[1::2, 1::2] += 1 / count**2  # no drift along the reflected edge
+    state = homogeneous.uniaxial(law, 1 + 1e-6)
+    stress, lateral = state.nominal_stress / 1e-6, (state.lateral_stretch - 1) / 1e-6
+    exact = np.stack([body.points[:, 0], lateral * (body.points[:, 1] - 0.5)], axis=1)
+
+    scene = load_scene("uniaxial", {"body.size": [1.0, 1.0], "spacing": spacing, "support": "points"})
+    surface = surface_of(scene, body, np.zeros(2), np.ones(2))
+    share = np.zeros(len(surface.nodes))
+    right = surface.parts == "right"
+    np.add.at(share, surface.facets[right].ravel(), np.repeat(surface.lengths()[right] / 2, 2))
+    loads = np.zeros((count**2, 2))
+    loads[:, 0] = stress * (surface.interpolation.T @ share)
+    error = (np.linalg.solve(tangent, loads.ravel()).reshape(-1, 2) - exact) / spacing
+    assert abs(share @ (surface.interpolation @ error[:, 0])) < edge
+    assert np.abs(error[np.abs(body.points[:, 0] - 0.5) < spacing][:, 0].mean()) < middle
+
+
+def test_nothing_is_taken_across_holes_notches_and_cuts():
+    """Two halves that a slot or a cut divides: a place on one side asks no point of the other."""
+    cut = {"precuts": [{"start": [-1.0, 0.0], "end": [0.3, 0.0]}]}
+    for holes, changes in (([box((-1.1, -0.05), (0.3, 0.05))], {}), ([], cut)):
+        _, (body, _, _), surface = bodied(SQUARE, holes, **changes)
+        edge = (surface.parts == "left") & (np.abs(surface.midpoints()[:, 1]) < 0.3)
+        nodes = np.unique(surface.facets[edge])
+        nodes = nodes[np.abs(surface.nodes[nodes, 1]) > 1e-9]  # the one at the mouth of a cut follows both sides
+        above = surface.nodes[nodes, 1] > 0
+        rows = surface.interpolation[nodes].toarray()
+        assert not rows[above][:, body.points[:, 1] < 0].any()
+        assert not rows[~above][:, body.points[:, 1] > 0].any()
+        places = np.array([[-0.5, 0.06], [-0.5, -0.06]])
+        upper, lower = interpolation(body, places)[0].toarray()
+        assert not upper[body.points[:, 1] < 0].any()
+        assert not lower[body.points[:, 1] > 0].any()
+
+
+def test_ligaments_of_one_row_tell_no_deformation():
+    """Between a slot and an edge one row of points is left, beyond which there is nothing; elsewhere all is well."""
+    scene, (body, _, _), surface = bodied(SQUARE, [box((-1.0, 0.7), (1.0, 0.9))])
+    lost = ~surface.followed()
+    assert lost.any()
+    assert (surface.nodes[lost, 1] > 0.85).all()
+    assert surface.followed()[surface.nodes[:, 1] < 0.75].all()
+    assert np.array_equal(empty_rows(surface.interpolation), lost)
+    with pytest.raises(ValueError, match=r"\(0, 0\.95\): the points of the body beside it, .* are fewer than three or in one row"):
+        interpolation(body, np.array([[0.5, 0.5], [0.0, 0.95]]))
+    assert scene.spacing == 0.1
+
+
+def test_two_rows_follow_linear_motions():
+    """Too few for a parabola: the fit is linear there, and quadratic elsewhere."""
+    body = Body.rectangle(2.0, 0.2, 0.1, 0.315)
+    places = np.array([[1.0, 0.0], [0.5, 0.1], [0.0, 0.2]])
+    values, gradients = interpolation(body, places)
+    np.testing.assert_allclose(values @ body.points, places, atol=1e-13)
+    np.testing.assert_allclose(gradients[1] @ body.points, [[0, 1]] * 3, atol=1e-12)
+
+
+def test_places_outside_are_refused_with_what_is_near():
+    _, (body, _, _), _ = bodied(SQUARE, [circle(0.5, 0.0, 0.0)])
+    with pytest.raises(ValueError, match=r"^\(3, 0\.25\) lies outside the body; its nearest point is \d+ at \(0\.95, 0\.25\), 2\.05 away$"):
+        interpolation(body, np.array([[0.9, 0.9], [3.0, 0.25]]))
+    with pytest.raises(ValueError, match=r"^\(0, 0\) lies outside the body"):
+        interpolation(body, np.array([[0.0, 0.0]]))
+
+
+@pytest.mark.parametrize(("name", "version"), [("plate.inp", None), ("plate.msh", 2), ("plate.msh", 4)])
+def test_boundaries_of_meshes(tmp_path, name, version):
+    """Sides of one cell alone, with the mesh's own hole, which is the first one, and its groups, however the file says them."""
+    path = write_plate(tmp_path / name, turned=version == 4, version=version)
+    mesh = {"shape": "mesh", "file": str(path)}
+    _, (body, _, _), surface = bodied(mesh)
+    check_closed(surface)
+    assert area_within(surface) == pytest.approx(1.44 - 0.16, rel=1e-12)
+    assert body.volumes.sum() == pytest.approx(1.44 - 0.16, rel=1e-12)
+    check_affine(surface, body)
+    counts = {"left": 12, "right": 12, "bottom": 12, "top": 12, "holes.0": 16}
+    assert dict(zip(*np.unique(surface.parts, return_counts=True), strict=True)) == counts
+    assert set(body.groups) == {"soft", "stiff", "pull", "cavity", "seam"}
+    np.testing.assert_array_equal(surface.groups["pull"], np.flatnonzero(surface.parts == "right"))
+    np.testing.assert_array_equal(surface.groups["cavity"], np.flatnonzero(surface.parts == "holes.0"))
+    assert len(surface.groups["seam"]) == 0
+    assert (surface.midpoints()[surface.groups["soft"], 0] < 0.6).all()
+    assert len(surface.groups["soft"]) + len(surface.groups["stiff"]) == len(surface.facets)
+    np.testing.assert_array_equal(np.sort(body.groups["soft"]), np.flatnonzero(body.points[:, 0] < 0.6))
+    # The cells beside a line: above and below the diagonal of a square one of two triangles has it for a side.
+    np.testing.assert_allclose(body.points[body.groups["pull"], 0], 1.2 - 0.1 / 3)
+    assert len(body.groups["pull"]) == 12
+    assert len(body.groups["seam"]) == 4 + 4
+
+
+def test_holes_in_meshes_leave_out_whole_cells(tmp_path):
+    """The boundary of what is left, around the points that are left; the mesh's own hole is numbered after those of the scene."""
+    path = write_plate(tmp_path / "plate.msh")
+    mesh = {"shape": "mesh", "file": str(path)}
+    _, (body, _, _), surface = bodied(mesh, [box((-0.05, 0.0), (0.2, 0.2)), circle(0.11, 0.6, 1.0)])
+    check_closed(surface)
+    assert area_within(surface) == pytest.approx(body.volumes.sum(), rel=1e-12)
+    assert {*surface.parts} == {"left", "right", "bottom", "top", "holes.0", "holes.1", "holes.2"}
+    assert surface.lengths()[surface.parts == "holes.0"].sum() == pytest.approx(0.4)
+    assert surface.lengths()[surface.parts == "holes.2"].sum() == pytest.approx(1.6)
+    for members in body.groups.values():
+        assert members.max() < len(body)
+    np.testing.assert_array_equal(np.sort(body.groups["soft"]), np.flatnonzero(body.points[:, 0] < 0.6))
+
+
+def test_a_mesh_is_read_once_and_again_when_it_has_changed(tmp_path, monkeypatch):
+    import os
+
+    import meshio
+
+    path = write_plate(tmp_path / "plate.msh")
+    reads = []
+    read = meshio.read
+    monkeypatch.setattr(meshio, "read", lambda file: reads.append(file) or read(file))
+    mesh = {"shape": "mesh", "file": str(path)}
+    assert len(bodied(mesh)[1][0]) == 64 + 2 * 64
+    assert len(reads) == 1
+    write_plate(path, hole=((4, 4), (6, 6)))
+    os.utime(path, ns=(1, 1))
+    assert len(bodied(mesh)[1][0]) == 68 + 2 * 72
+    assert len(reads) == 2
+
+
+def test_nodes_of_a_mesh_at_one_place_are_one(tmp_path):
+    """Two squares that share a side but no nodes: bonds bind them, and their common side is no boundary."""
+    import meshio
+
+    corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [1, 1 + 1e-12, 0]]
+    meshio.write(tmp_path / "two.vtu", meshio.Mesh(np.array(corners, float), [("quad", [[0, 1, 2, 3], [4, 7, 6, 5]])]))
+    scene = load_scene("uniaxial", {"body": {"shape": "mesh", "file": str(tmp_path / "two.vtu")}, "spacing": 1.0, "support": "points"})
+    surface = surface_of(scene, *discretise(scene))
+    assert len(surface.facets) == 6
+    check_closed(surface)
+    assert not surface.followed().any()  # two points are in one row
