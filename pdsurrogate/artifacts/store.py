@@ -219,29 +219,32 @@ def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
 
 
 @_reading()
-def surrogate_for(law: Law) -> ForceModel:
+def surrogate_for(law: Law, family: str = "bond force") -> ForceModel:
     """The force model to take for a material where none is asked for.
 
-    The artefact that carries the law's name on the search path, if there is one and it describes this material; else the analytic bond
-    force, which serves every law.
+    The artefact that carries the law's name on the search path (of bond energies, with ``-energy`` behind it), if there is one and it
+    describes this material; else the exact model of that kind, which serves every law.
 
     Parameters
     ----------
     law : Law
+    family : str
+        Kind of the model, see `ForceModel.family`.
 
     Raises
     ------
     ArtifactError
         If that artefact cannot be read.
     """
-    folder = _by_name(law.name)
-    if folder is None:
-        return load_surrogate("analytic")
+    name, exact = {"bond force": (law.name, "analytic"), "bond energy": (f"{law.name}-energy", "bond-energy")}.get(family, (None, family))
+    folder = name and _by_name(name)
+    if not folder:
+        return load_surrogate(exact)
     model = _surrogate_in(folder)
     try:
         model.check_material(law)
     except ValueError:  # another material of the same law
-        return load_surrogate("analytic")
+        return load_surrogate(exact)
     return model
 
 

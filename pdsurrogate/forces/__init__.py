@@ -9,7 +9,8 @@ from .learnt_energy import EnergyNetwork
 from .network import NetworkForce
 from .nosb import NOSBForce
 from .polynomial import PolynomialForce
-from .protocol import Domain, ForceModel, InternalForce, InvalidState, OutsideDomain, OutsideDomainWarning
+from .portions import bind_portions
+from .protocol import Domain, ForceModel, InternalForce, InvalidState, OutsideDomain, OutsideDomainWarning, Portion
 from .settings import ForceSettings
 
 FORCES = {model.name: model for model in (AnalyticBondForce, BANOSBForce, BondEnergyForce, NOSBForce)}
@@ -35,4 +36,6 @@ __all__ = [
     "OutsideDomainWarning",
     "PlainBondEnergyForce",
     "PolynomialForce",
+    "Portion",
+    "bind_portions",
 ]

@@ -20,7 +20,7 @@ from .settings import ForceSettings
 class BANOSBForce(ForceModel):
     """BA-NOSB PD: one deformation gradient a bond, over the points that both its ends' horizons share.  No zero-energy modes."""
 
-    name = "ba-nosb"
+    name = family = "ba-nosb"
     # No bonds that break: the horizons that two ends share would have to be found anew around every one of them.
     honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "plane": tuple(PLANES)}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,10 +18,11 @@ from ..kernels.reference_state import bond_shares
 from ..kernels.sums import point_forces, sum_moments, weigh_moments
 from ..materials import PLANES, Law, plane_stress
 from .energy_density import EnergyDerivatives, blended, domain_constants
-from .evaluation import ModelEvaluation
-from .kinematics import at_point, locate
-from .protocol import CompiledBondForce, Domain, ForceModel, InvalidState, Release
-from .settings import OUTSIDE_POLICIES, PRECISIONS, ForceSettings
+from .evaluation import DomainWatch, Evaluation, usual_precision
+from .kinematics import Kinematics, at_point, locate
+from .portions import EvaluationOfPortions, common_precision
+from .protocol import CompiledBondForce, Domain, ForceModel, InvalidState, Portion, Release
+from .settings import OUTSIDE, OUTSIDE_POLICIES, PRECISIONS, ForceSettings
 
 if TYPE_CHECKING:
     from .tangent import Tangent
@@ -37,6 +38,7 @@ class EnergySurrogate(ForceModel):
     default_precision : str
     """
 
+    family = "bond energy"
     domain: Domain | None
     default_precision: str
 
@@ -48,6 +50,9 @@ class EnergySurrogate(ForceModel):
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
         return BondEnergyEvaluation(self, body, law, settings)
+
+    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> BondEnergyOfPortions:
+        return BondEnergyOfPortions(body, portions, settings)
 
     @abstractmethod
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
@@ -85,6 +90,11 @@ class BondEnergyForce(EnergySurrogate):
 
         return SelectiveEnergyEvaluation(self, body, law, settings)
 
+    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> BondEnergyOfPortions:
+        if settings.plane == "strain":
+            raise ValueError(f"{self.name} takes a body of one material in plane strain; force=analytic takes several")
+        return BondEnergyOfPortions(body, portions, settings)
+
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
         return EnergyDerivatives(*plane_stress.energy_derivatives(law, trace, area_ratio))
 
@@ -105,14 +115,128 @@ class PlainBondEnergyForce(BondEnergyForce):
         return BondEnergyEvaluation(self, body, law, settings)
 
 
-class BondEnergyEvaluation(ModelEvaluation):
-    """An energy bound to a body: gradient pass, a pass over each pair once, and the sums to points.
+def pair_geometry(body: Body, pairs: np.ndarray | slice, weights: np.ndarray, precision: str) -> np.ndarray:
+    """Reference data of pairs in blocks, shape (n_blocks, 4, BLOCK): n1, n2, 1/l, and the volume that the energy of each counts for."""
+    first, second = body.bonds.first[pairs], body.bonds.second[pairs]
+    vectors = body.all_points[second] - body.all_points[first]
+    length = np.linalg.norm(vectors, axis=1)
+    blocks = -(-len(first) // BLOCK)
+    rows = np.zeros((4, blocks * BLOCK))
+    rows[:, : len(first)] = vectors[:, 0] / length, vectors[:, 1] / length, 1 / length, weights
+    geometry = aligned_rows((blocks, 4, BLOCK), precision)
+    geometry[:] = rows.reshape(4, blocks, BLOCK).transpose(1, 0, 2)
+    return geometry
+
+
+class PairEnergies:
+    """The pass of one model over some pairs of a body, bound to its arrays.
+
+    Parameters
+    ----------
+    model : EnergySurrogate
+    law : Law
+    precision, outside : str
+        See `ForceSettings`.
+    kinematics : Kinematics
+    response
+        Compiled response of the law.
+    positions, gradients : ndarray, shapes (k, 2) and (k, 4)
+        Of the points and images that pairs are made of.
+    first, second : ndarray of uint32
+        Ends of the pairs, filled up to whole blocks.
+    geometry : ndarray
+        See `pair_geometry`.
+
+    Attributes
+    ----------
+    energy : float
+        Of the pairs, over the shear modulus, as last found.
+    collapsed, invalid : int
+        Pairs with det F_ij below `COLLAPSED`; of them those turned inside out.
+    forces : ndarray, shape (n_blocks * BLOCK, 2)
+    moments : ndarray, shape (n_blocks * BLOCK, 4)
+        See `pdsurrogate.kernels.bond_energy.pair_energies`.
+    buffers, sums : ndarray
+        Working memory.
+    """
+
+    def __init__(
+        self,
+        model: EnergySurrogate,
+        law: Law,
+        precision: str,
+        outside: str,
+        kinematics: Kinematics,
+        response,
+        positions: np.ndarray,
+        gradients: np.ndarray,
+        first: np.ndarray,
+        second: np.ndarray,
+        geometry: np.ndarray,
+    ) -> None:
+        self.model, self.law, self.outside = model, law, outside
+        self._compiled = compiled = model.compiled(precision)
+        self._exact, self._response = analytic_energy_density(precision), response
+        domain, chunks = model.domain, kinematics.chunks
+        guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(outside, bond_energy.COUNTED) if domain else UNGUARDED
+        self.buffers = aligned_rows((chunks, bond_energy.BUFFER_ROWS, BLOCK), precision)
+        self.sums = aligned_rows((chunks, 4, BLOCK))
+        self._counts = np.zeros((chunks, 3), dtype=np.int64)
+        self.energy, self.collapsed, self.invalid = 0.0, 0, 0
+        self._energies = np.zeros(len(geometry))
+        self.forces = aligned_rows((len(first), 2), precision)
+        self.moments = aligned_rows((len(first), 4), precision)
+        self._find = bond_energy.pair_energies.bind(
+            positions,
+            gradients,
+            first,
+            second,
+            geometry,
+            compiled.address,
+            compiled.sizes,
+            compiled.weights,
+            self._exact.address,
+            response.address,
+            law.parameters,
+            guard,
+            domain_constants(domain, precision) if domain else np.zeros(bond_energy.DOMAIN_SIZE, precision),
+            self.buffers,
+            self.sums,
+            aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), precision),
+            kinematics.scratch,
+            self._counts,
+            self._energies,
+            self.forces,
+            self.moments,
+            chunks=chunks,
+        )
+
+    def __call__(self) -> int:
+        """Bring energy, forces and moments up to date; returns the number of pairs outside the model's domain."""
+        self._find()
+        self.energy = float(sum_in_order(self._energies))
+        outside, self.collapsed, self.invalid = self._counts.sum(axis=0).tolist()
+        return outside
+
+    def energy_derivatives(self, trace, area_ratio) -> EnergyDerivatives:
+        """The energy used here, the exact one taking over where the pass falls back on it, with second derivatives."""
+        found = self.model.energy_derivatives(self.law, trace, area_ratio)
+        if self.model.domain is None or self.outside != "fallback":
+            return found
+        exact = BondEnergyForce().energy_derivatives(self.law, trace, area_ratio)
+        return blended(found, exact, self.model.domain, trace, area_ratio)
+
+
+class EnergyOfPairs(Evaluation):
+    """An energy that is summed over the pairs of a body: shares of the points' volumes, and sums of forces and moments to the points.
 
     The energy is that of the body's own points: of a pair with a ghost, the point's share counts and the ghost's, which lies beyond the
     grip, does not.  Ghosts are functions of the points they mirror, so what the energy says about a ghost is handed on to that point.
 
     Attributes
     ----------
+    unit : float
+        By which forces, moments and energies of the pairs are multiplied.
     bond_shares : ndarray, shape (n_bonds,)
         Volume of its point that every directed bond stands for.
     bond_weights : ndarray, shape (n_pairs,)
@@ -120,22 +244,19 @@ class BondEnergyEvaluation(ModelEvaluation):
     """
 
     has_energy = True
+    unit: float
+    _forces: np.ndarray
+    _moments: np.ndarray
 
-    def __init__(self, model: EnergySurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
-        super().__init__(model, body, law, "none", settings, "energy", "energy")
+    def _prepare(self) -> None:
+        """Shares of the bonds, and lists of the pairs and bonds of ghosts."""
+        body = self.body
         bonds, n, total = body.bonds, len(body), len(body.all_points)
-        self._first, self._second = bonds.ends_in_blocks(BLOCK)
-        size = len(self._first)
-        blocks = size // BLOCK
         vectors = body.all_points[bonds.second] - body.all_points[bonds.first]
         length = np.linalg.norm(vectors, axis=1)
         self._strength = body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
         self._intact = np.ones(self._n_pairs, dtype=bool)
         self.bond_weights = np.zeros(self._n_pairs)
-        self.geometry = aligned_rows((blocks, 4, BLOCK), self.precision)
-        rows = np.zeros((4, size))
-        rows[:3, : self._n_pairs] = vectors[:, 0] / length, vectors[:, 1] / length, 1 / length
-        self.geometry[:] = rows.reshape(4, blocks, BLOCK).transpose(1, 0, 2)
 
         # Pairs in which a point or a ghost comes second; ghosts are first in none.
         incidence = np.argsort(bonds.second, kind="stable").astype(np.uint32)
@@ -155,79 +276,47 @@ class BondEnergyEvaluation(ModelEvaluation):
         self._ghost_weighted_bonds = aligned_rows((len(towards), 2), self.precision)
         self._counted, self.bond_shares = np.zeros(self._n_pairs), np.zeros(len(bonds.neighbours))
         self._weigh_pairs(np.arange(self._n_pairs))
-
-        self._energy, self._collapsed = 0.0, 0
-        self._energies = np.zeros(blocks)
-        self._forces = aligned_rows((size, 2), self.precision)
-        self._moments = aligned_rows((size, 4), self.precision)
+        self._energy = 0.0
         self._stresses = aligned_rows((total, 4))
         self._node_parts, self._all_forces = np.zeros((total, 2)), np.zeros((total, 2))
-        self._bind_energies()
-        self._own_sums = self.sums_of(self._forces, self._moments)
-
-    def _bind_energies(self) -> None:
-        """Bind the pass over the pairs to its arrays."""
-        compiled = self.model.compiled(self.precision)
-        self._compiled = compiled
-        self._exact = analytic_energy_density(self.precision)
-        domain = self.model.domain
-        self._guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(self.outside, bond_energy.COUNTED) if domain else UNGUARDED
-        self._domain = domain_constants(domain, self.precision) if domain else np.zeros(bond_energy.DOMAIN_SIZE, self.precision)
-        chunks = self._kinematics.chunks
-        self._buffers = aligned_rows((chunks, bond_energy.BUFFER_ROWS, BLOCK), self.precision)
-        self._sums = aligned_rows((chunks, 4, BLOCK))
-        self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), self.precision)
-        self._counts = np.zeros((chunks, 3), dtype=np.int64)
-        self._find_energies = bond_energy.pair_energies.bind(
-            self._kinematics.positions,
-            self._kinematics.gradients,
-            self._first,
-            self._second,
-            self.geometry,
-            compiled.address,
-            compiled.sizes,
-            compiled.weights,
-            self._exact.address,
-            self._kinematics.response.address,
-            self._kinematics.parameters,
-            self._guard,
-            self._domain,
-            self._buffers,
-            self._sums,
-            self._work,
-            self._kinematics.scratch,
-            self._counts,
-            self._energies,
-            self._forces,
-            self._moments,
-            chunks=chunks,
-        )
 
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
         self._kinematics.place(positions)
-        self._kinematics.form_gradients()
+        self._form()
         outside, invalid, without_force = self.pass_bonds(out)
-        self._report_outside(outside)
+        self.pairs_outside += sum(outside)
+        for watch, found in zip(self._watches, outside, strict=True):
+            watch.report(found)
         if invalid or not np.isfinite(self._energy):
             raise InvalidState(self._diagnose())
         if without_force:
             raise InvalidState(locate(self.body, out, "the force on it is not finite"))
 
-    def pass_bonds(self, out: np.ndarray) -> tuple[int, int, int]:
+    def _form(self) -> None:
+        """Bring up to date what the pass over the pairs reads, at the positions last placed."""
+        self._kinematics.form_gradients()
+
+    @abstractmethod
+    def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
         """Pass over the pairs and sums, with the deformation gradients last formed.
 
-        Returns the number of pairs outside the domain, of those turned inside out, and of points without a force.
+        Returns the number of pairs outside the domain of every model, of those turned inside out, and of points without a force.
         """
-        self._find_energies()
-        self._energy = float(sum_in_order(self._energies))
-        outside, self._collapsed, invalid = self._counts.sum(axis=0).tolist()
-        return outside, invalid, self._own_sums(out)
 
-    def sums_of(self, forces: np.ndarray, moments: np.ndarray) -> Callable[[np.ndarray], int]:
+    def sums_of(
+        self, forces: np.ndarray, moments: np.ndarray, others_of: Callable[[np.ndarray], np.ndarray] | None = None
+    ) -> Callable[[np.ndarray], int]:
         """What sums forces and moments of the pairs to the body's points, bound to these arrays.
 
         What falls to a ghost goes to the point behind it.  Called with the array to write to, it returns the number of points and ghosts
         without a force.
+
+        Parameters
+        ----------
+        forces, moments : ndarray
+            Of the pairs.
+        others_of : callable, optional
+            Called with the moments of the points, it gives forces on them beside these.
         """
         body, bonds, ghosts, kinematics = self.body, self.body.bonds, self.body.ghosts, self._kinematics
         n, chunks = len(body), kinematics.chunks
@@ -235,7 +324,7 @@ class BondEnergyEvaluation(ModelEvaluation):
         gather = sum_moments[2].bind(moments, *pairs, self._stresses, chunks=chunks)
         weigh = weigh_moments[2].bind(self._stresses, kinematics.inverse_shape, body.volumes, chunks=chunks)
         common = forces, self._stresses, *pairs
-        unit, total = self.law.shear_modulus, self._all_forces if len(ghosts) else np.empty_like(body.points)
+        unit, total = self.unit, self._all_forces if len(ghosts) else np.empty_like(body.points)
         directed = bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
         own = point_forces[2].bind(*common, *directed, unit, 0, self._node_parts, total, chunks=chunks)
         directed = self._ghost_pointers, self._ghost_neighbours, self._ghost_weighted_bonds, body.all_volumes
@@ -244,19 +333,23 @@ class BondEnergyEvaluation(ModelEvaluation):
         def to_points(out: np.ndarray) -> int:
             gather()
             kinematics.gradient_ghosts.fold_moments(self._stresses)
+            beside = None if others_of is None else others_of(self._stresses[:n])
             weigh()
-            if not len(ghosts):
+            if len(ghosts):
+                without_force = own() + others()
+                ghosts.fold_forces(total)
+                out[:] = total[:n]
+            else:
                 own.give("out", out)
-                return own()
-            without_force = own() + others()
-            ghosts.fold_forces(total)
-            out[:] = total[:n]
+                without_force = own()
+            if beside is not None:
+                out += beside
             return without_force
 
         return to_points
 
     def energy(self) -> float:
-        return self.law.shear_modulus * self._energy
+        return self.unit * self._energy
 
     def mean_stress(self) -> np.ndarray:
         # Of the bonds' own stresses: the derivative of the energy by a homogeneous F.
@@ -265,7 +358,7 @@ class BondEnergyEvaluation(ModelEvaluation):
         along = self._forces[: self._n_pairs].astype(float).T @ vectors
         # P m (x) m is twice the moment.
         across = 2 * self._moments[: self._n_pairs].sum(axis=0, dtype=float).reshape(2, 2).T
-        return self.law.shear_modulus * (along + across) / self.body.volumes.sum()
+        return self.unit * (along + across) / self.body.volumes.sum()
 
     def pair_forces(self) -> np.ndarray:
         """The pair's own part, and what the two ends' S exert along it.
@@ -285,7 +378,7 @@ class BondEnergyEvaluation(ModelEvaluation):
             ghost = bonds.second[outer] - n
             forces[self._mirrored_pairs(outer)] -= ghosts.parity[ghost] * self._forces[outer]
         forces += strength[:, None] * np.einsum("bij,bj->bi", stresses[bonds.first] + stresses[bonds.second], vectors)
-        return self.law.shear_modulus * forces
+        return self.unit * forces
 
     def _mirrored_pairs(self, outer: np.ndarray) -> np.ndarray:
         """For pairs of a point i and the ghost of a point k: the pairs of k and the ghost of i under the same reflections."""
@@ -309,14 +402,94 @@ class BondEnergyEvaluation(ModelEvaluation):
         mean = (kinematics.gradients[bonds.first] + kinematics.gradients[bonds.second]).reshape(-1, 2, 2) / 2
         return (kinematics.positions[bonds.second] - kinematics.positions[bonds.first]) / length, np.einsum("bji,bj->bi", mean, m)
 
+    def _weigh_pairs(self, pairs: np.ndarray) -> np.ndarray:
+        """Bring shares and weights of bonds up to date after a change at the given pairs.
+
+        They follow from what is intact and which points have a gradient.
+        Of a pair with a ghost only the point's share counts.  Returns all pairs whose weights may have changed.
+        """
+        bonds, body, n = self.body.bonds, self.body, len(self.body)
+        supported = self._kinematics.supported.astype(bool)
+        # A point without support has no gradient; its bonds carry nothing, and so take no share of the other end's volume either.
+        carries = self._intact[pairs] & supported[bonds.first[pairs]] & supported[bonds.second[pairs]]
+        self._counted[pairs] = np.where(carries, self._strength[pairs], 0.0)
+        ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
+        touched = np.unique(ends[ends < n])
+        starts, counts = bonds.pointers[touched].astype(np.int64), np.diff(bonds.pointers).astype(np.int64)[touched]
+        entries = np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+        around = np.unique(bonds.pair_of[entries])
+        directed = bonds.pointers, bonds.neighbours, bonds.pair_of
+        bond_shares[2](touched, *directed, body.all_points, body.volumes, self._counted, body.horizon, self.bond_shares)
+        entries, starts = self._kinematics.pair_entries
+        one, other = entries[starts[around]], entries[starts[around + 1] - 1]
+        self.bond_weights[around] = self.bond_shares[one] + np.where(other != one, self.bond_shares[other], 0.0)
+        bond, volumes = self._kinematics.weighted_bonds[self._ghost_bonds], body.all_volumes
+        ratio = volumes[self._ghost_neighbours] / volumes[bonds.neighbours[self._ghost_bonds]]
+        self._ghost_weighted_bonds[:] = -bond * ratio[:, None]
+        return around
+
+    def _diagnose(self) -> str:
+        """Say which bond has no energy, and why."""
+        c, e = self.bond_columns()
+        bonds, alive = self.body.bonds, self.bond_weights > 0
+        J = c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0]
+        broken = alive & ~np.isfinite(J)
+        if broken.any():
+            return at_point(self.body, int(bonds.first[broken.argmax()]), "the deformation gradient of a bond is not finite")
+        worst = int(np.where(alive, J, np.inf).argmin())
+        if J[worst] <= 0:
+            what = f"det F = {J[worst]:.3g} of a bond: the material is turned inside out there"
+            return at_point(self.body, int(bonds.first[worst]), what)
+        trace = (c * c).sum(axis=1) + (e * e).sum(axis=1)
+        for pair in np.argsort(np.where(alive, -trace, np.inf))[: 100 if self.plane == "stress" else 0]:
+            try:
+                for law in self._laws_of(pair):
+                    BondEnergyForce().energy_derivatives(law, trace[[pair]], J[[pair]])
+            except ValueError as error:
+                return at_point(self.body, int(bonds.first[pair]), str(error))
+        worst = int(np.where(alive, trace, -np.inf).argmax())
+        what = f"one of the bonds has no energy; of the most strained one, tr C = {trace[worst]:.4g} and det F = {J[worst]:.4g}"
+        return at_point(self.body, int(bonds.first[worst]), what)
+
+    def _laws_of(self, pair: int) -> list[Law]:
+        """Laws that have a part in the energy of a pair."""
+        return [self.law]
+
+
+class BondEnergyEvaluation(EnergyOfPairs):
+    """An energy bound to a body: gradient pass, a pass over each pair once, and the sums to points.
+
+    Attributes
+    ----------
+    model : EnergySurrogate
+    outside : str
+        What is done about pairs outside its domain, see `ForceSettings`.
+    """
+
+    def __init__(self, model: EnergySurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
+        super().__init__(body, law, usual_precision(model, settings), "none", settings)
+        self.model, self.outside, self.unit = model, settings.outside or OUTSIDE, law.shear_modulus
+        self._watches = [DomainWatch(model, self._n_pairs, self.outside, "energy", "energy")]
+        self._prepare()
+        self.geometry = pair_geometry(body, slice(None), self.bond_weights, self.precision)
+        self._bind_energies()
+        self._own_sums = self.sums_of(self._forces, self._moments)
+
+    def _bind_energies(self) -> None:
+        """Bind the pass over the pairs to its arrays."""
+        kinematics, arrays = self._kinematics, (*self.body.bonds.ends_in_blocks(BLOCK), self.geometry)
+        places = kinematics.positions, kinematics.gradients
+        self._pairs = PairEnergies(self.model, self.law, self.precision, self.outside, kinematics, kinematics.response, *places, *arrays)
+        self._forces, self._moments = self._pairs.forces, self._pairs.moments
+
+    def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
+        outside = self._pairs()
+        self._energy = self._pairs.energy
+        return [outside], self._pairs.invalid, self._own_sums(out)
+
     def energy_derivatives(self, trace, area_ratio) -> EnergyDerivatives:
-        """The energy used here, the exact one taking over where this evaluation falls back on it, with second derivatives."""
-        model, domain = self.model, self.model.domain
-        found = model.energy_derivatives(self.law, trace, area_ratio)
-        if domain is None or self.outside != "fallback":
-            return found
-        exact = BondEnergyForce().energy_derivatives(self.law, trace, area_ratio)
-        return blended(found, exact, domain, trace, area_ratio)
+        """See `PairEnergies.energy_derivatives`."""
+        return self._pairs.energy_derivatives(trace, area_ratio)
 
     @property
     def has_tangent(self) -> bool:
@@ -343,10 +516,12 @@ class BondEnergyEvaluation(ModelEvaluation):
         """
         ghosts, n, chunks = self.body.ghosts, len(self.body), self._kinematics.chunks
         changes, gradients = np.zeros_like(self.positions), np.zeros_like(self._kinematics.gradients)
-        forces, moments = np.zeros(self._forces.shape), np.zeros(self._moments.shape)
+        forces, moments = np.zeros((linearised.shape[0] * BLOCK, 2)), np.zeros((linearised.shape[0] * BLOCK, 4))
         form, to_points = self._kinematics.gradient_pass(changes, gradients, 0.0), self.sums_of(forces, moments)
-        bonds, memory = (self._first, self._second, self.geometry), (self._buffers, self._sums)
-        find = bond_energy.pair_tangents.bind(changes, gradients, *bonds, linearised, *memory, forces, moments, chunks=chunks)
+        geometry = pair_geometry(self.body, slice(None), self.bond_weights, self.precision)
+        pairs = *self.body.bonds.ends_in_blocks(BLOCK), geometry, linearised
+        memory = aligned_rows((chunks, bond_energy.BUFFER_ROWS, BLOCK), self.precision), aligned_rows((chunks, 4, BLOCK))
+        find = bond_energy.pair_tangents.bind(changes, gradients, *pairs, *memory, forces, moments, chunks=chunks)
 
         def multiply(displacements: np.ndarray, out: np.ndarray) -> None:
             changes[:n] = displacements
@@ -373,7 +548,8 @@ class BondEnergyEvaluation(ModelEvaluation):
         forces, remaining = np.zeros_like(self.body.points), np.zeros_like(self.body.points)
         before = self._energy_at_present(forces)
         self._intact[pairs] = False
-        self._weigh_pairs(self._kinematics.break_bonds(pairs))
+        around = self._weigh_pairs(self._kinematics.break_bonds(pairs))
+        self.geometry[around // BLOCK, 3, around % BLOCK] = self.bond_weights[around]
         energy, forces = before - self._energy_at_present(remaining), forces - remaining
         if not (np.isfinite(energy) and np.isfinite(forces).all()):
             return Release(0.0, np.zeros_like(forces))
@@ -381,7 +557,7 @@ class BondEnergyEvaluation(ModelEvaluation):
 
     def collapsed_pairs(self) -> np.ndarray:
         """Of the pairs that were turned inside out, or pressed below a third of their area."""
-        if not self._collapsed:
+        if not self._pairs.collapsed:
             return np.empty(0, dtype=np.int64)
         c, e = self.bond_columns()
         return np.flatnonzero((self.bond_weights > 0) & ~(c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0] > bond_energy.COLLAPSED))
@@ -392,49 +568,63 @@ class BondEnergyEvaluation(ModelEvaluation):
         _, invalid, _ = self.pass_bonds(out)
         return np.nan if invalid else self.energy()
 
-    def _weigh_pairs(self, pairs: np.ndarray) -> None:
-        """Bring bond_volume up to date after a change at the given pairs, from what is intact and which points have a gradient.
 
-        Of a pair with a ghost only the point's share counts.
-        """
-        bonds, body, n = self.body.bonds, self.body, len(self.body)
-        supported = self._kinematics.supported.astype(bool)
-        # A point without support has no gradient; its bonds carry nothing, and so take no share of the other end's volume either.
-        carries = self._intact[pairs] & supported[bonds.first[pairs]] & supported[bonds.second[pairs]]
-        self._counted[pairs] = np.where(carries, self._strength[pairs], 0.0)
-        ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
-        touched = np.unique(ends[ends < n])
-        starts, counts = bonds.pointers[touched].astype(np.int64), np.diff(bonds.pointers).astype(np.int64)[touched]
-        entries = np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
-        around = np.unique(bonds.pair_of[entries])
-        directed = bonds.pointers, bonds.neighbours, bonds.pair_of
-        bond_shares[2](touched, *directed, body.all_points, body.volumes, self._counted, body.horizon, self.bond_shares)
-        entries, starts = self._kinematics.pair_entries
-        one, other = entries[starts[around]], entries[starts[around + 1] - 1]
-        self.bond_weights[around] = self.bond_shares[one] + np.where(other != one, self.bond_shares[other], 0.0)
-        self.geometry[around // BLOCK, 3, around % BLOCK] = self.bond_weights[around]
-        bond, volumes = self._kinematics.weighted_bonds[self._ghost_bonds], body.all_volumes
-        ratio = volumes[self._ghost_neighbours] / volumes[bonds.neighbours[self._ghost_bonds]]
-        self._ghost_weighted_bonds[:] = -bond * ratio[:, None]
+class BondEnergyOfPortions(EnergyOfPairs, EvaluationOfPortions):
+    """Energies of several materials on one body, theory (56): of a pair across an interface every end has its share, by its own law.
 
-    def _diagnose(self) -> str:
-        """Say which bond has no energy, and why."""
-        c, e = self.bond_columns()
-        bonds, alive = self.body.bonds, self.bond_weights > 0
-        J = c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0]
-        broken = alive & ~np.isfinite(J)
-        if broken.any():
-            return at_point(self.body, int(bonds.first[broken.argmax()]), "the deformation gradient of a bond is not finite")
-        worst = int(np.where(alive, J, np.inf).argmin())
-        if J[worst] <= 0:
-            what = f"det F = {J[worst]:.3g} of a bond: the material is turned inside out there"
-            return at_point(self.body, int(bonds.first[worst]), what)
-        trace = (c * c).sum(axis=1) + (e * e).sum(axis=1)
-        for pair in np.argsort(np.where(alive, -trace, np.inf))[: 100 if self.plane == "stress" else 0]:
-            try:
-                BondEnergyForce().energy_derivatives(self.law, trace[[pair]], J[[pair]])
-            except ValueError as error:
-                return at_point(self.body, int(bonds.first[pair]), str(error))
-        worst = int(np.where(alive, trace, -np.inf).argmax())
-        what = f"one of the bonds has no energy; of the most strained one, tr C = {trace[worst]:.4g} and det F = {J[worst]:.4g}"
-        return at_point(self.body, int(bonds.first[worst]), what)
+    Either material sees the bond and its ends as if the other moved as itself (`Interfaces`), so that a pair across an interface has one
+    gradient for each; what the energy says about the jump between them is a force on the points that the jump is found from.
+    """
+
+    def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
+        super().__init__(body, portions, common_precision(portions, settings), "none", settings)
+        self.unit = 1.0
+        self._prepare()
+        bonds, kinematics, outside = body.bonds, self._kinematics, settings.outside or OUTSIDE
+        owners = np.repeat(self.portion_of[: len(body)], np.diff(bonds.pointers).astype(np.int64))
+        self._parts, self._watches = [], []
+        for number, portion in enumerate(portions):
+            weights = np.bincount(bonds.pair_of, self.bond_shares * (owners == number), self._n_pairs)
+            pairs = np.flatnonzero(weights)
+            weights = weights[pairs]
+            geometry = pair_geometry(body, pairs, weights, self.precision)
+            states = self._add_states(pairs)
+            view = states.view
+            arrays = view.positions, view.gradients, view.first, view.second, geometry
+            part = PairEnergies(portion.model, portion.law, self.precision, outside, kinematics, states.response, *arrays)
+            across = np.stack([self.portion_of[end[pairs]] != number for end in (bonds.first, bonds.second)])
+            seen = [(np.flatnonzero(other), end[pairs][other]) for other, end in zip(across, (bonds.first, bonds.second), strict=True)]
+            self._parts.append((part, pairs, seen, portion.law.shear_modulus))
+            self._watches.append(DomainWatch(portion.model, len(pairs), outside, "energy", "energy"))
+        self._forces = aligned_rows((self._n_pairs, 2), self.precision)
+        self._moments = aligned_rows((self._n_pairs, 4), self.precision)
+        self._seen_forces, self._seen_moments = np.zeros((len(body.all_points), 2)), np.zeros((len(body.all_points), 4))
+        self._own_sums = self.sums_of(self._forces, self._moments, self._on_jumps)
+
+    def _form(self) -> None:
+        self.form_views()
+
+    def _on_jumps(self, moments: np.ndarray) -> np.ndarray:
+        """Forces on the points from what the energy says about the jumps at interfaces."""
+        return self._kinematics.interfaces.hand_on(self._seen_forces, self._seen_moments, moments)
+
+    def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
+        self._forces[:] = self._moments[:] = 0.0
+        self._seen_forces[:] = self._seen_moments[:] = 0.0
+        self._energy, outside = 0.0, []
+        for part, pairs, seen, unit in self._parts:
+            outside.append(part())
+            self._energy += unit * part.energy
+            self._forces[pairs] += unit * part.forces[: len(pairs)]
+            self._moments[pairs] += unit * part.moments[: len(pairs)]
+            for sign, (some, others) in zip((1.0, -1.0), seen, strict=True):
+                np.add.at(self._seen_forces, others, sign * unit * part.forces[some])
+                np.add.at(self._seen_moments, others, unit * part.moments[some])
+        return outside, sum(part.invalid for part, *_ in self._parts), self._own_sums(out)
+
+    @property
+    def pairs_evaluated(self) -> int:
+        return sum(len(pairs) for _, pairs, *_ in self._parts)
+
+    def _laws_of(self, pair: int) -> list[Law]:
+        return [part.law for part, pairs, *_ in self._parts if pair in pairs]

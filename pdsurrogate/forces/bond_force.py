@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -13,11 +13,12 @@ from ..kernels.analytic import analytic_bond_force
 from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.sums import sum_pair_forces
 from ..materials import PLANES, Law
-from .evaluation import ModelEvaluation
-from .kinematics import at_point, locate
+from .evaluation import DomainWatch, Evaluation, usual_precision
+from .kinematics import Kinematics, at_point, locate
 from .plane_strain import in_plane_strain
-from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel, InvalidState
-from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, ForceSettings
+from .portions import EvaluationOfPortions, PointStates, common_precision
+from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel, InvalidState, Portion
+from .settings import OUTSIDE, OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, ForceSettings
 from .surrogate_thickness import SurrogateThickness
 
 
@@ -35,6 +36,7 @@ class ForceSurrogate(ForceModel):
     default_precision : str
     """
 
+    family = "bond force"
     features: tuple[str, ...]
     domain: Domain | None
     gives_transverse: bool
@@ -50,6 +52,9 @@ class ForceSurrogate(ForceModel):
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
         return BondForceEvaluation(self, body, law, settings)
+
+    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> BondForceOfPortions:
+        return BondForceOfPortions(body, portions, settings)
 
     @abstractmethod
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
@@ -78,84 +83,130 @@ class ForceSurrogate(ForceModel):
         """The same for the bond pass, in the given precision."""
 
 
-class BondForceEvaluation(ModelEvaluation):
-    """A bond-force model bound to a body: node pass, bond pass over each pair once, and the sum to points."""
+class PairForces:
+    """The bond pass of one model over some pairs, bound to its arrays.
 
-    def __init__(self, model: ForceSurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
-        correction = settings.correction or ("tensor" if model.gives_transverse else "scalar")
-        super().__init__(model, body, law, correction, settings, "force", "bond force")
-        bonds = body.bonds
-        self._first, self._second = bonds.ends_in_blocks(BLOCK)
-        blocks = len(self._first) // BLOCK
-        compiled = model.compiled(self.precision)
-        if self.plane == "strain" and not compiled.asks_law:
-            compiled = in_plane_strain(compiled, law, self.precision)
-        self._compiled = compiled
-        self.geometry = aligned_rows((blocks, 5 if compiled.needs_length else 4, BLOCK), self.precision)
-        length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
-        self._strength = 2 * body.weigh(length) * length * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-        self._find_geometry(np.arange(self._n_pairs, dtype=np.uint32))
-        if not settings.breakable:
-            self._strength = None
-        if law.costly and model.domain is not None and model.gives_transverse and self.plane == "stress":
-            self.learnt_thickness = True
-            self._kinematics.surrogate_thickness = SurrogateThickness(compiled, model.domain, law, self.precision, self._kinematics.chunks)
-        self._exact = analytic_bond_force(self.precision)
-        self._guard = OUTSIDE_POLICIES[self.outside] if model.domain is not None else bond_force.UNGUARDED
-        domain = EVERYWHERE if model.domain is None or self.outside == "extrapolate" else model.domain
-        within = domain.interior if self.outside == "fallback" else domain
-        self._domain = np.stack([domain.limits(self.precision), within.limits(self.precision)])
-        chunks = self._kinematics.chunks
-        self._buffers = aligned_rows((chunks, bond_force.BUFFER_ROWS, BLOCK), self.precision)
-        self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), self.precision)
-        self._forces = aligned_rows((len(self._first), 2), self.precision)
-        self._find_forces = bond_force.pair_forces.bind(
-            self._kinematics.positions,
-            self._kinematics.records,
-            self._first,
-            self._second,
+    Parameters
+    ----------
+    model : ForceSurrogate
+    law : Law
+    precision, outside, plane : str
+        See `ForceSettings`.
+    positions : ndarray, shape (k, 2)
+        Of the points and images that pairs are made of.
+    states : Kinematics or PointStates
+        Of the same points, by the law.
+    first, second : ndarray of uint32
+        Ends of the pairs, filled up to whole blocks.
+    chunks : int
+
+    Attributes
+    ----------
+    compiled : CompiledBondForce
+    geometry : ndarray, shape (n_blocks, 4 or 5, BLOCK)
+        Reference vectors of the pairs, for `pdsurrogate.kernels.reference_state.pair_rows` to fill.
+    forces : ndarray, shape (n_blocks * BLOCK, 2)
+        Dimensionless force on the first point of every pair.
+    learns_thickness : bool
+        Whether the points' J3 is found with the model, and not by the law.
+    """
+
+    def __init__(
+        self,
+        model: ForceSurrogate,
+        law: Law,
+        precision: str,
+        outside: str,
+        plane: str,
+        positions: np.ndarray,
+        states: Kinematics | PointStates,
+        first: np.ndarray,
+        second: np.ndarray,
+        chunks: int,
+    ) -> None:
+        blocks = len(first) // BLOCK
+        compiled = model.compiled(precision)
+        if plane == "strain" and not compiled.asks_law:
+            compiled = in_plane_strain(compiled, law, precision)
+        self.compiled = compiled
+        self.geometry = aligned_rows((blocks, 5 if compiled.needs_length else 4, BLOCK), precision)
+        self.learns_thickness = law.costly and model.domain is not None and model.gives_transverse and plane == "stress"
+        if self.learns_thickness:
+            states.surrogate_thickness = SurrogateThickness(compiled, model.domain, law, precision, chunks)
+        guard = OUTSIDE_POLICIES[outside] if model.domain is not None else bond_force.UNGUARDED
+        domain = EVERYWHERE if model.domain is None or outside == "extrapolate" else model.domain
+        within = domain.interior if outside == "fallback" else domain
+        self.forces = aligned_rows((len(first), 2), precision)
+        self._exact = analytic_bond_force(precision)
+        self._find = bond_force.pair_forces.bind(
+            positions,
+            states.records,
+            first,
+            second,
             self.geometry,
             compiled.address,
             compiled.sizes,
             compiled.weights,
             self._exact.address,
-            self._kinematics.response.address,
-            self._kinematics.parameters,
-            self._guard,
-            self._domain,
-            self._buffers,
-            self._work,
-            self._kinematics.scratch,
-            self._forces,
+            states.response.address,
+            states.parameters,
+            guard,
+            np.stack([domain.limits(precision), within.limits(precision)]),
+            aligned_rows((chunks, bond_force.BUFFER_ROWS, BLOCK), precision),
+            aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), precision),
+            states.scratch,
+            self.forces,
             chunks=chunks,
         )
+
+    def __call__(self) -> int:
+        """Bring `forces` up to date; returns the number of pairs outside the model's domain."""
+        return self._find()
+
+
+class BondForceEvaluation(Evaluation):
+    """A bond-force model bound to a body: node pass, bond pass over each pair once, and the sum to points.
+
+    Attributes
+    ----------
+    model : ForceSurrogate
+    outside : str
+        What is done about pairs outside its domain, see `ForceSettings`.
+    geometry : ndarray
+        See `PairForces`.
+    """
+
+    def __init__(self, model: ForceSurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
+        correction = settings.correction or ("tensor" if model.gives_transverse else "scalar")
+        super().__init__(body, law, usual_precision(model, settings), correction, settings)
+        self.model, self.outside = model, settings.outside or OUTSIDE
+        bonds, kinematics = body.bonds, self._kinematics
+        first, second = bonds.ends_in_blocks(BLOCK)
+        self._pairs = PairForces(
+            model, law, self.precision, self.outside, self.plane, kinematics.positions, kinematics, first, second, kinematics.chunks
+        )
+        self.learnt_thickness = self._pairs.learns_thickness
+        self._watch = DomainWatch(model, self._n_pairs, self.outside, "force", "bond force")
+        self.geometry, self._forces = self._pairs.geometry, self._pairs.forces
+        self._strength = pair_strength(body)
+        self._find_geometry(np.arange(self._n_pairs, dtype=np.uint32))
+        if not settings.breakable:
+            self._strength = None
         sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
-        self._sum_forces = sum_pair_forces[2].bind(*sums, law.shear_modulus, np.empty_like(body.points), chunks=chunks)
+        self._sum_forces = sum_pair_forces[2].bind(*sums, law.shear_modulus, np.empty_like(body.points), chunks=kinematics.chunks)
 
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
         self._kinematics.place(positions)
         self._kinematics.find_states()
         outside, without_force = self.pass_bonds(out)
-        self._report_outside(outside)
+        self.pairs_outside += outside
+        self._watch.report(outside)
         if without_force:
-            raise InvalidState(self._diagnose(out))
-
-    def _diagnose(self, out: np.ndarray) -> str:
-        """Say which bond has no force."""
-        broken = np.flatnonzero(~np.isfinite(self._forces[: self._n_pairs]).all(axis=1))
-        if len(broken) == 0:
-            return locate(self.body, out, "the force on it is not finite")
-        i, j = int(self.body.bonds.first[broken[0]]), int(self.body.bonds.second[broken[0]])
-        kinematics, points = self._kinematics, self.body.all_points
-        stretch = np.linalg.norm(kinematics.positions[j] - kinematics.positions[i]) / np.linalg.norm(points[j] - points[i])
-        J = kinematics.records[[i, j], 2].mean()
-        x1, x2 = points[j]
-        what = f"its bond to ({x1:.4g}, {x2:.4g}), stretched {stretch:.3g} times in a horizon of det F = {J:.3g}, has no finite force"
-        return at_point(self.body, i, f"{what}: that is beyond the limit of {self.law.name}")
+            raise InvalidState(pair_without_force(self, self._forces, out, self.law))
 
     def pass_bonds(self, out: np.ndarray) -> tuple[int, int]:
         """Bond pass and sum in the kinematic state last updated; the pairs outside the domain and the points without a force."""
-        outside = self._find_forces()
+        outside = self._pairs()
         self._sum_forces.give("out", out)
         return outside, self._sum_forces()
 
@@ -182,3 +233,95 @@ class BondForceEvaluation(ModelEvaluation):
 
     def pair_forces(self) -> np.ndarray:
         return self.law.shear_modulus * self._forces[: self._n_pairs].astype(float)
+
+
+def pair_strength(body: Body) -> np.ndarray:
+    """2 w l V_i V_j of every pair, see `pdsurrogate.kernels.reference_state.pair_rows`."""
+    bonds, volumes = body.bonds, body.all_volumes
+    length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
+    return 2 * body.weigh(length) * length * volumes[bonds.first] * volumes[bonds.second]
+
+
+def pair_without_force(force: Evaluation, forces: np.ndarray, out: np.ndarray, law: Law) -> str:
+    """Say which pair of a body has no finite force, or else which point; `law` is the one that may have ended there."""
+    body = force.body
+    broken = np.flatnonzero(~np.isfinite(forces[: len(body.bonds.first)]).all(axis=1))
+    if len(broken) == 0:
+        return locate(body, out, "the force on it is not finite")
+    i, j = int(body.bonds.first[broken[0]]), int(body.bonds.second[broken[0]])
+    positions, points = force.positions, body.all_points
+    stretch = np.linalg.norm(positions[j] - positions[i]) / np.linalg.norm(points[j] - points[i])
+    J = np.linalg.det(force.gradients_at([i, j])).mean()
+    x1, x2 = points[j]
+    what = f"its bond to ({x1:.4g}, {x2:.4g}), stretched {stretch:.3g} times in a horizon of det F = {J:.3g}, has no finite force"
+    return at_point(body, i, f"{what}: that is beyond the limit of {law.name}")
+
+
+class BondForceOfPortions(EvaluationOfPortions):
+    """Bond-force models of several materials on one body, theory (55).
+
+    A pair within a material has its bond force.  Of a pair across an interface each of the two materials gives half: what its model and its
+    law make of the bond and of both ends.  So the forces on the two ends are opposite.
+    """
+
+    def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
+        correction = settings.correction or ("tensor" if all(portion.model.gives_transverse for portion in portions) else "scalar")
+        super().__init__(body, portions, common_precision(portions, settings), correction, settings)
+        bonds, kinematics = body.bonds, self._kinematics
+        outside = settings.outside or OUTSIDE
+        ends = np.stack([bonds.first, bonds.second])
+        owners = self.portion_of[ends]
+        strength = pair_strength(body) * np.where(owners[0] == owners[1], 1.0, 0.5)
+        self._parts = []
+        for number, portion in enumerate(portions):
+            pairs = np.flatnonzero((owners == number).any(axis=0))
+            states = self._add_states(pairs)
+            view = states.view
+            how = self.precision, outside, self.plane
+            part = PairForces(portion.model, portion.law, *how, view.positions, states, view.first, view.second, kinematics.chunks)
+            self.learnt_thickness |= part.learns_thickness
+            reference_state.pair_rows(
+                np.arange(len(pairs), dtype=np.uint32),
+                view.first,
+                view.second,
+                body.all_points[view.numbers],
+                strength[pairs],
+                kinematics.inverse_shape[view.numbers],
+                kinematics.supported[view.numbers],
+                reference_state.CORRECTIONS[self.correction],
+                body.kappa,
+                body.horizon,
+                part.geometry,
+            )
+            watch = DomainWatch(portion.model, len(pairs), outside, "force", "bond force")
+            self._parts.append((part, pairs, portion.law.shear_modulus, watch))
+        self._forces = aligned_rows((self._n_pairs, 2), self.precision)
+        sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
+        self._sum_forces = sum_pair_forces[2].bind(*sums, 1.0, np.empty_like(body.points), chunks=kinematics.chunks)
+
+    def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
+        self._kinematics.place(positions)
+        self.find_states()
+        outside, without_force = self.pass_bonds(out)
+        self.pairs_outside += sum(outside)
+        for (*_, watch), found in zip(self._parts, outside, strict=True):
+            watch.report(found)
+        if without_force:
+            raise InvalidState(pair_without_force(self, self._forces, out, self.law))
+
+    def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int]:
+        """Bond passes and sum in the states last found; the pairs outside each model's domain, and the points without a force."""
+        self._forces[:] = 0.0
+        outside = []
+        for part, pairs, unit, _ in self._parts:
+            outside.append(part())
+            self._forces[pairs] += unit * part.forces[: len(pairs)]
+        self._sum_forces.give("out", out)
+        return outside, self._sum_forces()
+
+    @property
+    def pairs_evaluated(self) -> int:
+        return sum(len(pairs) for _, pairs, *_ in self._parts)
+
+    def pair_forces(self) -> np.ndarray:
+        return self._forces.astype(float)

@@ -10,7 +10,7 @@ from ..body import Body
 from ..materials import Law
 from .kinematics import Kinematics
 from .protocol import InternalForce, OutsideDomain, OutsideDomainWarning
-from .settings import OUTSIDE, ForceSettings
+from .settings import ForceSettings
 
 
 class Evaluation(InternalForce):
@@ -43,6 +43,10 @@ class Evaluation(InternalForce):
     def deformation_gradients(self) -> np.ndarray:
         return self._kinematics.deformation_gradients()
 
+    def gradients_at(self, numbers) -> np.ndarray:
+        """F of the points and images of the given numbers as last formed, shape (k, 2, 2)."""
+        return self._kinematics.gradients[numbers].reshape(-1, 2, 2).transpose(0, 2, 1)
+
     def volume_ratios(self) -> np.ndarray:
         self._kinematics.find_states()
         return self._kinematics.volume_ratios[: len(self.body)]
@@ -55,43 +59,42 @@ class Evaluation(InternalForce):
         return {"volume_ratios": self._kinematics.volume_ratios}
 
 
-class ModelEvaluation(Evaluation):
-    """The evaluation of a model that has a domain, or none: it counts the pairs outside, and stops or warns where that was asked for.
+def usual_precision(model, settings: ForceSettings) -> str:
+    """The precision asked for, or else the model's own; in plane strain, where the pressure follows from det F times K, double."""
+    return settings.precision or (model.default_precision if settings.plane == "stress" else "float64")
+
+
+class DomainWatch:
+    """What is done about the pairs outside a model's domain, beside counting them: it stops or warns where that was asked for.
 
     Parameters
     ----------
     model : ForceSurrogate or EnergySurrogate
         Whose `domain` is watched.
+    n_pairs : int
+        Pairs in one evaluation of the model.
+    outside : str
+        See `ForceSettings`.
     quantity, stand_in : str
         What the model gives, and what would stand in for it, for messages.
-
-    Attributes
-    ----------
-    model
-    outside : str
-        What is done about pairs outside, see `ForceSettings`.
     """
 
-    def __init__(self, model, body: Body, law: Law, correction: str, settings: ForceSettings, quantity: str, stand_in: str) -> None:
-        # In plane strain the pressure follows from det F as it is rounded, times K.
-        usual = model.default_precision if settings.plane == "stress" else "float64"
-        super().__init__(body, law, settings.precision or usual, correction, settings)
-        self.model, self.outside = model, settings.outside or OUTSIDE
+    def __init__(self, model, n_pairs: int, outside: str, quantity: str, stand_in: str) -> None:
+        self._model, self._n_pairs, self._outside = model, n_pairs, outside
         self._quantity, self._stand_in, self._warned = quantity, stand_in, False
 
-    def _report_outside(self, found: int) -> None:
-        """Take note of the pairs outside in one evaluation.
+    def report(self, found: int) -> None:
+        """Say how many pairs were outside in one evaluation.
 
         Raises
         ------
         OutsideDomain
             If there are any, and the policy is to stop.
         """
-        self.pairs_outside += found
-        if not found or self.outside not in ("raise", "warn"):
+        if not found or self._outside not in ("raise", "warn"):
             return
-        what = f"{found} of {self._n_pairs} bonds are outside the domain of {self.model.name}, {self.model.domain}"
-        if self.outside == "raise":
+        what = f"{found} of {self._n_pairs} bonds are outside the domain of {self._model.name}, {self._model.domain}"
+        if self._outside == "raise":
             raise OutsideDomain(f"{what}; outside=fallback would use the exact {self._stand_in} for them")
         if not self._warned:
             self._warned = True

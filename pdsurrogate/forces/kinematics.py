@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from ..materials import PLANES, Law, plane_stress
 from .protocol import InvalidState
 from .settings import ROTATION, ROTATIONS
 from .surrogate_thickness import SurrogateThickness
+
+if TYPE_CHECKING:
+    from .interfaces import Interfaces
 
 
 class Kinematics:
@@ -54,6 +58,8 @@ class Kinematics:
         Which fill the gradients, and fold derivatives by them.
     surrogate_thickness : SurrogateThickness or None
         What solves the plane-stress condition in the place of the law.
+    interfaces : Interfaces or None
+        Where materials meet, in a body of several.
     """
 
     def __init__(self, body: Body, law: Law, precision: str, rotation: str | None = None, plane: str = "stress") -> None:
@@ -85,6 +91,7 @@ class Kinematics:
         self.records = aligned_rows((total, 4), precision)
         self.scratch = aligned_rows((self.chunks, SCRATCH_ROWS, BLOCK), value=1)
         self.surrogate_thickness: SurrogateThickness | None = None
+        self.interfaces: Interfaces | None = None
         turn = ROTATIONS[rotation or ROTATION]
         self._turn = turn and turn.bind(self.gradients, self.records, chunks=self.chunks)
 
@@ -165,6 +172,8 @@ class Kinematics:
         """Bring the deformation gradients of points and ghosts up to date."""
         if not self._formed:
             self._form_gradients()
+            if self.interfaces is not None:
+                self.interfaces.correct(self.positions, self.gradients)
             self.gradient_ghosts.fill_gradients(self.gradients)
             self._formed = True
 
@@ -179,7 +188,8 @@ class Kinematics:
         self.form_gradients()
         if not self._found:
             if self._find_states():
-                raise InvalidState(self._diagnose())
+                self.volume_ratios[:] = 1.0  # so that a later evaluation starts afresh
+                raise InvalidState(self.diagnose(self.law))
             if self._turn:
                 self._turn()
             self._found = True
@@ -207,17 +217,17 @@ class Kinematics:
         self.form_gradients()
         return self.gradients[: len(self.body)].reshape(-1, 2, 2).transpose(0, 2, 1)
 
-    def _diagnose(self) -> str:
-        """Say which point has no state, and why.  The volume ratios are reset, so that a later evaluation starts afresh."""
-        self.volume_ratios[:] = 1.0
+    def diagnose(self, law: Law, numbers: np.ndarray | None = None, gradients: np.ndarray | None = None) -> str:
+        """Say which point has no state by a law, and why; of all, or of points and images of the given numbers with these gradients."""
+        numbers, gradients = (np.arange(len(self.gradients)), self.gradients) if numbers is None else (numbers, gradients)
         owners = np.concatenate([np.arange(len(self.body)), self.body.ghosts.source.astype(np.int64)])
 
         def at(number: int, what: str) -> str:
-            image = "" if number < len(self.body) else "its image beyond the grip: "
-            return at_point(self.body, int(owners[number]), image + what)
+            image = "" if numbers[number] < len(self.body) else "its image beyond the grip: "
+            return at_point(self.body, int(owners[numbers[number]]), image + what)
 
         # Images too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
-        F = self.gradients.reshape(-1, 2, 2).transpose(0, 2, 1)
+        F = gradients.reshape(-1, 2, 2).transpose(0, 2, 1)
         broken = np.flatnonzero(~np.isfinite(F).all(axis=(1, 2)))
         if len(broken):
             return at(int(broken[0]), "its deformation gradient is not finite")
@@ -228,7 +238,7 @@ class Kinematics:
         order = np.argsort(-trace)
         for i in order[:100]:
             try:
-                plane_stress.volume_ratio(self.law, trace[i], J[i])
+                plane_stress.volume_ratio(law, trace[i], J[i])
             except ValueError as error:
                 return at(int(i), str(error))
         i = int(order[0])

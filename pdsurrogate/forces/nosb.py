@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -12,29 +13,73 @@ from ..kernels.block_arrays import aligned_rows
 from ..materials import PLANES, Law
 from .evaluation import Evaluation
 from .kinematics import locate
-from .protocol import ForceModel, InvalidState
+from .portions import EvaluationOfPortions
+from .protocol import ForceModel, InvalidState, Portion
 from .settings import ForceSettings
 
 
 class NOSBForce(ForceModel):
     """NOSB PD: t_i = w P_i K_i^-1 x.  Exact in homogeneous deformation; blind to modes that leave F alone."""
 
-    name = "nosb"
+    name = family = "nosb"
     # K^-1 needs no correction of incomplete horizons, and P no rotation.
     honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "breakable": (True,), "plane": tuple(PLANES)}
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> NOSBEvaluation:
         return NOSBEvaluation(body, law, settings)
 
+    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> NOSBOfPortions:
+        return NOSBOfPortions(body, portions, settings)
 
-class NOSBEvaluation(Evaluation):
+
+class StressesAtPoints(Evaluation):
+    """Forces from stresses of the points, whatever they come from."""
+
+    def _prepare(self) -> None:
+        kinematics, body, bonds = self._kinematics, self.body, self.body.bonds
+        self._stresses = aligned_rows((len(body.all_points), 4))
+        sums = self._stresses, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
+        self._sum_forces = nosb.nosb_forces[2].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
+        self._broken: np.ndarray | None = None
+
+    def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
+        self._kinematics.place(positions)
+        self.find_states()
+        if self.pass_bonds(out):
+            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
+
+    def pass_bonds(self, out: np.ndarray) -> int:
+        """Stresses and bond pass in the states last found; the number of points without a force."""
+        self._find_stresses()
+        self._sum_forces.give("out", out)
+        return self._sum_forces()
+
+    def find_states(self) -> None:
+        """Bring gradients and the points' states up to date."""
+        self._kinematics.find_states()
+
+    def _find_stresses(self) -> None:
+        """Bring P K^-1 of all points and images up to date."""
+        raise NotImplementedError
+
+    def pair_forces(self) -> np.ndarray:
+        bonds, body = self.body.bonds, self.body
+        bond = body.all_points[bonds.second] - body.all_points[bonds.first]
+        factor = body.weigh(np.linalg.norm(bond, axis=1)) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
+        matrices = (self._stresses[bonds.first] + self._stresses[bonds.second]).reshape(-1, 2, 2)
+        if self._broken is not None:
+            factor[self._broken] = 0
+        return factor[:, None] * np.einsum("bji,bj->bi", matrices, bond)
+
+
+class NOSBEvaluation(StressesAtPoints):
     """NOSB bound to a body."""
 
     def __init__(self, body: Body, law: Law, settings: ForceSettings) -> None:
         super().__init__(body, law, "float64", "none", settings)
-        kinematics, bonds = self._kinematics, body.bonds
-        self._stresses = aligned_rows((len(body.all_points), 4))
-        self._weigh_stresses = nosb.weighted_stresses[2].bind(
+        self._prepare()
+        kinematics = self._kinematics
+        self._find_stresses = nosb.weighted_stresses[2].bind(
             kinematics.gradients,
             kinematics.volume_ratios,
             kinematics.inverse_shape,
@@ -45,31 +90,39 @@ class NOSBEvaluation(Evaluation):
             self._stresses,
             chunks=kinematics.chunks,
         )
-        sums = self._stresses, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
-        self._sum_forces = nosb.nosb_forces[2].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
-        self._broken = np.zeros(len(body.bonds.first), dtype=bool) if settings.breakable else None
-
-    def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
-        self._kinematics.place(positions)
-        self._kinematics.find_states()
-        if self.pass_bonds(out):
-            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
-
-    def pass_bonds(self, out: np.ndarray) -> int:
-        """Stresses and bond pass in the kinematic state last updated; the number of points without a force."""
-        self._weigh_stresses()
-        self._sum_forces.give("out", out)
-        return self._sum_forces()
+        if settings.breakable:
+            self._broken = np.zeros(len(body.bonds.first), dtype=bool)
 
     def take_out(self, pairs: np.ndarray) -> None:
         self._kinematics.break_bonds(pairs)
         self._broken[pairs] = True
 
-    def pair_forces(self) -> np.ndarray:
-        bonds, body = self.body.bonds, self.body
-        bond = body.all_points[bonds.second] - body.all_points[bonds.first]
-        factor = body.weigh(np.linalg.norm(bond, axis=1)) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-        matrices = (self._stresses[bonds.first] + self._stresses[bonds.second]).reshape(-1, 2, 2)
-        if self._broken is not None:
-            factor[self._broken] = 0
-        return factor[:, None] * np.einsum("bji,bj->bi", matrices, bond)
+
+class NOSBOfPortions(EvaluationOfPortions, StressesAtPoints):
+    """NOSB on a body of several materials: the stress of every point, and of its images, is that of its own law."""
+
+    def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
+        super().__init__(body, portions, "float64", "none", settings)
+        self._prepare()
+        kinematics, self._parts = self._kinematics, []
+        for portion in portions:
+            states = self._add_states(np.empty(0, dtype=np.int64))
+            numbers = states.view.numbers
+            stresses = aligned_rows((len(numbers), 4))
+            weigh = nosb.weighted_stresses[2].bind(
+                states.view.gradients,
+                states.volume_ratios,
+                kinematics.inverse_shape[numbers],
+                portion.law.shear_modulus,
+                states.response.address,
+                states.parameters,
+                states.scratch,
+                stresses,
+                chunks=kinematics.chunks,
+            )
+            self._parts.append((weigh, numbers, stresses))
+
+    def _find_stresses(self) -> None:
+        for weigh, numbers, stresses in self._parts:
+            weigh()
+            self._stresses[numbers] = stresses

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,6 +109,23 @@ class Release:
     forces: np.ndarray
 
 
+@dataclass(frozen=True)
+class Portion:
+    """The points of a body that are of one material, and the force model that describes it.
+
+    Attributes
+    ----------
+    law : Law
+    model : ForceModel
+    points : ndarray of int
+        Numbers of the points, rising.
+    """
+
+    law: Law
+    model: ForceModel
+    points: np.ndarray
+
+
 class InternalForce(ABC):
     """A force model bound to a body: all that may be asked of it, and what is answered where a model says nothing else.
 
@@ -118,6 +135,7 @@ class InternalForce(ABC):
     ----------
     body : Body
     law : Law
+        Of several materials that with the greatest shear modulus, by which forces and their rounding are measured.
     precision : {"float32", "float64"}
         Of the bond pass.
     correction : str
@@ -222,6 +240,27 @@ class InternalForce(ABC):
         A solution saved with copies of them, and copied back into them, goes on to the same bits.
         """
 
+    @property
+    def laws(self) -> list[tuple[Law, slice | np.ndarray]]:
+        """Laws of the body's points, each with those that are of it."""
+        return [(self.law, slice(None))]
+
+    @property
+    def stiffness_moduli(self) -> float | np.ndarray:
+        """Shear modulus that the stiffness about a point is of: one number, or of several materials shape (n,).
+
+        There it is the mean over the bonds of a point, each of both its ends: bonds across an interface stiffen all that they reach.
+        """
+        return self.law.shear_modulus
+
+    @property
+    def force_scale(self) -> float | np.ndarray:
+        """Shear modulus that the force on a point is measured by: one number, or of several materials shape (n,).
+
+        There it is the greatest among the point and those that it is bonded to: so large are the forces on it, and their rounding.
+        """
+        return self.law.shear_modulus
+
     def mean_stress(self) -> np.ndarray:
         """Volume mean of the first Piola-Kirchhoff stress in the state last evaluated, shape (d, d).
 
@@ -266,7 +305,12 @@ class InternalForce(ABC):
     @property
     def fraction_outside(self) -> float:
         """Share of all pair evaluations so far that were outside the model's domain."""
-        return self.pairs_outside / max(1, self.evaluations * len(self.body.bonds.first))
+        return self.pairs_outside / max(1, self.evaluations * self.pairs_evaluated)
+
+    @property
+    def pairs_evaluated(self) -> int:
+        """Pairs in one evaluation; of several materials those across an interface count twice."""
+        return len(self.body.bonds.first)
 
 
 class ForceModel(ABC):
@@ -275,6 +319,8 @@ class ForceModel(ABC):
     Attributes
     ----------
     name : str
+    family : str
+        Kind of force model: those of one kind can describe the materials of one body.
     honours : mapping
         The values that it can honour of every field of `ForceSettings` that it has a use for.
     stated : mapping, optional
@@ -282,6 +328,7 @@ class ForceModel(ABC):
     """
 
     name: str
+    family: str
     honours: Mapping[str, tuple]
     stated: Mapping[str, float] | None = None
 
@@ -304,6 +351,16 @@ class ForceModel(ABC):
     @abstractmethod
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
         """The evaluation on a body, with settings that it can honour."""
+
+    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> InternalForce:
+        """The evaluation on a body of several materials, all of them described by models of this family, see `forces.portions`.
+
+        Raises
+        ------
+        ValueError
+            If the family takes bodies of one material only.
+        """
+        raise ValueError(f"{self.name} takes a body of one material; without materials it serves every law")
 
     def check_material(self, law: Law) -> None:  # noqa: B027 - most models have nothing to check
         """Raise ValueError if the model does not describe this material; one that has learnt nothing serves every law."""

@@ -31,7 +31,8 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
     def _bind_energies(self) -> None:
         body, kinematics, chunks = self.body, self._kinematics, self._kinematics.chunks
         bonds, total, dimension = body.bonds, len(body.all_points), body.dimension
-        size = len(self._first)
+        first, second = bonds.ends_in_blocks(BLOCK)
+        size = len(first)
         self._smoothing = smoothing(body, self.bond_weights > 0)
         self._pair_volumes, self._dilatations = np.ones(size), np.ones(len(body))
         # Ghosts' volumes lie beyond the body: they have no pressure, and no share.
@@ -44,7 +45,9 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         self._end_shares = aligned_rows((size // BLOCK, 2, BLOCK))
         self._end_shares[:] = rows.reshape(2, -1, BLOCK).transpose(1, 0, 2)
         self._buffers = aligned_rows((chunks, selective_energy.buffer_rows(dimension), BLOCK), value=1)
-        pairs = self._first, self._second, self.geometry
+        pairs = first, second, self.geometry
+        self._energies = np.zeros(len(self.geometry))
+        self._forces, self._moments = aligned_rows((size, 2)), aligned_rows((size, 4))
         places = kinematics.positions, kinematics.gradients
         self._find_volumes = selective_energy.pair_volumes[dimension].bind(
             *places, *pairs, self._buffers, self._pair_volumes, chunks=chunks
@@ -67,17 +70,17 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
             chunks=chunks,
         )
 
-    def pass_bonds(self, out: np.ndarray) -> tuple[int, int, int]:
+    def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
         """Passes over pairs and points, and sums, with the deformation gradients last formed; see `BondEnergyEvaluation.pass_bonds`."""
         invalid, J = self._smoothed_dilatations()
         if invalid:
-            return 0, invalid, 0
+            return [0], invalid, 0
         with np.errstate(all="ignore"):  # what is not finite shows in the energy
             U, slope, _ = self.law.volumetric(J, self._kinematics.parameters)
         self._pressures[: len(self.body)] = self._spread(slope)
         self._find_energies()
         self._energy = float(sum_in_order(self._energies) + sum_in_order(self.body.volumes * U))
-        return 0, 0, self._own_sums(out)
+        return [0], 0, self._own_sums(out)
 
     def _smoothed_dilatations(self) -> tuple[int, np.ndarray]:
         """The number of pairs turned inside out, and the volume ratios of the points, with the gradients last formed."""

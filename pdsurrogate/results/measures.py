@@ -20,8 +20,11 @@ def strain_energy(force: InternalForce) -> float:
     if force.has_energy:
         return force.energy()
     trace, J = plane_stress.invariants(force.deformation_gradients())
-    density = PLANES[force.plane].response(force.law, trace, J, force.volume_ratios())[4]
-    return float(force.law.shear_modulus * (density * force.body.volumes).sum())
+    J3, volumes, response = force.volume_ratios(), force.body.volumes, PLANES[force.plane].response
+    energies = (
+        law.shear_modulus * (response(law, trace[points], J[points], J3[points])[4] * volumes[points]).sum() for law, points in force.laws
+    )
+    return float(sum(energies))
 
 
 def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -91,7 +94,7 @@ class PointState:
 
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
         force.place(positions)
-        self.law, self.plane, self.displacement, self.damage = force.law, force.plane, positions - force.body.points, damage
+        self.laws, self.plane, self.displacement, self.damage = force.laws, force.plane, positions - force.body.points, damage
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
         if self.plane == "strain":
             self.bulk_stress = force.bulk_stresses()
@@ -103,11 +106,13 @@ class PointState:
 
     def stress(self) -> np.ndarray:
         """First Piola-Kirchhoff stress, shape (n, 3, 3)."""
-        if self.plane == "strain":
-            return plane_strain.full_stress(self.law, self.F, self.bulk_stress)
         stress = np.zeros((len(self.F), 3, 3))
-        p, q, *_ = plane_stress.response(self.law, self.trace, self.area, self.volume_ratio)
-        stress[:, :2, :2] = self.law.shear_modulus * plane_stress.in_plane_stress(self.F, p, q)
+        for law, points in self.laws:
+            if self.plane == "strain":
+                stress[points] = plane_strain.full_stress(law, self.F[points], self.bulk_stress[points])
+                continue
+            p, q, *_ = plane_stress.response(law, self.trace[points], self.area[points], self.volume_ratio[points])
+            stress[points, :2, :2] = law.shear_modulus * plane_stress.in_plane_stress(self.F[points], p, q)
         return stress
 
     def deformation_gradient(self) -> np.ndarray:

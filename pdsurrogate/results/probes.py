@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..body import Body
-from ..body import interpolation
+from ..body import Body, interpolation
 from ..scenes import Probe
 from .measures import PointState
 

@@ -96,7 +96,7 @@ def _stretched(run: Run) -> dict:
     }
     if run.force.has_energy:
         level["energy"] = run.strain_energy()
-    if run.loading.pull(reactions) < -run.scene.solver.tolerance * run.law.shear_modulus * min(run.grip_areas.values()):
+    if run.loading.pull(reactions) < -run.scene.solver.tolerance * run.force.law.shear_modulus * min(run.grip_areas.values()):
         level["stability"] = "checked" if run.force.has_energy else "not checked"
     if isinstance(run.scene.body, Rectangle):
         # Other outlines have no straight edges to read displacements from.

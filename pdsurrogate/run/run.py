@@ -14,7 +14,7 @@ import numpy as np
 
 from ..body import Body
 from ..discretisation import discretise, grip_areas, surface_of
-from ..forces import ForceModel, ForceSettings, InternalForce
+from ..forces import ForceModel, ForceSettings, InternalForce, bind_portions
 from ..kernels.threads import threads_for
 from ..materials import Law
 from ..results import measures
@@ -30,6 +30,7 @@ from ..solvers.prescribed import PrescribedLoading
 from ..solvers.reductions import LOCAL, LocalReductions
 from ..solvers.regions import BodyRegions
 from .interruption import Interruption
+from .materials import models_of, portions_of
 from .programme import stages_of
 
 if TYPE_CHECKING:
@@ -81,7 +82,9 @@ class Run:
     threads : int or None
         Of the kernels; None for as many as pay for the body.
     law, body, regions, loading, force
-        What was built for it.
+        What was built for it; the law is that of the rest where there are several materials.
+    models : list of ForceModel
+        Of the rest, then of `scene.materials`.
     loads : Loads or None
         None where the scene has none.
     loaded : InternalForce or LoadedForce
@@ -146,6 +149,7 @@ class Run:
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
         self.law: Law = scene.material.build()
+        self.models = [self.model, *models_of(scene, self.model)]
         self.body: Body
         self.body, lower, upper = discretise(scene)
         self.regions = BodyRegions(scene, self.body, lower, upper, lambda: surface_of(scene, self.body, lower, upper))
@@ -158,7 +162,11 @@ class Run:
             self.loads = Loads(scene, self.body, self.regions) if scene.loads else None
             self.loading = self._loading(lower, upper)
             numba.set_num_threads(self.threads)
-            self.force: InternalForce = self.model.bind(self.body, self.law, settings)
+            self.force: InternalForce
+            if scene.materials:
+                self.force = bind_portions(self.body, portions_of(scene, self.body, self.models, self.regions), settings)
+            else:
+                self.force = self.model.bind(self.body, self.law, settings)
             self._check_support()
             for number, probe in enumerate(scene.probes):
                 self.regions.check_place(f"probes.{number}.at", probe.at)
@@ -179,13 +187,18 @@ class Run:
         spec = self.scene.dynamics
         if spec is None:
             return
-        speed, wave = spec.stretch_rate * length, math.sqrt(self.law.shear_modulus / spec.density)
+        speed, wave = spec.stretch_rate * length, math.sqrt(self._least_modulus / spec.density)
         if speed > wave:
             unit = f"{self.scene.units.length}/{self.scene.units.time}"
             raise SceneError(
                 f"scene {self.scene.name}: dynamics.stretch_rate: the grips would move apart at {speed:.4g} {unit}, faster than "
                 f"shear waves at {wave:.4g} {unit}; the greatest rate is {wave / length:.4g}"
             )
+
+    @property
+    def _least_modulus(self) -> float:
+        """Shear modulus of the material in which shear waves are slowest."""
+        return min(law.shear_modulus for law in (self.law, *(part.material.build() for part in self.scene.materials)))
 
     def _loading(self, lower, upper) -> Loading:
         scene = self.scene
@@ -200,7 +213,7 @@ class Run:
         for number, stage in enumerate(self.stages if not self.scene.stretched else ()):
             if stage.inertia is not None:
                 speed = self.loading.greatest_speed(stage.inertia.motion(begin, stage.to))
-                wave = math.sqrt(self.law.shear_modulus / stage.inertia.density)
+                wave = math.sqrt(self._least_modulus / stage.inertia.density)
                 if speed > wave:
                     unit = f"{self.scene.units.length}/{self.scene.units.time}"
                     raise SceneError(
@@ -251,7 +264,8 @@ class Run:
         """What a checkpoint of this run must have in common with it."""
         return {
             "scene": self.scene.model_dump(mode="json"),
-            "force": [self.model.name, _digest(self.model.payload())],
+            "force": _name_and_digest(self.model),
+            **({"forces_of_materials": [_name_and_digest(model) for model in self.models[1:]]} if self.scene.materials else {}),
             "n_points": len(self.body),
             "n_pairs": len(self.body.bonds.first),
         }
@@ -301,6 +315,11 @@ class Run:
                 self.force.break_bonds(pairs)
         self.force.evaluations, self.force.pairs_outside = progress["evaluations"], progress["outside"]
         return found
+
+
+def _name_and_digest(model: ForceModel) -> list[str]:
+    """What tells a force model from others."""
+    return [model.name, _digest(model.payload())]
 
 
 def _digest(payload) -> str:

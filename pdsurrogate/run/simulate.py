@@ -276,6 +276,16 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         **({"grip_areas": run.grip_areas} if scene.stretched else {}),
         "levels": run.levels,
     }
+    if scene.materials:
+        summary["materials"] = [
+            {"region": part["region"], "material": law, "force": model.name}
+            for part, law, model in zip(
+                scene.model_dump(mode="json", include={"materials"}, exclude_none=True, by_alias=True)["materials"],
+                [part.material.build().describe() for part in scene.materials],
+                run.models[1:],
+                strict=True,
+            )
+        ]
     if any(stage.inertia is not None for stage in run.stages):
         if scene.stretched:
             stresses = [row["nominal_stress"] for row in [*run.levels, *run.history] if "nominal_stress" in row]

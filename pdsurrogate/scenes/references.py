@@ -34,7 +34,7 @@ def uniaxial_level(scene: Scene, stretch: float) -> dict[str, float]:
         nominal_stress, lateral_displacement and greatest_lateral_displacement, in the scene's units; empty if the scene's problem is not
         homogeneous, or its law has no such state.
     """
-    others = scene.holes or scene.precuts or scene.holds or scene.fracture
+    others = scene.holes or scene.precuts or scene.holds or scene.fracture or scene.materials
     if others or not isinstance(scene.body, Rectangle) or any(grip.holds != "normal" for grip in scene.grips):
         return {}
     try:
@@ -60,9 +60,12 @@ def finite_element_level(scene: Scene, stretch: float) -> dict[str, float]:
         Stresses are scaled to the scene's shear modulus, which changes no displacement at the same K/mu.
     """
     law = scene.material.build()
-    problem = scene.model_dump(mode="json", include={"body", "holes", "precuts", "grips"})
+    keys = {"body", "holes", "precuts", "grips", "materials"}
+    problem = scene.model_dump(mode="json", include=keys, exclude_none=True, by_alias=True)
     for case in _cases():
-        same = all(problem[key] == case[key] for key in problem) and not scene.holds and scene.plane == case.get("plane", "stress")
+        same = all(problem[key] == case.get(key, []) for key in problem) and not scene.holds and scene.plane == case.get("plane", "stress")
+        if scene.materials and law.shear_modulus != case["shear_modulus"]:
+            continue
         ratio = case["bulk_modulus"] / case["shear_modulus"]
         if not (same and law.name == case["law"] and np.isclose(law.bulk_modulus / law.shear_modulus, ratio)):
             continue

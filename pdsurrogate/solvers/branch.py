@@ -75,7 +75,7 @@ class Branch:
     def _check_stability(self, parameter: float, positions: np.ndarray) -> None:
         loading, force = self._loading, self._force
         if self._stiffness is None:
-            self._stiffness = NearestBondStiffness(force.body, force.law.shear_modulus, loading.free)
+            self._stiffness = NearestBondStiffness(force.body, force.stiffness_moduli, loading.free)
         with self._unchanged():
             curvature = least_curvature(force, positions, loading.free, self._stiffness, self._reductions)
             force(positions, np.empty_like(positions))

@@ -110,9 +110,12 @@ class EquilibriumSolver(ABC):
         """
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
-        """Largest force density in units of shear modulus / spacing."""
-        greatest = self.reductions.greatest_of_parts(greatest_force_density[forces.shape[1]](forces, self.free, self.volumes))
-        return greatest * force.body.spacing / force.law.shear_modulus
+        """Largest force density in units of shear modulus / spacing, see `InternalForce.force_scale`."""
+        unit, volumes = force.force_scale, self.volumes
+        if isinstance(unit, np.ndarray):  # several materials: every point by its own
+            unit, volumes = 1.0, volumes * unit
+        greatest = self.reductions.greatest_of_parts(greatest_force_density[forces.shape[1]](forces, self.free, volumes))
+        return greatest * force.body.spacing / unit
 
     def not_converged(self, residual: float, evaluations: int, tolerance: float) -> NotConverged:
         """The error for a residual that is still too large."""

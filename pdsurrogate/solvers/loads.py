@@ -358,6 +358,16 @@ class LoadedForce:
         """See `InternalForce`."""
         return self.internal.supported
 
+    @property
+    def force_scale(self) -> float | np.ndarray:
+        """See `InternalForce`."""
+        return self.internal.force_scale
+
+    @property
+    def stiffness_moduli(self) -> float | np.ndarray:
+        """See `InternalForce`."""
+        return self.internal.stiffness_moduli
+
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
         """Internal force and loads on every point per unit thickness at positions (n, 2), written to `out` (n, 2).
 

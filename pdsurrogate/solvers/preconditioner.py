@@ -30,14 +30,15 @@ class NearestBondStiffness:
     Parameters
     ----------
     body : Body
-    shear_modulus : float
+    shear_moduli : float or ndarray, shape (n,)
+        Of all points, or about each.
     free : ndarray, shape (n, 2)
         1 where a component may move; held ones get the identity.
     """
 
-    def __init__(self, body: Body, shear_modulus: float, free: np.ndarray) -> None:
+    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
         n, ghosts = len(body), body.ghosts
-        first, second, blocks = _springs(body, shear_modulus)
+        first, second, blocks = _springs(body, shear_moduli)
         within = second < n
         # A ghost moves with the point behind it, each component with its parity.
         mirrored, parity = second.copy(), np.ones((len(second), 2))
@@ -76,13 +77,13 @@ class NearestBondStiffness:
             displacements[:, axis] -= displacements[:, axis].mean()
         return displacements
 
-    def response(self, body: Body, shear_modulus: float, held: np.ndarray, planes: np.ndarray) -> np.ndarray:
+    def response(self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray) -> np.ndarray:
         """Displacements of the body, shape (n, 2), where held components and planes of reflection are displaced.
 
         Parameters
         ----------
         body : Body
-        shear_modulus : float
+        shear_moduli : float or ndarray, shape (n,)
             Both as given when the stiffness was made.
         held : ndarray, shape (n, 2)
             Displacements in held components, 0 in free ones.
@@ -90,7 +91,7 @@ class NearestBondStiffness:
             Displacements of the planes.
         """
         n, ghosts = len(body), body.ghosts
-        first, second, blocks = _springs(body, shear_modulus)
+        first, second, blocks = _springs(body, shear_moduli)
         moved = np.vstack([held, held[ghosts.source] * ghosts.parity + np.einsum("mpd,pd->md", ghosts.lever, planes)])
         pulls, within = np.einsum("bij,bj->bi", blocks, moved[second] - moved[first]), second < n
         forces = np.stack(
@@ -99,13 +100,16 @@ class NearestBondStiffness:
         return self.solve(forces) + held
 
 
-def _springs(body: Body, shear_modulus: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _springs(body: Body, shear_moduli: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Ends of the nearest bonds and the stiffness of each, shape (k, 2, 2); `second` may be a ghost."""
     bonds, points = body.bonds, body.all_points
     vector = points[bonds.second] - points[bonds.first]
     length = np.linalg.norm(vector, axis=1)
     volumes = body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-    stiffness = 6 * shear_modulus * body.weigh(length) * volumes / body.kappa
+    if isinstance(shear_moduli, np.ndarray):
+        ends = np.concatenate([shear_moduli, shear_moduli[body.ghosts.source]])
+        shear_moduli = (ends[bonds.first] + ends[bonds.second]) / 2
+    stiffness = 6 * shear_moduli * body.weigh(length) * volumes / body.kappa
     near = length <= REACH * body.spacing
     if not near.any():
         near[:] = True

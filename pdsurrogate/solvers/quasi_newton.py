@@ -41,7 +41,7 @@ class QuasiNewton(EquilibriumSolver):
     def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
         tolerance, began = tolerance or self.tolerance, force.evaluations
         if self._stiffness is None:
-            self._stiffness = NearestBondStiffness(force.body, force.law.shear_modulus, self.free)
+            self._stiffness = NearestBondStiffness(force.body, force.stiffness_moduli, self.free)
         forces, trial = np.empty_like(positions), np.empty_like(positions)
         force(positions, forces)
         forces *= self.free

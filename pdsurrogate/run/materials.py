@@ -1,0 +1,91 @@
+"""The materials of a scene: which force model each takes, and which points of the body are of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import artifacts
+from ..body import Body
+from ..forces import ForceModel, Portion
+from ..scenes import Scene, SceneError
+from ..solvers.regions import BodyRegions
+
+
+def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:
+    """Force models of the scene's `materials`.
+
+    The one that a part asks for, or else that of the rest if it describes the part's law, or else that law's surrogate of the same kind.
+
+    Parameters
+    ----------
+    scene : Scene
+    model : ForceModel
+        Of the rest of the body.
+
+    Raises
+    ------
+    SceneError
+        If a part's artefact cannot be read, is of another kind than the model of the rest, or does not describe its law.
+    """
+    found = []
+    for number, part in enumerate(scene.materials):
+        law = part.material.build()
+        try:
+            if part.force is not None:
+                own = artifacts.load_surrogate(part.force)
+                if own.family != model.family:
+                    raise ValueError(f"{own.name} is a {own.family}, and {model.name} of the rest a {model.family}; take two of one kind")
+                own.check_material(law)
+            else:
+                own = model if _describes(model, law) else artifacts.surrogate_for(law, model.family)
+        except ValueError as error:
+            raise SceneError(f"scene {scene.name}: materials.{number}{'.force' if part.force else ''}: {error}") from None
+        found.append(own)
+    return found
+
+
+def _describes(model: ForceModel, law) -> bool:
+    try:
+        model.check_material(law)
+    except ValueError:
+        return False
+    return True
+
+
+def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: BodyRegions) -> list[Portion]:
+    """The points of every material: those of the rest, then those of `materials` in order; a material that is left no point has no portion.
+
+    Parameters
+    ----------
+    scene : Scene
+    body : Body
+    models : list of ForceModel
+        Of the rest, then of `materials`.
+    regions : BodyRegions
+
+    Raises
+    ------
+    ValueError
+        If a region has no point, or two materials take the same point; names them.
+    """
+    of_points, laws = np.zeros(len(body), dtype=np.int64), [scene.material.build()]
+    for number, part in enumerate(scene.materials, 1):
+        laws.append(part.material.build())
+        try:
+            points = regions.points(part.region)
+        except ValueError as error:
+            raise ValueError(f"materials.{number - 1}.region: {error}") from None
+        before = of_points[points]
+        twice = (before > 0) & np.array([laws[other] != laws[number] or models[other] is not models[number] for other in before])
+        if twice.any():
+            x1, x2 = body.points[points[twice.argmax()]]
+            raise ValueError(
+                f"materials.{before[twice.argmax()] - 1} and materials.{number - 1} both take {int(twice.sum())} points, the first at "
+                f"({x1:.4g}, {x2:.4g}); regions of different materials must not overlap"
+            )
+        of_points[points] = number
+    return [
+        Portion(law, model, points)
+        for number, (law, model) in enumerate(zip(laws, models, strict=True))
+        if len(points := np.flatnonzero(of_points == number))
+    ]
