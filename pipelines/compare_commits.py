@@ -1,6 +1,7 @@
 """Two commits side by side: the same figures, the cost of every force model, and the time to compile it.
 
 python pipelines/compare_commits.py OLD NEW --figures     sections 6.2 to 6.7, tears at a coarser spacing
+python pipelines/compare_commits.py OLD NEW --conformance every property and hard case of every force model, with few explicit steps
 python pipelines/compare_commits.py OLD NEW --speed       every force model on one thread and on two, in turns
 python pipelines/compare_commits.py OLD NEW --compile     first evaluation and first run with an empty cache
 
@@ -70,6 +71,16 @@ for line in sys.stdin:
     print(json.dumps(found), flush=True)
 """
 
+CONFORMANCE = """
+import json
+from pdsurrogate.stress_test.report import stress_test
+models = stress_test(quick=True)["models"]
+print(json.dumps({
+    f"{model['force']}: {case}": [result["verdict"], result["value"], result["limit"]]
+    for model in models for case, result in model["results"].items()
+}), flush=True)
+"""
+
 SPEED = """
 import json, sys, time
 from pathlib import Path
@@ -93,7 +104,7 @@ for line in sys.stdin:
             force(*bound[name, width, threads][1:3])
     force, positions, out, bonds = bound[name, width, threads]
     count, began = 0, time.perf_counter()
-    while time.perf_counter() - began < 0.04:
+    while time.perf_counter() - began < 0.08:
         force(positions, out)
         count += 1
     print(json.dumps(1e9 * (time.perf_counter() - began) / count / bonds), flush=True)
@@ -131,7 +142,8 @@ def checkouts(references: list[str]):
 
 def start(path: Path, script: str) -> subprocess.Popen:
     """A process that runs a script on one of the checkouts."""
-    environment = {**os.environ, "PYTHONPATH": str(path)}
+    # Threads that turn for milliseconds after their work would take the cores from the process whose turn is next.
+    environment = {"GOMP_SPINCOUNT": "1000", **os.environ, "PYTHONPATH": str(path)}
     command = [sys.executable, "-c", script]
     return subprocess.Popen(command, cwd=path, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
@@ -155,6 +167,20 @@ def compare_figures(paths: list[Path]) -> None:
         for key, value in old.items():
             change = new[key] / value - 1 if value else new[key]
             print(f"{section:18} {key:42} {value:14.8g} {new[key]:14.8g} {change:+.1e}", flush=True)
+
+
+def compare_conformance(paths: list[Path]) -> None:
+    """Verdicts that differ, and values that differ by more than a thousandth of what they are held to."""
+    old, new = (ask(start(path, CONFORMANCE)) for path in paths)
+    for what in sorted({*old, *new}):
+        if what not in old or what not in new:
+            print(f"{what:70} only in the {'old' if what in old else 'new'}")
+            continue
+        (before, a, limit), (after, b, _) = old[what], new[what]
+        apart = a is not None and b is not None and not abs(a - b) <= 1e-3 * abs(limit or a)
+        if before != after or apart:
+            print(f"{what:70} {before:12} {a} -> {after:12} {b} (held to {limit})", flush=True)
+    print(f"{len({*old} & {*new})} cases compared")
 
 
 def compare_speed(paths: list[Path], turns: int) -> None:
@@ -199,6 +225,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("commits", nargs=2, metavar="COMMIT")
     parser.add_argument("--figures", action="store_true")
+    parser.add_argument("--conformance", action="store_true")
     parser.add_argument("--speed", action="store_true")
     parser.add_argument("--compile", action="store_true")
     parser.add_argument("--turns", type=int, default=15)
@@ -206,6 +233,8 @@ def main() -> None:
     with checkouts(arguments.commits) as paths:
         if arguments.figures:
             compare_figures(paths)
+        if arguments.conformance:
+            compare_conformance(paths)
         if arguments.speed:
             compare_speed(paths, arguments.turns)
         if arguments.compile:

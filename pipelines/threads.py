@@ -3,11 +3,11 @@
 python pipelines/threads.py            print the table (about ten minutes)
 python pipelines/threads.py --readme   and put it into the README
 
-Each setting has processes of its own, since threads read how to wait when they start. On free cores the processes of all settings live side by
-side and take turns of some tenths of a second, body by body, so that a machine that slows down slows all of them; the first setting takes part
-twice, which shows what chance does. Beside other work each process runs alone: threads that wake together after a pause would also be given
-their cores together, which hides what happens in a long run. Costs are medians over turns, and the ratios medians over turns of the cost over
-that of the first setting in the same turn.
+Each setting has processes of its own, since threads read how to wait when they start. On free cores the processes of all settings live
+side by side and take turns of a tenth of a second, body by body, so that a machine that slows down slows all of them; the first setting
+takes part twice, which shows what chance does. Their costs are lower quartiles over turns: what a turn takes while nobody outside disturbs
+it. Beside other work each process runs alone, since threads that wake together after a pause would also be given their cores together,
+which hides what happens in a long run; those costs are medians.
 """
 
 from __future__ import annotations
@@ -47,9 +47,10 @@ SETTINGS = {
 BUSY = (1, 2)
 """Other processes that take all they can get."""
 
-STARTS, TURNS = 4, 6
+STARTS, TURNS = 4, 20
 """How often all processes are started anew, since where memory lies also counts, and the turns each takes on free cores after a start."""
-SECONDS = 0.3
+SECONDS_FREE, SECONDS_BUSY = 0.1, 0.4
+"""Of a measurement."""
 
 
 def serve(threads: int) -> None:
@@ -66,11 +67,12 @@ def serve(threads: int) -> None:
                 body.bonds.n_directed,
             )
         for question in sys.stdin:
-            force, positions, out, n_directed = forces[int(question)]
+            width, seconds = json.loads(question)
+            force, positions, out, n_directed = forces[width]
             for _ in range(3):
                 force(positions, out)
             began, count = time.perf_counter(), 0
-            while time.perf_counter() - began < SECONDS:
+            while time.perf_counter() - began < seconds:
                 force(positions, out)
                 count += 1
             print(json.dumps(1e9 * (time.perf_counter() - began) / count / n_directed), flush=True)
@@ -103,9 +105,9 @@ def server(setting: str):
         process.wait()
 
 
-def ask(process: subprocess.Popen, widths: tuple[int, ...]) -> list[float]:
+def ask(process: subprocess.Popen, widths: tuple[int, ...], seconds: float) -> list[float]:
     """Costs of a directed bond of some bodies in one process, one straight after the other."""
-    print(*widths, sep="\n", file=process.stdin, flush=True)
+    print(*([width, seconds] for width in widths), sep="\n", file=process.stdin, flush=True)
     answers = [process.stdout.readline() for _ in widths]
     if not all(answers):
         raise RuntimeError("a process that measures ended early")
@@ -118,13 +120,13 @@ def measure_free() -> list[dict[str, list[float]]]:
     with ExitStack() as stack:
         started = {setting: stack.enter_context(server(setting)) for setting in SETTINGS}
         for process in started.values():
-            ask(process, WIDTHS[:1])
+            ask(process, WIDTHS[:1], SECONDS_FREE)
         for turn in range(TURNS):
             costs = {setting: [] for setting in SETTINGS}
             for width in WIDTHS:
                 # The order alternates, so that no setting always follows the same one.
                 for setting in list(SETTINGS)[:: 1 if turn % 2 else -1]:
-                    costs[setting] += ask(started[setting], (width,))
+                    costs[setting] += ask(started[setting], (width,), SECONDS_FREE)
             found.append(costs)
     return found
 
@@ -135,7 +137,7 @@ def measure_busy(others: int) -> dict[str, list[float]]:
     with busy(others):
         for setting in SETTINGS:
             with server(setting) as process:
-                found[setting] = ask(process, WIDTHS)
+                found[setting] = ask(process, WIDTHS, SECONDS_BUSY)
     return found
 
 
@@ -172,11 +174,11 @@ def main() -> None:
         *(f"{others} other processes" for others in (0, *BUSY)),
         "free cores, over the first",
     ]
-    rows, spinning = [], costs[next(iter(SETTINGS)), 0]
+    typical = {key: np.quantile(values, 0.5 if key[1] else 0.25, axis=0) for key, values in costs.items()}
+    rows, spinning = [], typical[next(iter(SETTINGS)), 0]
     for setting in SETTINGS:
-        medians = [" / ".join(f"{cost:.3g}" for cost in np.median(costs[setting, others], axis=0)) for others in (0, *BUSY)]
-        ratios = " / ".join(f"{ratio:.2f}" for ratio in np.median(costs[setting, 0] / spinning, axis=0))
-        rows.append([setting, *medians, ratios])
+        entries = [" / ".join(f"{cost:.3g}" for cost in typical[setting, others]) for others in (0, *BUSY)]
+        rows.append([setting, *entries, " / ".join(f"{ratio:.2f}" for ratio in typical[setting, 0] / spinning)])
     table = markdown_table(header, rows)
     console.print(table, soft_wrap=True)
     if arguments.readme:
