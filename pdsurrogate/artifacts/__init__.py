@@ -10,6 +10,7 @@ An artefact is a folder ``NAME/VERSION/`` of up to three files:
 from .card import SCHEMA_VERSION, Card
 from .store import (
     ArtifactError,
+    default_force,
     find_artifact,
     list_artifacts,
     load_card,
@@ -24,6 +25,7 @@ __all__ = [
     "SCHEMA_VERSION",
     "ArtifactError",
     "Card",
+    "default_force",
     "find_artifact",
     "list_artifacts",
     "load_card",

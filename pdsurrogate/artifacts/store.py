@@ -20,6 +20,7 @@ import numpy as np
 from ..array_files import read_arrays
 from ..forces import FORCES, EnergyNetwork, ForceModel, LearntBondForce, NetworkForce, PolynomialForce
 from ..materials import Law
+from ..scenes import Scene
 from .card import FORMAT, NAME_PATTERN, SCHEMA_VERSION, VERSION_PATTERN, Card, CardError, read_card
 
 CARD, SURROGATE, PIPELINE = "card.json", "surrogate.npz", "pipeline.joblib"
@@ -246,6 +247,17 @@ def surrogate_for(law: Law, family: str = "bond force") -> ForceModel:
     except ValueError:  # another material of the same law
         return load_surrogate(exact)
     return model
+
+
+def default_force(scene: Scene) -> ForceModel:
+    """The force model to run a scene with where none is asked for.
+
+    `surrogate_for` the scene's material; in plane strain the exact selective energy, in which nothing locks, where it can be had: it takes
+    one material, and no bond of it breaks.
+    """
+    if scene.plane == "strain" and not scene.materials and scene.fracture is None:
+        return load_surrogate("bond-energy")
+    return surrogate_for(scene.material.build())
 
 
 def load_pipeline(reference: str | Path, *, trust: bool = False):

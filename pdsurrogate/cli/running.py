@@ -56,7 +56,7 @@ def run(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scene in DIR.")] = False,
 ) -> None:
     """Run a scene and compare it with its reference."""
-    from ..artifacts import ArtifactError, load_surrogate, surrogate_for
+    from ..artifacts import ArtifactError, default_force, load_surrogate
     from ..results.checkpoint import CheckpointError
     from ..results.files import check_writable
     from ..results.folder import FolderTaken, occupied
@@ -65,7 +65,7 @@ def run(
 
     with bad_input(SceneError, ArtifactError):
         described = load_scene(scene, change or [])
-        model = surrogate_for(described.material.build()) if force is None else load_surrogate(force)
+        model = default_force(described) if force is None else load_surrogate(force)
     folder = None if out_folder is None else Path(out_folder)
     if out_folder == "":
         err.print("[red]pdsurrogate:[/] --out needs the name of a folder, and it is empty")

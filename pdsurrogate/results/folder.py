@@ -184,7 +184,7 @@ def _head(path: Path) -> bytes:
 
 _SIGNATURES = {
     SUMMARY: lambda path: _summary(path) is not None,
-    HISTORY: lambda path: (head := _head(path)) == b"" or head.startswith((b"stretch,", b"time,", b"t,")),
+    HISTORY: lambda path: (head := _head(path)) == b"" or head.startswith((b"stretch,", b"time [", b"t,")),
     # The head alone, so that a damaged checkpoint is one.
     CHECKPOINT: lambda path: (head := _head(path)) == b"" or b"positions.npy" in head,
 }

@@ -10,10 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from ..body import Body
-from ..scenes import Scene
+from ..scenes import Scene, Units
 from .files import write_json, write_text
 from .folder import HISTORY, SUMMARY, make_room, occupied
 from .states import States, StatesInFiles, StatesInMemory
+
+ENERGIES = ("energy", "work", "kinetic_energy", "damped_energy", "strain_energy", "released_energy")
+"""Columns of the history that are energies."""
 
 
 @dataclass
@@ -27,7 +30,7 @@ class Result:
     summary : dict
         What ``summary.json`` holds: identity, size, convergence, cost and ``levels``.
     history : list of dict
-        Rows of ``history.csv``.
+        Rows of ``history.csv``, whose headers have units behind the names used here.
     states : States
         Fields on the points at every level, and at every output of dynamics that follow grips: pairs of a moment and fields, see
         `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.POINT_FIELDS`.
@@ -75,7 +78,7 @@ class Result:
         streamed = isinstance(self.states, StatesInFiles) and self.states.folder.resolve() == folder.resolve()
         if not streamed:
             make_room(folder, self.scene.name, overwrite)
-        write_text(folder / HISTORY, _as_csv(self.history))
+        write_text(folder / HISTORY, _as_csv(self.history, self.scene.units))
         if self.states:
             if not streamed:
                 written = StatesInFiles(folder, self.body.points, self.scene.name)
@@ -158,12 +161,28 @@ class Result:
         return figures.loading_figure([row["stretch"] for row in rows], stress, references, self.scene.units.stress)
 
 
-def _as_csv(rows: list[dict]) -> str:
+def column_title(column: str, units: Units) -> str:
+    """Header of a column of the history: its name, and in brackets its unit where it has one."""
+    unit = None
+    if column == "time":
+        unit = units.time
+    elif column == "nominal_stress":
+        unit = units.stress
+    elif column in ENERGIES or column.startswith("moment_"):
+        unit = units.energy
+    elif column.startswith("force_"):
+        unit = units.force
+    elif "_displacement_" in column:
+        unit = units.length
+    return f"{column} [{unit}]" if unit else column
+
+
+def _as_csv(rows: list[dict], units: Units) -> str:
     text = io.StringIO()
     if rows:
         # Equilibrium and dynamics fill different columns.
         columns = list(dict.fromkeys(key for row in rows for key in row))
-        writer = csv.DictWriter(text, fieldnames=columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow([column_title(column, units) for column in columns])
+        writer.writerows([row.get(column) for column in columns] for row in rows)
     return text.getvalue()

@@ -9,7 +9,7 @@ from ..scenes import SceneError
 from ..solvers import SOLVERS, Diverging, Equilibrium, EquilibriumSolver, Increments, NotConverged, TooFar, Unstable
 from ..solvers.branch import Branch
 from .programme import Stage
-from .rows import compare, force_columns, level_row, probe_columns
+from .rows import compare, force_columns, level_row, moment_columns, probe_columns
 from .run import Run
 
 HARD = 2.0
@@ -181,5 +181,5 @@ def _record(run: Run, equilibrium: Equilibrium) -> None:
     run.levels.append(level)
     if not run.scene.stretched:
         place = {"t": run.target, "increment": run.parameter, "evaluation": run.force.evaluations}
-        run.history.append(place | force_columns(level["forces"]) | probe_columns(run))
+        run.history.append(place | force_columns(level["forces"]) | moment_columns(level["moments"]) | probe_columns(run))
     run.record()

@@ -38,6 +38,11 @@ def force_columns(forces: dict[str, np.ndarray]) -> dict[str, float]:
     return {f"force_{name}_{component}": float(value) for name, force in forces.items() for component, value in enumerate(force, 1)}
 
 
+def moment_columns(moments: dict[str, float]) -> dict[str, float]:
+    """Moments by name as columns of the history."""
+    return {f"moment_{name}": moment for name, moment in moments.items()}
+
+
 def output_row(run: Run, time: float | None = None) -> dict:
     """What is told of any output of a general programme: where it is, and all forces and moments.
 

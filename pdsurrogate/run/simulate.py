@@ -72,7 +72,7 @@ def simulate(
     force : str, path, ForceModel or fitted pipeline, optional
         A force model, the name of one ("analytic", "nosb"), an artefact: NAME, NAME@VERSION or a path; or a fitted
         `pdsurrogate.bond_force_pipeline` or `pdsurrogate.energy_pipeline`, taken to describe the scene's material.  By default the
-        surrogate of the scene's law, see `pdsurrogate.artifacts.surrogate_for`.
+        one for the scene, see `pdsurrogate.artifacts.default_force`.
     threads : int, optional
         Threads of the kernels, by default as many as pay for the body, at most all that numba was started with.  The result does not
         depend on it.
@@ -151,7 +151,7 @@ def simulate(
 def _model_of(force, scene: Scene) -> ForceModel:
     """The force model that is meant by the `force` of `simulate`."""
     if force is None:
-        return artifacts.surrogate_for(scene.material.build())
+        return artifacts.default_force(scene)
     if isinstance(force, str | Path):
         return artifacts.load_surrogate(force)
     if isinstance(force, ForceModel):
@@ -251,6 +251,7 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         "force": run.model.name,
         "material": run.law.describe(),
         "plane": force.plane,
+        "thickness": 1.0,
         "n_points": len(run.body),
         "n_bonds": len(bonds.first),
         "n_directed_bonds": bonds.n_directed,

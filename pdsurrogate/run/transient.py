@@ -15,7 +15,7 @@ from ..results.checkpoint import Checkpoint
 from ..solvers import Diverging, ExplicitDynamics
 from ..solvers.reductions import LOCAL
 from .programme import Stage
-from .rows import force_columns, forces_by_name, output_row, probe_columns
+from .rows import force_columns, forces_by_name, moment_columns, moments_by_name, output_row, probe_columns
 from .run import Run
 
 STEPS_PER_ROW = 20
@@ -292,6 +292,7 @@ class Transient:
             row["nominal_stress"] = run.nominal_stress(reactions.forces)
         else:
             row["step"] = run.stage
+            row |= moment_columns(moments_by_name(run, reactions))
         row |= {
             "work": account.work,
             "kinetic_energy": kinetic,

@@ -201,6 +201,11 @@ class Units(StrictModel):
         """Unit of forces: bodies are one unit of length thick."""
         return f"{self.stress} {self.length}^2"
 
+    @property
+    def energy(self) -> str:
+        """Unit of energies and moments."""
+        return f"{self.stress} {self.length}^3"
+
 
 class Scene(StrictModel):
     """A simulation, fully described.
