@@ -10,7 +10,7 @@ from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.materials import Gent, NeoHookean, homogeneous, plane_strain, plane_stress
-from pdsurrogate.scenes import SceneError, load_scene
+from pdsurrogate.scenes import Scene, SceneError, load_scene
 from pdsurrogate.stress_test.deformations import wavy
 
 SOFT, STIFF = NeoHookean(1.0, 100.0), NeoHookean(3.0, 300.0)
@@ -202,6 +202,12 @@ def test_plane_strain_has_a_stiffer_second_half_too():
     np.testing.assert_allclose(force.mean_stress(), mean, atol=1e-9)
 
 
+def test_a_probe_on_the_interface_reads_one_side():
+    """Finite elements have it at 1.20480 cm; a fit to the points of both sides is 1.4 % off."""
+    level = pd.simulate(load_scene("bimaterial", {"spacing": 0.1, "precision": "float64"}), "analytic").levels[0]
+    np.testing.assert_allclose(level["probes"]["interface"]["displacement"], [1.2048027829575614, 0.0], atol=3e-3)
+
+
 def test_stresses_are_those_of_a_points_own_law():
     result = pd.simulate(load_scene("bimaterial", {"spacing": 0.125, "precision": "float64"}), "bond-energy")
     state = result.states[0][1]
@@ -253,3 +259,44 @@ def test_a_part_that_takes_all_of_the_body_leaves_one_material():
     alone = {"spacing": 0.2, "materials": [], "material": STIFF.describe()}
     stress = [pd.simulate(load_scene("bimaterial", changes), "analytic").levels[0]["nominal_stress"] for changes in (whole, alone)]
     assert stress[0] == stress[1]
+
+
+SUPPORTS = [{"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}]
+
+
+def general(**changes):
+    """The upper half of the scene `bimaterial` in the general way, without what moves or loads its right edge."""
+    short = load_scene("bimaterial", {"spacing": 0.125, "precision": "float64"}).model_dump(mode="json", exclude_unset=True, by_alias=True)
+    said = {key: value for key, value in short.items() if key not in ("grips", "stretches", "reference", "title")}
+    said |= {"support": "reflected", "steps": [1.0], "body": {"shape": "rectangle", "size": [3.0, 0.5]}, "probes": []}
+    return Scene(**said | {"prescribed": SUPPORTS} | changes)
+
+
+@pytest.mark.parametrize("name", ["analytic", "bond-energy"])
+def test_prescribed_edges_do_what_grips_do(name):
+    """And half a body what the whole does, but for the slopes at the interface, which are fitted without images: 0.1 % of the stretch."""
+    short = pd.simulate(load_scene("bimaterial", {"spacing": 0.125, "precision": "float64"}), name)
+    half = pd.simulate(general(prescribed=[*SUPPORTS, {"region": "right", "x1": 1.5}]), name)
+    upper = short.body.points[:, 1] > 0.5
+    np.testing.assert_allclose(half.displacement()[:, 0], short.displacement()[upper, 0], atol=2e-3)
+    force, whole = (result.levels[-1]["forces"]["right"][0] for result in (half, short))
+    assert force == pytest.approx(whole / 2, rel=1e-3)
+
+
+@pytest.mark.parametrize(("plane", "near"), [("stress", 3e-2), ("strain", 0.15)])
+def test_a_traction_goes_through_both_materials(plane, near):
+    """The left edge gives what the load takes; so does every section, by the stresses of its points, with five points across."""
+    load = [{"region": "right", "traction": [1.2, 0.0]}]
+    result = pd.simulate(general(loads=load, plane=plane, spacing=0.1), "analytic")
+    np.testing.assert_allclose(result.levels[-1]["forces"]["left"][0], -0.6, rtol=1e-4)
+    P = result.states[-1][1]["stress"].reshape(-1, 3, 3)[:, 0, 0]
+    for place, tolerance in ((0.5, 1e-2), (1.2, near), (1.8, near), (2.5, 1e-2)):
+        section = np.abs(result.body.points[:, 0] - place) < 0.3
+        assert P[section].mean() == pytest.approx(1.2, rel=tolerance)
+
+
+def test_dynamics_refuse_what_outruns_the_waves_of_the_softest_material():
+    moving = [*SUPPORTS, {"region": "right", "x1": 1.5}]
+    steps = [{"to": 1.0, "dynamics": {"duration": 0.12, "density": 0.01}}]
+    with pytest.raises(SceneError, match="faster than shear waves at 10"):
+        pd.simulate(general(prescribed=moving, steps=steps), "analytic")

@@ -41,7 +41,9 @@ OUTSIDE = 1.25
 neighbour adds half a cell."""
 
 
-def interpolation(body: Body, places: np.ndarray) -> tuple[sparse.csr_array, tuple[sparse.csr_array, ...]]:
+def interpolation(
+    body: Body, places: np.ndarray, portion_of: np.ndarray | None = None
+) -> tuple[sparse.csr_array, tuple[sparse.csr_array, ...]]:
     """Motion and deformation gradient at places in a body, from those of its points around them.
 
     A quadratic field is fitted to the points around a place that no hole or cut separates from it: motions that are quadratic there are
@@ -52,6 +54,9 @@ def interpolation(body: Body, places: np.ndarray) -> tuple[sparse.csr_array, tup
     body : Body
     places : ndarray, shape (k, d)
         In the reference state; in the body or on its boundary.
+    portion_of : ndarray of int, shape (n,), optional
+        Material of every point of a body of several: its motion has a kink where they meet, so that only points of the material of the one
+        nearest to a place are taken, on either side of an interface as good as on the other.
 
     Returns
     -------
@@ -73,9 +78,10 @@ def interpolation(body: Body, places: np.ndarray) -> tuple[sparse.csr_array, tup
             f"{_text(places[place])} lies outside the body; its nearest point is {nearest[place]} at {_text(body.points[nearest[place]])}, "
             f"{distance[place]:.3g} away"
         )
-    quadratic = _Surroundings(body, places).fit(2)
+    own = None if portion_of is None else portion_of[nearest]
+    quadratic = _Surroundings(body, places).of(portion_of, own).fit(2)
     rest = np.flatnonzero(empty_rows(quadratic[0]))
-    linear = _Surroundings(body, places[rest]).fit(1)
+    linear = _Surroundings(body, places[rest]).of(portion_of, None if own is None else own[rest]).fit(1)
     lost = empty_rows(linear[0])
     if lost.any():
         raise ValueError(
@@ -148,6 +154,14 @@ class _Surroundings:
         weights = weights * body.volumes[self.point]
         self.weights = weights / self._total(weights)[self.place]
         self.offsets = (body.points[self.point] - places[self.place]) / self.reach
+
+    def of(self, portion_of: np.ndarray | None, own: np.ndarray | None) -> _Surroundings:
+        """The same with the points of one material alone: that of every place, `own`."""
+        if portion_of is not None:
+            kept = portion_of[self.point] == own[self.place]
+            self.place, self.point, self.offsets, weights = self.place[kept], self.point[kept], self.offsets[kept], self.weights[kept]
+            self.weights = weights / self._total(weights)[self.place]
+        return self
 
     def _total(self, terms: np.ndarray) -> np.ndarray:
         return np.bincount(self.place, terms, self.shape[0])

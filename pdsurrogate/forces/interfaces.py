@@ -28,7 +28,8 @@ class Interfaces:
     theory (54), a linear function of the positions.  It carries the motion of a material on beyond the interface: there the points of the
     other are seen where they would be if their side moved as this one.
 
-    A point that sees more than two materials, or no straight interface, has none: c = 0 there, and its own place is seen by all.
+    A point that sees more than two materials, or no straight interface, has none: c = 0 there, and its own place is seen by all.  In plane
+    strain no point has one: errors of c make errors of det F, and K times those of the pressure.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ class Interfaces:
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbours])
         self.depths, self.normals = np.zeros(total), np.zeros((total, 2))
-        near = np.unique(np.concatenate([owners[across], _sources(body)[bonds.neighbours[across]]]))
+        near = np.unique(np.concatenate([owners[across], _sources(body)[bonds.neighbours[across]]])) if kinematics.plane == "stress" else []
         rows, columns, values = [], [], []
         tree, everywhere = cKDTree(body.points), cKDTree(body.all_points)
         for i in near:

@@ -16,6 +16,8 @@ class Probes:
     ----------
     body : Body
     probes : sequence of Probe
+    portion_of : ndarray of int, shape (n,), optional
+        Material of every point of a body of several.
 
     Raises
     ------
@@ -23,11 +25,11 @@ class Probes:
         If a place lies outside the body, or too few points are beside it; names the key.
     """
 
-    def __init__(self, body: Body, probes: tuple[Probe, ...]) -> None:
+    def __init__(self, body: Body, probes: tuple[Probe, ...], portion_of: np.ndarray | None = None) -> None:
         self._names, self._rows = [probe.name for probe in probes], []
         for number, probe in enumerate(probes):
             try:
-                self._rows.append(interpolation(body, np.array([probe.at]))[0])
+                self._rows.append(interpolation(body, np.array([probe.at]), portion_of)[0])
             except ValueError as error:
                 raise ValueError(f"probes.{number}.at: {error}") from None
 

@@ -170,7 +170,7 @@ class Run:
             self._check_support()
             for number, probe in enumerate(scene.probes):
                 self.regions.check_place(f"probes.{number}.at", probe.at)
-            self.probes = Probes(self.body, scene.probes)
+            self.probes = Probes(self.body, scene.probes, self._portion_of())
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
         self.loaded = self.force if self.loads is None else LoadedForce(self.force, self.loads)
@@ -181,6 +181,15 @@ class Run:
         self._check_speeds()
         self.positions = self.body.points.copy()
         self.states: States = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.body.points, scene.name)
+
+    def _portion_of(self) -> np.ndarray | None:
+        """Material of every point; None where there is one."""
+        if len(self.force.laws) == 1:
+            return None
+        found = np.empty(len(self.body), dtype=np.int64)
+        for number, (_, points) in enumerate(self.force.laws):
+            found[points] = number
+        return found
 
     def _check_rate(self, length: float) -> None:
         """Refuse grips that move apart faster than shear waves: what the body does then hangs on the motion that it is started with."""
