@@ -56,6 +56,7 @@ def test_reactions_are_the_derivative_of_the_energy(prescribed, together, suppor
     loading.apply(0.5, run.force, start)
     run.force(start, out)
     reactions = dict(zip(loading.names, loading.reactions(run.force).forces, strict=True))
+    displacements = [[0.5 * (entry.get(f"x{component}") or 0.0) for component in (1, 2)] for entry in prescribed]
     ends = dict(zip(loading.names, loading.ends(), strict=True))
     held = {(entry["region"], component) for entry in prescribed for component in (0, 1) if f"x{component + 1}" in entry}
 
@@ -65,7 +66,7 @@ def test_reactions_are_the_derivative_of_the_energy(prescribed, together, suppor
         if support == "reflected":
             for name in names:
                 number = loading.names.index(name)
-                moved = loading._planes[number].displacement(0.5).copy()
+                moved = displacements[number].copy()
                 moved[component] += by
                 run.force.move_plane(number, moved)
         else:

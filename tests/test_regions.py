@@ -263,11 +263,12 @@ def test_places_of_probes(plate):
 @pytest.fixture
 def meshed(tmp_path):
     path = write_plate(tmp_path / "plate.msh")
-    return regions_of(scene_of(body={"shape": "mesh", "file": str(path)}, holes=(), prescribed=[{"region": {"group": "pul"}, "x1": 0.0}]))
+    scene = scene_of(body={"shape": "mesh", "file": str(path)}, holes=(), prescribed=[{"region": {"group": "pul"}, "x1": 0.0}])
+    return *regions_of(scene), scene
 
 
 def test_groups_of_a_mesh(meshed):
-    body, regions = meshed
+    body, regions, scene = meshed
     middles = regions.surface().midpoints()
     np.testing.assert_array_equal(regions.points(Region(group="soft")), np.flatnonzero(body.points[:, 0] < 0.6))
     np.testing.assert_array_equal(regions.facets(Region(group="pull")), np.flatnonzero(np.isclose(middles[:, 0], 1.2)))
@@ -279,7 +280,7 @@ def test_groups_of_a_mesh(meshed):
     with pytest.raises(ValueError, match=r"^region: no part of the boundary lies in it$"):  # the seam is inside the material
         regions.facets(Region(group="seam"))
     with pytest.raises(ValueError, match=r"^prescribed.0.region: the mesh has no group 'pul'; did you mean pull\?$"):
-        regions.points(regions._scene.prescribed[0].region)
+        regions.points(scene.prescribed[0].region)
     with pytest.raises(ValueError, match=r"the mesh has no group 'xyz'; it has soft, stiff, pull, cavity, seam$"):
         regions.points(Region(group="xyz"))
     with pytest.raises(ValueError, match=r"there is no boundary of holes.1; there are holes.0$"):

@@ -252,10 +252,10 @@ def surrogate_for(law: Law, family: str = "bond force") -> ForceModel:
 def default_force(scene: Scene) -> ForceModel:
     """The force model to run a scene with where none is asked for.
 
-    `surrogate_for` the scene's material; in plane strain the exact selective energy, in which nothing locks, where it can be had: it takes
-    one material, and no bond of it breaks.
+    `surrogate_for` the scene's material; in plane strain the exact selective energy, in which nothing locks, unless bonds break: its own do
+    not.
     """
-    if scene.plane == "strain" and not scene.materials and scene.fracture is None:
+    if scene.plane == "strain" and scene.fracture is None:
         return load_surrogate("bond-energy")
     return surrogate_for(scene.material.build())
 
