@@ -76,6 +76,9 @@ class Regions:
         parts = self._surface.parts
         return np.flatnonzero(parts != "holes" if reference == "outline" else parts == reference)
 
+    def edge(self, reference):
+        return reference if isinstance(reference, str) and reference in self._surface.parts else None
+
     def label(self, reference, otherwise):
         return reference if isinstance(reference, str) else otherwise
 
@@ -344,3 +347,18 @@ def test_tractions_on_both_ends_are_the_mean_stress_of_a_bar():
     total = np.empty_like(y)
     force(y, total)
     assert np.abs(total).max() < 1e-7 * stress * HEIGHT
+
+
+def test_a_force_on_an_edge_that_is_held_by_reflection_is_refused():
+    """It pulled at the free points half a cell inside the edge, and changed what the other edge holds by 3 %."""
+    scene = pd.Scene(
+        name="held",
+        spacing=0.1,
+        body=pd.Rectangle(size=(1.0, 1.0)),
+        material="neo-hookean",
+        prescribed=({"region": "left", "x1": 0, "x2": 0}, {"region": "right", "x1": 0.2}),
+        loads=({"region": "right", "force": (0.3, 0)},),
+        steps=1,
+    )
+    with pytest.raises(pd.SceneError, match="loads.0.region: the right edge is held by reflection"):
+        pd.simulate(scene, "analytic")

@@ -368,3 +368,9 @@ def test_regions_composed_in_python():
         Region(boths=("left",))
     scene = scene_of(regions={"x": Region(other="left")})
     assert pd.Scene(**scene.model_dump()) == scene
+
+
+def test_the_point_nearest_to_a_place_far_away_is_refused():
+    _, regions = regions_of(scene_of(prescribed=[{"region": {"near": [50, 0]}, "x1": 0.0}]))
+    with pytest.raises(ValueError, match=r"the nearest point to \(50, 0\) is point \d+ at .* away: too far$"):
+        regions.points(Region(near=(50.0, 0.0)))

@@ -278,3 +278,18 @@ def test_damaged_scene_files_are_scenes_or_errors(tmp_path_factory, data):
         message = ""
         assert scene.spacing > 0
     assert "\n" not in message
+
+
+def test_a_step_of_too_many_increments_is_refused():
+    """It asked for terabytes."""
+    with pytest.raises(SceneError, match=r"steps.0.largest_increment: 1e-12 makes more than 100,000 increments from t = 0 to 0.4"):
+        load_scene("traction", {"steps": [{"to": 0.4, "largest_increment": 1e-12}]})
+
+
+def test_fracture_in_a_general_scene_asks_for_a_step_with_dynamics():
+    with pytest.raises(SceneError, match="fracture needs a step with dynamics"):
+        load_scene("traction", {"fracture": {"critical_stretch": 2.0}})
+
+
+def test_blanks_around_an_amplitude_do_not_count():
+    assert load_scene("traction", {"loads.0.amplitude": " ramp "}).loads[0].amplitude == "ramp"

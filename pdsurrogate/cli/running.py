@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -17,6 +18,9 @@ from .application import app, bad_input, err, out, said_aloud, show, writing
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells give it: 128 and the number of the signal."""
 
+
+LEAST_SHARE = 0.01
+"""Of the moment over the extent of the body: what is turned has smaller forces, of which the table tells nothing."""
 
 LEAST_SHOWN = 5e-6
 """Forces below it are printed as zero."""
@@ -241,14 +245,17 @@ def _print_outputs(result) -> None:
     table.add_column("t", justify="right")
     if moving:
         table.add_column(f"time ({summary['units']['time']})", justify="right")
-    # Components that are zero throughout are left out; of what has no force, as turned parts have none, the moment is told.
+    # Components that are zero throughout are left out; of what has next to no force, as turned parts have, the moment is told.
+    extent = float(np.ptp(result.body.points, axis=0).max())
     for name in dict.fromkeys(name for level in summary["levels"] for name in level["forces"]):
         forces = [level["forces"][name] for level in summary["levels"]]
-        shown = [component for component in (0, 1) if any(abs(force[component]) >= LEAST_SHOWN for force in forces)]
+        moment = max(abs(level["moments"][name]) for level in summary["levels"])
+        least = max(LEAST_SHOWN, LEAST_SHARE * moment / extent)
+        shown = [component for component in (0, 1) if any(abs(force[component]) >= least for force in forces)]
         for component in shown:
             columns[f"{name} x{component + 1} ({unit})"] = [force[component] for force in forces]
         if not shown:
-            columns[f"{name} moment ({unit} {summary['units']['length']})"] = [level["moments"][name] for level in summary["levels"]]
+            columns[f"{name} moment ({result.scene.units.energy})"] = [level["moments"][name] for level in summary["levels"]]
     for title in columns:
         table.add_column(title, justify="right")
     for number, level in enumerate(summary["levels"]):
@@ -259,7 +266,23 @@ def _print_outputs(result) -> None:
         table.add_row(*cells, *(f"{round(values[number], 5) + 0.0:.5f}" for values in columns.values()))
     if summary["levels"]:
         show(table)
+        if "probes" in summary["levels"][0]:
+            _print_probes(summary)
     _print_end(summary)
+
+
+def _print_probes(summary) -> None:
+    """Displacements of the probes at every output."""
+    table = Table(title="displacements of the probes", title_justify="left")
+    table.add_column("t", justify="right")
+    names = list(summary["levels"][0]["probes"])
+    for name in names:
+        for component in (1, 2):
+            table.add_column(f"{name} x{component} ({summary['units']['length']})", justify="right")
+    for level in summary["levels"]:
+        values = [value for name in names for value in level["probes"][name]["displacement"]]
+        table.add_row(f"{level['t']:g}", *(f"{round(value, 5) + 0.0:.5f}" for value in values))
+    show(table)
 
 
 def _print_end(summary) -> None:

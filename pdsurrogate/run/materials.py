@@ -71,10 +71,7 @@ def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: Bod
     of_points, laws = np.zeros(len(body), dtype=np.int64), [scene.material.build()]
     for number, part in enumerate(scene.materials, 1):
         laws.append(part.material.build())
-        try:
-            points = regions.points(part.region)
-        except ValueError as error:
-            raise ValueError(f"materials.{number - 1}.region: {error}") from None
+        points = regions.points(part.region)
         before = of_points[points]
         twice = (before > 0) & np.array([laws[other] != laws[number] or models[other] is not models[number] for other in before])
         if twice.any():

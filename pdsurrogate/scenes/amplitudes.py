@@ -45,6 +45,7 @@ LONGEST = 200
 def _checked(value: Any) -> Any:
     """Refuse amplitudes that make no sense, before any work."""
     if isinstance(value, str):
+        value = value.strip()
         compiled = _expression(value)
         for t in (0.0, 1.0):
             _value(compiled, value, t)

@@ -31,6 +31,10 @@ EDGES = {"left": (0, -1), "right": (0, +1), "bottom": (1, -1), "top": (1, +1)}
 """Coordinate held by each edge of the bounding box, and the side of the body it lies on."""
 
 
+MOST_INCREMENTS = 100_000
+"""Of a step; more take days on the smallest body."""
+
+
 class MaterialSpec(StrictModel):
     """A material law by name, with its parameters."""
 
@@ -318,7 +322,16 @@ class Scene(StrictModel):
     @model_validator(mode="after")
     def _programme(self) -> Scene:
         if self.fracture is not None and self.dynamics is None and not any(step.dynamics for step in self.steps):
-            raise ValueError("fracture needs dynamics: a crack that runs is not in equilibrium")
+            where = "a step with dynamics" if self.steps else "dynamics"
+            raise ValueError(f"fracture needs {where}: a crack that runs is not in equilibrium")
+        begin = 0.0
+        for number, step in enumerate(self.steps):
+            if step.largest_increment is not None and abs(step.to - begin) > MOST_INCREMENTS * step.largest_increment:
+                raise ValueError(
+                    f"steps.{number}.largest_increment: {step.largest_increment:g} makes more than {MOST_INCREMENTS:,} increments "
+                    f"from t = {begin:g} to {step.to:g}"
+                )
+            begin = step.to
         if self.fracture is not None and self.fracture.energy is not None and self.plane == "strain":
             raise ValueError("fracture.energy gives a critical stretch under plane stress alone; give fracture.critical_stretch")
         if not self.stretched:

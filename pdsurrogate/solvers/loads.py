@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import sparse
 
-from ..body import Body
+from ..body import Body, ReflectionPlane
 from ..body.surface import Surface
 from ..forces import InternalForce, InvalidState
 from ..scenes.amplitudes import amplitude_of
@@ -108,6 +108,11 @@ class _Pressures:
         return float((self._pressures * (areas - self._areas_at_rest)).sum())
 
 
+def _edge_of(plane: ReflectionPlane) -> str:
+    """Name of the edge that a plane holds."""
+    return next(edge for edge, place in EDGES.items() if place == (plane.axis, plane.side))
+
+
 def _end_rows(surface: Surface, facets: np.ndarray) -> tuple[sparse.csr_array, sparse.csr_array]:
     """Rows of N of the two ends of facets, shape (f, n) each."""
     first, second = surface.facets[facets].T
@@ -179,11 +184,10 @@ class Loads:
     def _facets(self, number: int, load: Load, regions: BodyRegions) -> np.ndarray:
         """Facets that a traction or pressure acts on; none may lie in a plane in which the body is reflected."""
         facets, surface = regions.facets(load.region), regions.surface()
-        edges = {place: edge for edge, place in EDGES.items()}
         for plane in self.body.planes:
             distance = np.abs(surface.nodes[surface.facets[facets]][..., plane.axis] - plane.position)
             if (distance < ON_A_PLANE * self.body.spacing).all(axis=1).any():
-                edge = edges[plane.axis, plane.side]
+                edge = _edge_of(plane)
                 raise ValueError(
                     f"loads.{number}.region: it takes in facets of the {edge} edge, which is held by reflection, so that a {load.kind} "
                     f"there goes into what holds it; leave the {edge} edge out, or hold points (support=points)"
@@ -198,6 +202,12 @@ class Loads:
             lengths = (first + second).T @ surface.lengths()[facets] / 2
             points = np.flatnonzero(lengths)
             return _DeadForces(points, lengths[points, None] * np.array(load.traction))
+        if load.kind == "force" and regions.edge(load.region) in map(_edge_of, self.body.planes):
+            # It would pull at points half a cell inside the edge, which are free.
+            raise ValueError(
+                f"loads.{number}.region: the {regions.edge(load.region)} edge is held by reflection, so that a force there goes into what "
+                "holds it; give another region, or hold points (support=points)"
+            )
         points = regions.points(load.region)
         if load.kind == "body_force":
             return _DeadForces(points, self.body.volumes[points, None] * np.array(load.body_force))

@@ -27,6 +27,10 @@ RIM = 0.05
 """Cells by which places may lie outside the facets: those of round outlines, half a cell long, have their middles up to 0.02 inside."""
 
 
+NEAR = 2.0
+"""Cells from a place within which the point nearest to it is taken for it."""
+
+
 class _Found(NamedTuple):
     """For each point or facet whether it is in a region, and how far from it, infinite where that has no meaning."""
 
@@ -97,7 +101,12 @@ class _Points(_Parts):
 
     def listed(self, region: Region) -> np.ndarray:
         if region.near is not None:
-            return np.array([cKDTree(self.places).query(region.near)[1]])
+            distance, nearest = cKDTree(self.places).query(region.near)
+            if distance > NEAR * self._body.cell.max():
+                raise ValueError(
+                    f"the nearest point to {_text(np.array(region.near))} is {self.told(nearest)}, {distance:.3g} away: too far"
+                )
+            return np.array([nearest])
         numbers = np.array(region.points)
         if numbers.max() >= len(self.places):
             raise ValueError(f"there is no point {numbers.max()}; the body has {len(self.places)}, from 0 on")
