@@ -360,5 +360,5 @@ def test_a_force_on_an_edge_that_is_held_by_reflection_is_refused():
         loads=({"region": "right", "force": (0.3, 0)},),
         steps=1,
     )
-    with pytest.raises(pd.SceneError, match="loads.0.region: the right edge is held by reflection"):
+    with pytest.raises(pd.SceneError, match=r"loads\.0\.region: the right edge is held by reflection"):
         pd.simulate(scene, "analytic")
