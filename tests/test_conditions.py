@@ -9,6 +9,8 @@ from pdsurrogate.materials import homogeneous
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.solvers.extension import Samples, affine_extension
+from pdsurrogate.stress_test.case import Subject
+from pdsurrogate.stress_test.conformance import TABLE
 
 ROLLERS = (
     {"region": "left", "x1": 0.0},
@@ -173,3 +175,35 @@ def test_what_single_lines_do_turns_the_body_and_what_they_do_not_tell_stays():
     np.testing.assert_allclose(affine_extension(both, body), body @ rotation(0.7).T + [0.1, 0.2], atol=1e-14)
     one = Samples(line, np.zeros(3, dtype=int), line[:, 0] + 0.3)
     np.testing.assert_allclose(affine_extension(one, body), body + np.array([0.3, 0.0]), atol=1e-14)
+
+
+@pytest.mark.parametrize("support", ["reflected", "points"])
+@pytest.mark.parametrize("row", [row for row in TABLE if row.plane == "stress"], ids=lambda row: row.name)
+def test_reactions_and_loads_balance_what_is_left_on_free_points(row, support):
+    """Linear momentum in any state, for every force model: to rounding, some hundreds of sums of doubles.
+
+    Moments too, of models that have them, where points are held: mirror images of a state out of equilibrium have moments of their own.
+    """
+    loads = (
+        {"region": "top", "traction": [0.02, 0.05]},
+        {"body_force": [0.1, -0.2]},
+        {"region": {"near": [0.6, 0.5]}, "force": [0.0, 0.1]},
+    )
+    prescribed = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.1})
+    subject = Subject(row.reference)
+    scene = scene_of(prescribed, support=support, loads=loads, precision="float64", material=subject.law.describe())
+    run = Run(scene, subject.model, Silent())
+    x1, x2 = run.body.points.T
+    start = run.body.points + 0.02 * np.stack([np.sin(2 * x1 + 3 * x2), np.cos(3 * x1 - 2 * x2)], axis=1)
+    out, loading = np.empty_like(start), run.loading
+    loading.apply(0.5, run.loaded, start)
+    run.loaded(start, out)
+    reactions, left = loading.reactions(run.loaded), out * loading.free
+    applied = sum(run.loads.by_name(start).values())
+    scale = np.abs(run.force.pair_forces()).sum()
+    # Along a roller the forces of a bond and of its image cancel, if the model knows mirror symmetry.
+    kept = [0] if support == "reflected" and "mirror" in row.departures else [0, 1]
+    np.testing.assert_allclose((reactions.forces.sum(axis=0) + applied)[kept], left.sum(axis=0)[kept], atol=1e-13 * scale)
+    if support == "points" and "angular_momentum" not in row.departures:
+        moments = loading.moments(run.loaded, reactions).sum() + sum(run.loads.moments(start, np.zeros(2)).values())
+        assert moments == pytest.approx((start[:, 0] * left[:, 1] - start[:, 1] * left[:, 0]).sum(), abs=1e-13 * scale)
