@@ -3,6 +3,7 @@
 python pipelines/compare_commits.py OLD NEW --figures     sections 6.2 to 6.7, tears at a coarser spacing
 python pipelines/compare_commits.py OLD NEW --conformance every property and hard case of every force model, with few explicit steps
 python pipelines/compare_commits.py OLD NEW --speed       every force model on one thread and on two, in turns
+python pipelines/compare_commits.py OLD NEW --runs        whole runs of sections 6.2 and 6.5, in turns
 python pipelines/compare_commits.py OLD NEW --compile     first evaluation and first run with an empty cache
 
 Each commit is checked out into a temporary folder and run there in processes of its own with this Python, so that both must run on what is
@@ -110,6 +111,15 @@ for line in sys.stdin:
     print(json.dumps(1e9 * (time.perf_counter() - began) / count / bonds), flush=True)
 """
 
+WHOLE = """
+import json, sys
+import pdsurrogate as pd
+for line in sys.stdin:
+    scene, changes = json.loads(line)
+    summary = pd.simulate(pd.load_scene(scene, changes)).summary
+    print(json.dumps(summary["seconds_total"] - summary["seconds_compile"]), flush=True)
+"""
+
 COMPILE = """
 import json, sys, time
 import pdsurrogate as pd
@@ -207,6 +217,21 @@ def compare_speed(paths: list[Path], turns: int) -> None:
         print(f"{name:20} {3 * width * width:7} {threads:7} {old:8.2f} {new:8.2f} {ratio:8.3f}", flush=True)
 
 
+def compare_runs(paths: list[Path], turns: int) -> None:
+    """Medians of the seconds that whole runs take, and of the ratio within a turn; each process goes first in every other turn."""
+    both = [start(path, WHOLE) for path in paths]
+    for section, question in {"6.2": ("uniaxial", {}), "6.5": ("tear", {"spacing": 0.1})}.items():
+        for process in both:
+            ask(process, question)
+        found = []
+        for turn in range(turns):
+            order = (0, 1) if turn % 2 else (1, 0)
+            seconds = {which: ask(both[which], question) for which in order}
+            found.append((seconds[0], seconds[1]))
+        old, new = (median(values) for values in zip(*found, strict=True))
+        print(f"{section:6} {old:8.3f} {new:8.3f} s   new/old {median(b / a for a, b in found):.3f}", flush=True)
+
+
 def compare_compile(paths: list[Path], turns: int) -> None:
     """Medians of the seconds spent compiling in a process that finds no cache."""
     found = {path: [] for path in paths}
@@ -227,6 +252,7 @@ def main() -> None:
     parser.add_argument("--figures", action="store_true")
     parser.add_argument("--conformance", action="store_true")
     parser.add_argument("--speed", action="store_true")
+    parser.add_argument("--runs", action="store_true")
     parser.add_argument("--compile", action="store_true")
     parser.add_argument("--turns", type=int, default=15)
     arguments = parser.parse_args()
@@ -237,6 +263,8 @@ def main() -> None:
             compare_conformance(paths)
         if arguments.speed:
             compare_speed(paths, arguments.turns)
+        if arguments.runs:
+            compare_runs(paths, arguments.turns)
         if arguments.compile:
             compare_compile(paths, min(arguments.turns, 5))
 
