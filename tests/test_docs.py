@@ -13,7 +13,7 @@ from pdsurrogate.materials import LAWS
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
-HOW_TOS = sorted((DOCS / "how-to").glob("*.md"))
+HOW_TOS = [*sorted((DOCS / "how-to").glob("*.md")), DOCS / "loading.md"]
 
 
 @pytest.fixture
