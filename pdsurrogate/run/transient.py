@@ -13,20 +13,25 @@ from ..body import Body
 from ..forces import InvalidState
 from ..results.checkpoint import Checkpoint
 from ..solvers import Diverging, ExplicitDynamics
+from ..solvers.conditions import Reactions
+from ..solvers.minimiser import EnergyMinimiser
 from ..solvers.reductions import LOCAL
 from .programme import Stage
 from .rows import force_columns, forces_by_name, moment_columns, moments_by_name, output_row, probe_columns
 from .run import Run
 
 STEPS_PER_ROW = 20
-"""Steps between rows of the history; work and damped energy are summed over them by the trapezoidal rule.
+"""Steps between rows of the history; with grips, work and damped energy are summed over them by the trapezoidal rule.
 Waves take longer than that to cross a few horizons.  The damping beside a crack changes faster: where the force has an energy, so that the
-account can close, it is taken in every step from a bond's breaking until as many steps later."""
+account can close, it is taken in every step from a bond's breaking until as many steps later.  In general scenes bodies may be a few
+horizons wide and conditions change at any time: there both are taken in every step, but for viscous damping, which takes an evaluation."""
 
 SECONDS_BETWEEN_CHECKPOINTS = 60.0
 
 MOST_ENERGY = 1.5
-"""Motion and damping may take this share of the energy put in; more comes from an unstable step, or from a force that has no energy."""
+"""Motion and damping may take this share of the energy put in; more comes from an unstable step, or from a force that has no energy.
+What it exceeds 1 by is allowed of the most that had been put in at any time.  A force map has no energy of its own, so that the account of
+a body that is unloaded, and has given back nearly all it held, is off by a share of what it held, and not of what is left."""
 
 MOST_STEPS = 1e9
 """A run of more steps, weeks even on the smallest body, is a slip in the units of the density or of the rate."""
@@ -51,7 +56,11 @@ class Account:
     power, damped_power : float
         When they were last taken.
     rate_time, damped_time : float
-        When that was: the power at the last row of the history, the damped power there or in a step since.
+        When that was: at the last row of the history or in a step since.
+    row_time : float
+        Of the last row.
+    most_put_in : float
+        Greatest sum of initial energy and work at any row.
     last_break : int
         Step in which a bond last broke.
     outputs : int
@@ -69,6 +78,8 @@ class Account:
     damped_power: float = 0.0
     rate_time: float = 0.0
     damped_time: float = 0.0
+    row_time: float = 0.0
+    most_put_in: float = 0.0
     last_break: int = -STEPS_PER_ROW
     outputs: int = 0
     recent: list[int] = field(default_factory=list)
@@ -100,6 +111,11 @@ class Transient:
             run.reductions,
         )
         self._keeps_account = run.force.has_energy
+        # A stage that says its duration is to end, and to be recorded, when it says.  One at a rate goes to the first step past an output.
+        self._timed = self.spec.duration is not None
+        # Below this an energy is rounding: a body at rest holds none, and any motion would be more than was put in.
+        modulus = max(law.shear_modulus for law, _ in run.force.laws)
+        self._rounding = EnergyMinimiser.ROUNDING[run.force.precision] * modulus * run.reductions.total(run.body.volumes)
         if self.damage is not None and run.crack is None:
             run.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
 
@@ -118,6 +134,8 @@ class Transient:
         velocities = run.loading.velocities(run.positions, motion) if run.velocities is None else run.velocities
         integrator.velocities[:] = velocities * run.loading.free
         integrator.begin()
+        if self._timed and run.velocities is None:
+            integrator.centre()
         if motion.duration > MOST_STEPS * integrator.time_step:
             raise Diverging(
                 f"the dynamics take {motion.duration:.3g} {run.scene.units.time} in steps of {integrator.time_step:.3g}, more than "
@@ -147,27 +165,38 @@ class Transient:
             except InvalidState as error:
                 self.save_last_state()
                 raise InvalidState(f"time {account.time:.4g}: {error}") from None
-            if run.interruption.asked:
-                self._checkpoint()
-                self._last_row()
-                run.interruption.check()
             if integrator.steps % STEPS_PER_ROW == 0:
                 self._row()
                 broken = run.crack["broken_bonds"] if run.crack else 0
                 run.progress.dynamics(min(1.0, account.time / motion.duration), run.parameter, broken)
-            elif self._keeps_account and integrator.steps - account.last_break < STEPS_PER_ROW:
-                self._take_damping()
-            if motion.due(account.time, account.outputs + 1, self.most_outputs):
+            else:
+                self._take_between_rows()
+            due = self._due()
+            if due:
                 through = self._through()
                 if through or account.outputs + 1 == self.most_outputs:
                     self._last_row()
                 self.output()
                 if through:
                     break
-            elif clock.monotonic() - saved < SECONDS_BETWEEN_CHECKPOINTS:
-                continue
-            saved = clock.monotonic()
-            self._checkpoint()
+            # What is resumed from has the row and the output of its step; a row that an interruption asks for is not in it.
+            asked = run.interruption.asked
+            if due or asked or clock.monotonic() - saved >= SECONDS_BETWEEN_CHECKPOINTS:
+                self._checkpoint()
+                saved = clock.monotonic()
+            if asked:
+                self._last_row()
+                run.interruption.check()
+
+    def _time_due(self) -> float:
+        """When the next output is, in a stage that says its duration."""
+        return self.motion.duration * ((self.account.outputs + 1) / self.most_outputs)
+
+    def _due(self) -> bool:
+        """Whether the next output is to be written now."""
+        if self._timed:
+            return self.account.time >= self._time_due()
+        return self.motion.due(self.account.time, self.account.outputs + 1, self.most_outputs)
 
     def save_last_state(self) -> None:
         """Go back to before the step that failed, and record the state there unless it has been."""
@@ -190,10 +219,16 @@ class Transient:
 
     def step(self) -> None:
         run, account, integrator = self.run, self.account, self.integrator
-        integrator.move()
-        account.time += integrator.last_step
+        if self._timed:
+            # Equal parts of what is left, so that no step before an output is much shorter than the others.
+            left = self._time_due() - account.time
+            integrator.move(integrator.part_of(left))
+            account.time = self._time_due() if integrator.last_step == left else account.time + integrator.last_step
+        else:
+            integrator.move()
+            account.time += integrator.last_step
         run.steps += 1
-        run.parameter = run.target = self.motion.at(account.time)
+        run.parameter = run.target = self._parameter()
         self._hold(run.positions, 0.0)
         if self.damage is None:
             integrator.evaluate()
@@ -215,6 +250,11 @@ class Transient:
                 raise error
             else:
                 return
+
+    def _parameter(self) -> float:
+        """The loading parameter now; at the end the stage's own, without the rounding of rate by time."""
+        ended = self._timed and self.account.time >= self.motion.duration
+        return self.motion.end if ended else self.motion.at(self.account.time)
 
     def _hold(self, positions: np.ndarray, ahead: float) -> None:
         """Bring all that is held to where it is a time `ahead` from now."""
@@ -268,25 +308,21 @@ class Transient:
 
     def _last_row(self) -> None:
         """A row at the present state, with which the history ends, unless there is one."""
-        if self.account.time > self.account.rate_time:
+        if self.account.time > self.account.row_time:
             self._row()
 
     def _row(self, first: bool = False) -> None:
         """A row of the history, and work and damped energy up to it."""
-        run, account, integrator = self.run, self.account, self.integrator
+        run, account = self.run, self.account
         reactions = run.loading.reactions(run.loaded)
-        kinetic = integrator.kinetic_energy()
+        kinetic = self._kinetic_energy()
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
-        power = run.loading.power(reactions, self.motion, account.time, integrator.last_step)
-        if run.loads is not None:
-            power += run.reductions.total_of_parts(run.loads.power(run.positions, integrator.mean_velocities(), run.loaded.thickness()))
+        self._take_work(reactions)
         forces = forces_by_name(run, reactions)
         self._take_damping()
         strain = run.strain_energy()
-        if not first:
-            account.work += 0.5 * (account.time - account.rate_time) * (account.power + power)
-        account.power, account.rate_time = power, account.time
+        account.row_time = account.time
         row = {"time": run.elapsed + account.time, run.loading.parameter: run.parameter}
         if run.scene.stretched:
             row["nominal_stress"] = run.nominal_stress(reactions.forces)
@@ -304,9 +340,11 @@ class Transient:
             row["released_energy"] = account.released_energy
         if first:
             account.initial_energy = kinetic + strain
+        put_in = account.initial_energy + account.work
+        account.most_put_in = max(account.most_put_in, put_in)
         # Half as much again for what the trapezoidal rule and the points' own strain energy leave out.
-        elif kinetic + account.damped_energy > MOST_ENERGY * (account.initial_energy + account.work):
-            put_in = account.initial_energy + account.work
+        allowed = put_in + (MOST_ENERGY - 1) * account.most_put_in + self._rounding
+        if not first and kinetic + account.damped_energy > allowed:
             raise Diverging(
                 f"time {account.time:.4g}: the motion runs away: it and the damping have taken {kinetic + account.damped_energy:.3g} "
                 f"of the {put_in:.3g} that was put in"
@@ -314,6 +352,35 @@ class Transient:
         if self.damage is not None:
             row |= {"broken_bonds": run.crack["broken_bonds"], "free_points": run.unsupported_points()}
         run.history.append(row)
+
+    def _kinetic_energy(self) -> float:
+        """With grips of the velocities half a step back; otherwise of those at the positions, at which all other energies are."""
+        return self.integrator.kinetic_energy(self.integrator.mean_velocities() if self._timed else None)
+
+    def _take_between_rows(self) -> None:
+        """Add what the account takes in steps that have no row."""
+        if self._timed:
+            self._take_work(self.run.loading.reactions(self.run.loaded))
+        breaking = self._keeps_account and self.integrator.steps - self.account.last_break < STEPS_PER_ROW
+        if breaking or (self._timed and self.spec.viscosity == 0):
+            self._take_damping()
+
+    def _take_work(self, reactions: Reactions) -> None:
+        """Add the work of what holds and loads since the last time it was taken; the force is still that which moves the body.
+
+        The velocity of what is held is that over a step on either side.  Summed in every step by the trapezoidal rule this is the mean
+        reaction over a step by the travel in it, of second order also where what is held changes its velocity.
+        """
+        run, account, step = self.run, self.account, self.integrator.last_step
+        between = self._timed and step <= account.time < self.motion.duration
+        span = (account.time + step, 2 * step) if between else (account.time, step)
+        power = run.loading.power(reactions, self.motion, *span)
+        if run.loads is not None:
+            velocities = self.integrator.mean_velocities()
+            power += run.reductions.total_of_parts(run.loads.power(run.positions, velocities, run.loaded.thickness()))
+        # At the start, when the account is empty, no time has gone by.
+        account.work += 0.5 * (account.time - account.rate_time) * (account.power + power)
+        account.power, account.rate_time = power, account.time
 
     def _take_damping(self) -> None:
         """Add the energy that the damping took since the last time it was taken; leaves the force evaluated at the positions themselves."""
@@ -348,7 +415,7 @@ class Transient:
         if not run.scene.stretched:
             run.loaded(run.positions, np.empty_like(run.positions))
             row = output_row(run, run.elapsed + account.time)
-            run.levels.append(row | {"kinetic_energy": self.integrator.kinetic_energy()})
+            run.levels.append(row | {"kinetic_energy": self._kinetic_energy()})
         run.record(None if self.damage is None else self.damage.at_points(), account.time)
         account.outputs += 1
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -111,10 +112,20 @@ class ExplicitDynamics:
         self._hold(self._ahead, self._viscosity)
         self.force(self._ahead, self.forces)
 
-    def move(self) -> None:
-        """Advance velocities and positions by one step; the forces are still those before it."""
+    def centre(self) -> None:
+        """Take velocities that are those at the positions back by half a step, where the scheme has them."""
+        self.kick(-self.forces)
+
+    def part_of(self, span: float) -> float:
+        """The longest step, no longer than the stable one, of which a whole number makes a span of time."""
+        return span / max(1, math.ceil(span / self.time_step))
+
+    def move(self, longest: float = np.inf) -> None:
+        """Advance velocities and positions by one step of at most `longest`; the forces are still those before it."""
         fastest = self._reductions.greatest_of_parts(max(self.velocities.max(), -self.velocities.min()))
-        step = min(self.time_step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else self.time_step
+        step = min(self.time_step, longest)
+        if fastest > 0:
+            step = min(step, MOST_TRAVEL * self.force.body.spacing / fastest)
         scheme = self.forces, self._free, self._mass, self._damping
         central_difference_step[self.positions.shape[1]](self.positions, self.velocities, *scheme, step, self.last_step)
         self.last_step = step
@@ -134,9 +145,10 @@ class ExplicitDynamics:
             self._estimate()
         self._evaluate()
 
-    def kinetic_energy(self) -> float:
-        """Of the velocities at the last half step."""
-        return 0.5 * self._reductions.dot(self.velocities, self.velocities, self._mass)
+    def kinetic_energy(self, velocities: np.ndarray | None = None) -> float:
+        """Of given velocities; of those at the last half step where none are."""
+        velocities = self.velocities if velocities is None else velocities
+        return 0.5 * self._reductions.dot(velocities, velocities, self._mass)
 
     def mean_velocities(self) -> np.ndarray:
         """Velocities at the positions, the mean of those half a step before and after, shape (n, 2)."""
