@@ -9,6 +9,7 @@ import pytest
 from pdsurrogate.forces import FORCES
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
 from pdsurrogate.materials import LAWS
+from pdsurrogate.results.measures import POINT_FIELDS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -19,7 +20,7 @@ HOW_TOS = [*sorted((DOCS / "how-to").glob("*.md")), DOCS / "loading.md"]
 @pytest.fixture
 def tables():
     """The tables that examples add to; afterwards they are as before."""
-    kept = [(table, dict(table)) for table in (LAWS, FORCES, FEATURE_SETS)]
+    kept = [(table, dict(table)) for table in (LAWS, FORCES, FEATURE_SETS, POINT_FIELDS)]
     yield
     for table, entries in kept:
         table.clear()
