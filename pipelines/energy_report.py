@@ -10,7 +10,7 @@ import argparse
 import time
 
 import numpy as np
-from readme import markdown_table
+from pages import markdown_table
 from rich.console import Console
 
 import pdsurrogate as pd

@@ -3,7 +3,7 @@
 python pipelines/loading_report.py                    all scenes, to the finest spacing that the table names
 python pipelines/loading_report.py --quick            the two coarsest spacings of each
 python pipelines/loading_report.py SCENE ...          some of them
-python pipelines/loading_report.py --readme           and put the table into the README
+python pipelines/loading_report.py --docs           and put the table into the documentation
 
 Reference figures: finite elements (nine-node quadrilaterals on graded meshes, three-field in plane strain; change in the last refinement
 0.02 % or less, 0.15 % for the pressed block) and, for the ring, the radial equation of equilibrium to 1e-10.
@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from readme import markdown_table, replace_block
+from pages import markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pd
@@ -132,7 +132,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scenes", nargs="*", metavar="SCENE")
     parser.add_argument("--quick", action="store_true", help="the two coarsest spacings alone")
-    parser.add_argument("--readme", action="store_true", help="put the table into the README")
+    parser.add_argument("--docs", action="store_true", help="put the table into the documentation")
     parser.add_argument("--force", help="instead of each case's own")
     arguments = parser.parse_args()
     runs, rows = {}, []
@@ -159,7 +159,7 @@ def main() -> None:
                 rows.append([name, measure, f"{reference:.5g}", " / ".join(f"{spacing:g}" for spacing in spacings), " / ".join(errors)])
     table = markdown_table(["case", "measure", "reference", "spacing (cm)", "error (%)"], rows)
     console.print(table, soft_wrap=True)
-    if arguments.readme:
+    if arguments.docs:
         replace_block("loading", table)
 
 

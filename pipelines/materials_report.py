@@ -1,7 +1,7 @@
 """Laws of rubber: identification from test data, and where a surrogate earns its keep.
 
-python pipelines/materials_report.py            print the tables, and write them with the figure of the fits to pipelines/figures
-python pipelines/materials_report.py --readme   and put them into the README
+python pipelines/materials_report.py            print the tables, and write them with the figure of the fits to docs/figures
+python pipelines/materials_report.py --docs   and put them into the documentation
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from readme import FIGURES, markdown_table, replace_block
+from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 from rich.table import Table
 
@@ -65,7 +65,7 @@ def show(title: str, rows: list[dict]) -> None:
 
 
 def as_markdown(rows: list[dict]) -> str:
-    """The same rows for the README."""
+    """The same rows for the documentation."""
     body = [[f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
     return markdown_table(list(rows[0]), body)
 
@@ -220,7 +220,7 @@ def chain_limit_as_input() -> list[dict]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--readme", action="store_true", help="put the tables into the README")
+    parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
     parser.add_argument("--quick", action="store_true", help="fewer repeats, not for quoting")
     arguments = parser.parse_args()
     costs, caution = speed(arguments.quick)
@@ -231,7 +231,7 @@ def main() -> None:
         "speed": costs,
     }
     write_json(FIGURES / "materials.json", found)
-    if arguments.readme:
+    if arguments.docs:
         replace_block("identification", as_markdown(found["identification"]["table"]))
         replace_block("published", as_markdown(found["published"]))
         replace_block("laws", f"{as_markdown(costs)}\n\n{caution}".strip())

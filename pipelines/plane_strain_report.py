@@ -3,18 +3,23 @@
     python pipelines/plane_strain_report.py [POINTS ...]
 
 POINTS are numbers of points along the smaller side, 16 24 32 50 by default; the last takes some minutes, and only the selective energy is
-taken so far.  The table goes to ``pipelines/figures/plane-strain.md``.
+taken so far.  The table goes to ``docs/validation/plane-strain.md``.
 """
 
 import sys
-from pathlib import Path
 
 import numpy as np
+from pages import VALIDATION
 
 import pdsurrogate as pd
 from pdsurrogate.forces import PlainBondEnergyForce
+from pdsurrogate.results.files import write_text
 
-FIGURES = Path(__file__).parent / "figures"
+HEAD = """# Plane strain: the bonded block
+
+A block of 2 x 1 cm bonded to rigid plates, against finite elements: error of the force and of the bulge by force model, bulk modulus and
+spacing, and how rough the pressure is inside, over its spread. Made by `python pipelines/plane_strain_report.py`.
+"""
 MODELS = {"bond-energy": "bond-energy", "all at the bonds": PlainBondEnergyForce(), "analytic": "analytic", "nosb": "nosb"}
 COLUMNS = ("force model", "K/mu", "points a side", "stretch", "force", "bulge", "checkerboard", "roughness", "evaluations")
 MOST_OF_OTHERS = 32
@@ -60,7 +65,7 @@ def main(sizes: list[int]) -> None:
                 for stretch in (0.95, 1.3):
                     lines.append(f"| {' | '.join(row(name, bulk, points, stretch))} |")
                     print(lines[-1], flush=True)
-                    (FIGURES / "plane-strain.md").write_text("\n".join(lines) + "\n")
+                    write_text(VALIDATION / "plane-strain.md", f"{HEAD}\n" + "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

@@ -2,9 +2,9 @@
 
 python pipelines/reproduce_paper.py                 everything: about 25 minutes on two cores
 python pipelines/reproduce_paper.py --part hole     one part (see --help)
-python pipelines/reproduce_paper.py --readme        and put the tables into the README
+python pipelines/reproduce_paper.py --docs        and put the tables into the documentation
 
-Figures go to pipelines/figures, numbers of each part to pipelines/figures/reproduction.json, so that parts can be run one by one.
+Figures go to docs/figures, numbers of each part to docs/figures/reproduction.json, so that parts can be run one by one.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
-from readme import FIGURES, markdown_table, replace_block
+from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pd
@@ -362,7 +362,7 @@ def pivot(rows: list[dict]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--part", choices=list(PARTS), action="append", help="one part only; may be repeated")
-    parser.add_argument("--readme", action="store_true", help="put the tables into the README")
+    parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
     arguments = parser.parse_args()
     numbers = json.loads(NUMBERS.read_text()) if NUMBERS.exists() else {}
     for name in arguments.part or PARTS:
@@ -370,7 +370,7 @@ def main() -> None:
         numbers[name] = PARTS[name]()
         write_json(NUMBERS, numbers)
         console.print(table(numbers[name]), soft_wrap=True)
-    if arguments.readme:
+    if arguments.docs:
         static = [entry for name in ("zero-energy", "uniaxial", "pure-shear", "hole", "gent", "voids") for entry in numbers[name]]
         static += [entry for entry in numbers["tear"] if entry["part"] == "6.5"]
         replace_block("section 6", table(static))

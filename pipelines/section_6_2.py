@@ -1,7 +1,7 @@
 """Section 6.2 of the paper: uniaxial tension with every force model, against the exact solution and the paper's Table 1.
 
 python pipelines/section_6_2.py            print the tables, draw the figures
-python pipelines/section_6_2.py --readme   and put both into the README
+python pipelines/section_6_2.py --docs   and put both into the documentation
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import argparse
 
 import matplotlib
 from matplotlib.figure import Figure
-from readme import FIGURES, markdown_table, replace_block
+from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pd
@@ -77,7 +77,7 @@ def zero_energy_figure(smooth, rough) -> Figure:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--readme", action="store_true", help="put the table and the figures into the README")
+    parser.add_argument("--docs", action="store_true", help="put the table and the figures into the documentation")
     arguments = parser.parse_args()
     results = []
     for title, force, changes in RUNS:
@@ -88,7 +88,7 @@ def main() -> None:
     named = dict(results)
     save(named["surrogate, symmetric features (default)"].figure(), FIGURES / "uniaxial.png")
     save(zero_energy_figure(named["surrogate, held columns"], named["NOSB, held columns"]), FIGURES / "zero-energy.png")
-    if arguments.readme:
+    if arguments.docs:
         replace_block("section 6.2", text)
 
 

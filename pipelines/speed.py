@@ -1,7 +1,7 @@
-"""Speed against error for every force model, and cost against size: the tables and the figure of the README.
+"""Speed against error for every force model, and cost against size: the tables and the figure of the documentation.
 
 python pipelines/speed.py            print both tables, draw the figure (five to eight minutes)
-python pipelines/speed.py --readme   and put them into the README
+python pipelines/speed.py --docs   and put them into the documentation
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import sys
 import time
 
 import numpy as np
-from readme import FIGURES, markdown_table, replace_block
+from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pd
@@ -74,7 +74,7 @@ def scaling_table() -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--readme", action="store_true", help="put the tables and the figure into the README")
+    parser.add_argument("--docs", action="store_true", help="put the tables and the figure into the documentation")
     parser.add_argument("--size", type=int, nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.size:
@@ -87,7 +87,7 @@ def main() -> None:
     save(presentation.pareto_figure(report), FIGURES / "speed.png")
     write_text(FIGURES / "speed.csv", presentation.as_csv(report))
     sizes = scaling_table()
-    if arguments.readme:
+    if arguments.docs:
         machine = report["machine"]
         where = f"Processor: {machine['processor']}, {machine['threads']} threads, numba {machine['numba']}."
         text = f"{where} {presentation.caution(report['models'])}".strip() + "\n\n"

@@ -1,7 +1,7 @@
 """Hard cases for every force model, the fallback beyond a surrogate's domain, and what guarding it costs.
 
 python pipelines/stress_report.py            print the tables
-python pipelines/stress_report.py --readme   and put them into the README, the long one into pipelines/figures/hard-cases.md
+python pipelines/stress_report.py --docs     and put them into the documentation, the long one into docs/validation/hard-cases-table.md
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import statistics
 import time
 
 import numpy as np
-from readme import FIGURES, markdown_table, replace_block
+from pages import VALIDATION, markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pd
@@ -112,16 +112,15 @@ def jump() -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--readme", action="store_true", help="put the tables into the README")
+    parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
     arguments = parser.parse_args()
     for mark, make in (("guard", overhead), ("jump", jump), ("fallback", fallback), ("hard cases", hard_cases)):
         text = make()
         console.print(f"{mark}\n{text}\n", soft_wrap=True, markup=False)
-        if arguments.readme and make is hard_cases:
-            write_text(
-                FIGURES / "hard-cases.md", f"# Hard cases\n\n`pdsurrogate stress-test`, made by `pipelines/stress_report.py`.\n\n{text}\n"
-            )
-        elif arguments.readme:
+        if arguments.docs and make is hard_cases:
+            head = "# Hard cases: the table\n\n`pdsurrogate stress-test`, made by `pipelines/stress_report.py`."
+            write_text(VALIDATION / "hard-cases-table.md", f"{head}\n\n{text}\n")
+        elif arguments.docs:
             replace_block(mark, text)
 
 

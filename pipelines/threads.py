@@ -1,7 +1,7 @@
 """How the kernels' threads wait, and when a second one pays: cost of an evaluation on free cores and beside other processes.
 
 python pipelines/threads.py            print the table (about ten minutes)
-python pipelines/threads.py --readme   and put it into the README
+python pipelines/threads.py --docs   and put it into the documentation
 
 Each setting has processes of its own, since threads read how to wait when they start. On free cores the processes of all settings live
 side by side and take turns of a tenth of a second, body by body, so that a machine that slows down slows all of them; the first setting
@@ -21,7 +21,7 @@ import time
 from contextlib import ExitStack, contextmanager
 
 import numpy as np
-from readme import markdown_table, replace_block
+from pages import markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pd
@@ -159,7 +159,7 @@ def measure_all(starts: int, progress) -> dict[tuple[str, int], np.ndarray]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--readme", action="store_true", help="put the table into the README")
+    parser.add_argument("--docs", action="store_true", help="put the table into the documentation")
     parser.add_argument("--starts", type=int, default=STARTS)
     parser.add_argument("--serve", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
@@ -181,7 +181,7 @@ def main() -> None:
         rows.append([setting, *entries, " / ".join(f"{ratio:.2f}" for ratio in typical[setting, 0] / spinning)])
     table = markdown_table(header, rows)
     console.print(table, soft_wrap=True)
-    if arguments.readme:
+    if arguments.docs:
         replace_block("threads", table)
 
 

@@ -1,0 +1,28 @@
+"""Tables and figures of the documentation: a marked block is replaced by what a pipeline measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pdsurrogate.results.files import write_text
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+FIGURES, VALIDATION = DOCS / "figures", DOCS / "validation"
+
+
+def replace_block(name: str, text: str) -> None:
+    """Put text between ``<!-- NAME -->`` and ``<!-- /NAME -->``, on the one page of ``docs/validation`` that has them."""
+    begin, end = f"<!-- {name} -->\n", f"<!-- /{name} -->"
+    pages = {path: path.read_text("utf-8") for path in VALIDATION.glob("*.md")}
+    found = [path for path, content in pages.items() if begin in content and end in content]
+    if len(found) != 1:
+        raise ValueError(f"{len(found)} pages of docs/validation have a block {name}; there must be one")
+    head, rest = pages[found[0]].split(begin, 1)
+    _, tail = rest.split(end, 1)
+    write_text(found[0], f"{head}{begin}{text.strip()}\n{end}{tail}")
+
+
+def markdown_table(header: list[str], rows: list[list[str]]) -> str:
+    """A table, first column to the left and the others to the right."""
+    lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
