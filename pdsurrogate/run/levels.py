@@ -27,10 +27,11 @@ def solver_of(run: Run) -> EquilibriumSolver:
     spec = run.scene.solver
     solver = SOLVERS[spec.method]
     if solver.needs_energy and not run.loaded.has_energy:
-        because = "" if not run.force.has_energy else f", and {run.loaded.no_energy_because}"
-        needs = f"scene {run.scene.name}: solver.method={spec.method} needs a force that has an energy, as bond-energy does"
-        has = f"{needs}; {run.model.name} has none" if not because else needs + because
-        raise SceneError(f"{has}, so take another solver.method")
+        missing = f", and {run.loaded.no_energy_because}" if run.force.has_energy else f"; {run.model.name} has none"
+        raise SceneError(
+            f"scene {run.scene.name}: solver.method={spec.method} needs a force that has an energy, as bond-energy does{missing}, so take "
+            "another solver.method"
+        )
     return solver(run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations, run.reductions)
 
 
@@ -155,9 +156,8 @@ def _take_back(run: Run, solver: EquilibriumSolver, accepted: _Accepted, increme
     reached = run.loading.reached(run.parameter)
     if first and not reached:
         raise error
-    ahead = f"{reached}; " if reached else ""
     what = f"equilibrium was followed to {run.loading.at(run.parameter)}, and not further with increments down to {size:.2g}"
-    raise type(error)(f"{error}; {what}{f' ({ahead[:-2]})' if ahead else ''}") from error
+    raise type(error)(f"{error}; {what} ({reached})" if reached else f"{error}; {what}") from error
 
 
 def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float) -> Equilibrium:

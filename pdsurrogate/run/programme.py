@@ -20,8 +20,8 @@ class Inertia:
         Of the stage.
     rate : float or None
         Of the loading parameter; one of the two is given.
-    keys : str
-        What an error about its units names.
+    key : str
+        Where the scene says it.
     """
 
     density: float
@@ -30,7 +30,12 @@ class Inertia:
     safety: float
     duration: float | None
     rate: float | None
-    keys: str
+    key: str
+
+    @property
+    def pace(self) -> str:
+        """Key, below its own, of what tells how fast it is."""
+        return "stretch_rate" if self.duration is None else "duration"
 
     def motion(self, begin: float, end: float) -> Motion:
         """The loading parameter in time."""
@@ -69,12 +74,10 @@ def stages_of(scene: Scene) -> tuple[Stage, ...]:
     stages = [Stage(stretch, 1, scene.solver.largest_increment, None) for stretch in scene.stretches]
     spec = scene.dynamics
     if spec is not None:
-        keys = "dynamics.density and dynamics.stretch_rate"
-        inertia = Inertia(spec.density, spec.damping, spec.viscosity, spec.safety, None, spec.stretch_rate, keys)
+        inertia = Inertia(spec.density, spec.damping, spec.viscosity, spec.safety, None, spec.stretch_rate, "dynamics")
         stages.append(Stage(spec.stretch, spec.outputs, None, inertia))
     return tuple(stages)
 
 
 def _inertia(number: int, spec) -> Inertia:
-    keys = f"steps.{number}.dynamics.density and steps.{number}.dynamics.duration"
-    return Inertia(spec.density, spec.damping, spec.viscosity, spec.safety, spec.duration, None, keys)
+    return Inertia(spec.density, spec.damping, spec.viscosity, spec.safety, spec.duration, None, f"steps.{number}.dynamics")

@@ -114,7 +114,9 @@ def _stretched(run: Run) -> dict:
 
 def compare(run: Run, level: dict) -> None:
     """Put the values of the scene's reference, and what a level differs from them by, beside its own."""
-    for key, reference in reference_level(run.scene, level["stretch"]).items() if run.scene.stretched else ():
+    if not run.scene.stretched:
+        return
+    for key, reference in reference_level(run.scene, level["stretch"]).items():
         if key in level:
             level[f"{key}_reference"] = float(reference)
             level[f"{key}_error"] = float(level[key] / reference - 1) if reference else None

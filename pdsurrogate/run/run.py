@@ -31,7 +31,7 @@ from ..solvers.reductions import LOCAL, LocalReductions
 from ..solvers.regions import BodyRegions
 from .interruption import Interruption
 from .materials import models_of, portions_of
-from .programme import stages_of
+from .programme import Inertia, stages_of
 
 if TYPE_CHECKING:
     from .fracture import Damage
@@ -90,7 +90,7 @@ class Run:
     loaded : InternalForce or LoadedForce
         The force with the loads, which is what solvers are given; without loads the force itself.
     grip_areas : dict of float
-        Cross-section of the body at every grip, by edge; empty without grips.
+        Cross-section of the body at every grip or reflected edge.
     stress_grip : Grip or None
         The one whose force gives the nominal stress: that which travels further, of two that travel alike the right or top one.
     positions : ndarray, shape (n, 2)
@@ -153,14 +153,13 @@ class Run:
         self.body: Body
         self.body, lower, upper = discretise(scene)
         self.regions = BodyRegions(scene, self.body, lower, upper, lambda: surface_of(scene, self.body, lower, upper))
-        if scene.stretched:
-            self._check_rate((upper - lower)[scene.loaded_axis])
         self.threads = self.threads or threads_for(len(self.body.bonds.first))
         fracture = scene.fracture is not None
         settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, fracture, scene.plane)
         try:
             self.loads = Loads(scene, self.body, self.regions) if scene.loads else None
             self.loading = self._loading(lower, upper)
+            self._check_speeds()
             numba.set_num_threads(self.threads)
             self.force: InternalForce
             if scene.materials:
@@ -174,11 +173,9 @@ class Run:
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
         self.loaded = self.force if self.loads is None else LoadedForce(self.force, self.loads)
-        areas = grip_areas(scene, lower, upper)
-        self.grip_areas = areas if scene.stretched else {}
+        self.grip_areas = grip_areas(scene, lower, upper)
         self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]), default=None)
         self.parameter = self.target = self.begin = self.loading.rest
-        self._check_speeds()
         self.positions = self.body.points.copy()
         self.states: States = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.body.points, scene.name)
 
@@ -190,19 +187,6 @@ class Run:
         for number, (_, points) in enumerate(self.force.laws):
             found[points] = number
         return found
-
-    def _check_rate(self, length: float) -> None:
-        """Refuse grips that move apart faster than shear waves: what the body does then hangs on the motion that it is started with."""
-        spec = self.scene.dynamics
-        if spec is None:
-            return
-        speed, wave = spec.stretch_rate * length, math.sqrt(self._least_modulus / spec.density)
-        if speed > wave:
-            unit = f"{self.scene.units.length}/{self.scene.units.time}"
-            raise SceneError(
-                f"scene {self.scene.name}: dynamics.stretch_rate: the grips would move apart at {speed:.4g} {unit}, faster than "
-                f"shear waves at {wave:.4g} {unit}; the greatest rate is {wave / length:.4g}"
-            )
 
     @property
     def _least_modulus(self) -> float:
@@ -217,20 +201,26 @@ class Run:
         return PrescribedLoading(scene, self.body, lower, upper, *conditions)
 
     def _check_speeds(self) -> None:
-        """Refuse steps in which held parts of the body move apart faster than shear waves, as `_check_rate` does of grips."""
+        """Refuse held parts that move apart faster than shear waves: what the body does then hangs on the motion it is started with."""
         begin = self.loading.rest
-        for number, stage in enumerate(self.stages if not self.scene.stretched else ()):
+        for stage in self.stages:
             if stage.inertia is not None:
-                speed = self.loading.greatest_speed(stage.inertia.motion(begin, stage.to))
-                wave = math.sqrt(self._least_modulus / stage.inertia.density)
-                if speed > wave:
-                    unit = f"{self.scene.units.length}/{self.scene.units.time}"
-                    raise SceneError(
-                        f"scene {self.scene.name}: steps.{number}.dynamics.duration: parts that are held would move apart at {speed:.4g} "
-                        f"{unit}, faster than shear waves at {wave:.4g} {unit}; the least duration is "
-                        f"{stage.inertia.duration * speed / wave:.4g} {self.scene.units.time}"
-                    )
+                self._check_speed(stage.inertia, self.loading.greatest_speed(stage.inertia.motion(begin, stage.to)))
             begin = stage.to
+
+    def _check_speed(self, inertia: Inertia, speed: float) -> None:
+        units, wave = self.scene.units, math.sqrt(self._least_modulus / inertia.density)
+        if speed <= wave:
+            return
+        if inertia.duration is None:
+            what, slowest = "the grips", f"the greatest rate is {inertia.rate * wave / speed:.4g}"
+        else:
+            what, slowest = "parts that are held", f"the least duration is {inertia.duration * speed / wave:.4g} {units.time}"
+        unit = f"{units.length}/{units.time}"
+        raise ValueError(
+            f"{inertia.key}.{inertia.pace}: {what} would move apart at {speed:.4g} {unit}, faster than shear waves at {wave:.4g} {unit}; "
+            f"{slowest}"
+        )
 
     def _check_support(self) -> None:
         """Refuse points whose bonds lie on one line: only a crack may leave points without a deformation gradient."""

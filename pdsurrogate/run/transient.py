@@ -139,7 +139,7 @@ class Transient:
         if motion.duration > MOST_STEPS * integrator.time_step:
             raise Diverging(
                 f"the dynamics take {motion.duration:.3g} {run.scene.units.time} in steps of {integrator.time_step:.3g}, more than "
-                f"{MOST_STEPS:.0e} of them; check the units of {self.spec.keys}"
+                f"{MOST_STEPS:.0e} of them; check the units of {self.spec.key}.density and {self.spec.key}.{self.spec.pace}"
             )
         self._row(first=True)
 
@@ -196,7 +196,9 @@ class Transient:
         """Whether the next output is to be written now."""
         if self._timed:
             return self.account.time >= self._time_due()
-        return self.motion.due(self.account.time, self.account.outputs + 1, self.most_outputs)
+        motion = self.motion
+        due = motion.begin + (motion.end - motion.begin) * (self.account.outputs + 1) / self.most_outputs
+        return motion.at(self.account.time) >= due - 1e-12
 
     def save_last_state(self) -> None:
         """Go back to before the step that failed, and record the state there unless it has been."""
@@ -421,9 +423,7 @@ class Transient:
 
     def _connected(self, some: np.ndarray, others: np.ndarray) -> bool:
         """Whether intact bonds connect any of `some` points with any of the `others`."""
-        bonds, n = self.run.body.bonds, len(self.run.body)
-        intact = (bonds.second < n) & ~self.damage.broken
-        _, piece = self.run.reductions.pieces(n, bonds.first[intact], bonds.second[intact])
+        _, piece = self.run.loading.pieces(~self.damage.broken)
         return bool(np.isin(piece[some], piece[others]).any())
 
     def _checkpoint(self) -> None:

@@ -364,11 +364,10 @@ class Scene(StrictModel):
 
     @model_validator(mode="after")
     def _names_once(self) -> Scene:
-        for key in ("probes",):
-            names = [entry.name for entry in getattr(self, key)]
-            twice = next((name for name in names if names.count(name) > 1), None)
-            if twice is not None:
-                raise ValueError(f"{key}: the name {twice!r} is given twice")
+        names = [probe.name for probe in self.probes]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise ValueError(f"probes: the name {twice!r} is given twice")
         return self
 
     @model_validator(mode="after")

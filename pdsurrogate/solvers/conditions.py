@@ -15,7 +15,6 @@ from ..forces import InternalForce, InvalidState
 from ..forces.kinematics import at_point
 from .motion import Motion
 from .reductions import LocalReductions
-from .regions import LAYER
 
 if TYPE_CHECKING:
     from .loads import Loads
@@ -90,12 +89,6 @@ def place_of(body: Body, point: int) -> str:
     return f"({x1:.4g}, {x2:.4g})"
 
 
-def edge_points(body: Body, axis: int, side: int, position: float) -> np.ndarray:
-    """Numbers of the points along an edge, the line on which a coordinate has the value `position`."""
-    distance = -side * (body.points[:, axis] - position)
-    return np.flatnonzero(distance < LAYER * body.cell[axis])
-
-
 class Loading(ABC):
     """The conditions of a scene on a body: what is held, and where it is at a value of the loading parameter.
 
@@ -168,6 +161,18 @@ class Loading(ABC):
             if not (self._levers[1] == number).any():
                 edge = plane.name.split()[0]
                 raise ValueError(f"{key}: no bond of the body crosses its {edge} edge; do holes take all that is there?")
+
+    def pieces(self, intact: np.ndarray | None = None) -> tuple[int, np.ndarray]:
+        """Into how many pieces bonds within the body join its points, and the piece of every point.
+
+        Parameters
+        ----------
+        intact : ndarray of bool, shape (bonds,), optional
+            Bonds that count; all by default.
+        """
+        bonds, n = self.body.bonds, len(self.body)
+        within = bonds.second < n if intact is None else (bonds.second < n) & intact
+        return self._reductions.pieces(n, bonds.first[within], bonds.second[within])
 
     def at(self, parameter: float) -> str:
         """Words for a value of the parameter."""
@@ -336,6 +341,10 @@ class Loading(ABC):
     @abstractmethod
     def power(self, reactions: Reactions, motion: Motion, time: float, step: float) -> float:
         """Power of all that holds the body, per unit thickness, at the end of a time step."""
+
+    @abstractmethod
+    def greatest_speed(self, motion: Motion) -> float:
+        """Greatest difference of the velocities of any two held parts, in a component, during a phase of dynamics."""
 
     @abstractmethod
     def growth(self, before: float, after: float) -> float | None:

@@ -9,9 +9,10 @@ import numpy as np
 from ..body import Body
 from ..forces import InternalForce
 from ..scenes.model import EDGES, Hold, Scene
-from .conditions import HeldPlane, HeldPoints, Loading, Reactions, edge_points, place_of
+from .conditions import HeldPlane, HeldPoints, Loading, Reactions, place_of
 from .motion import Motion
 from .reductions import LocalReductions
+from .regions import along_edge
 
 
 class GripLoading(Loading):
@@ -46,13 +47,13 @@ class GripLoading(Loading):
         held = [self._region(number, hold, body) for number, hold in enumerate(scene.holds)]
         planes = []
         for number, grip in enumerate(scene.grips):
-            axis, side = EDGES[grip.edge]
+            axis = EDGES[grip.edge][0]
             components = (axis,) if grip.holds == "normal" else (0, 1)
             displacement = partial(self._moved, self._travel(grip))
             if scene.support == "reflected":
                 planes.append(HeldPlane(f"{grip.edge} grip", (number, number), components, displacement))
                 continue
-            points = edge_points(body, axis, side, (lower, upper)[side > 0][axis])
+            points = np.flatnonzero(along_edge(body, grip.edge, lower, upper).inside)
             if len(points) == 0:
                 raise ValueError(f"grips: no point lies within one cell of the {grip.edge} edge")
             held.append(HeldPoints(f"the {grip.edge} grip", number, points, components, displacement))
@@ -64,12 +65,10 @@ class GripLoading(Loading):
 
     def _check_pieces(self) -> None:
         """Refuse pieces of the body that nothing holds along the loaded axis."""
-        bonds, n = self.body.bonds, len(self.body)
-        within = bonds.second < n
-        count, piece = self._reductions.pieces(n, bonds.first[within], bonds.second[within])
+        bonds, (count, piece) = self.body.bonds, self.pieces()
         held = np.zeros(count, dtype=bool)
         held[piece[self.free[:, self.axis] == 0]] = True
-        held[piece[bonds.first[~within]]] = True  # by a grip's plane
+        held[piece[bonds.first[bonds.second >= len(self.body)]]] = True  # by a grip's plane
         if not held.all():
             loose = np.flatnonzero(piece == np.flatnonzero(~held)[0])
             raise ValueError(
@@ -132,6 +131,10 @@ class GripLoading(Loading):
 
     def power(self, reactions, motion: Motion, time, step):
         return self.pull(reactions) * (motion.rate * self.length)
+
+    def greatest_speed(self, motion: Motion):
+        """Of the two grips from each other."""
+        return motion.rate * self.length
 
     def growth(self, before, after):
         return abs(after - before) * self._reductions.extent(self.body.points)

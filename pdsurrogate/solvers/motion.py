@@ -38,11 +38,3 @@ class Motion:
         """The parameter at a time; from the end of the phase on it stays."""
         value = self.begin + self.rate * time
         return min(value, self.end) if self.rate > 0 else max(value, self.end)
-
-    def due(self, time: float, number: int, outputs: int) -> bool:
-        """Whether output `number` of as many as `outputs`, evenly over the phase, is to be written at a time."""
-        if self.rate == 0:
-            return time >= self.duration * number / outputs * (1 - 1e-12)
-        span = self.end - self.begin
-        reached, wanted = self.at(time), self.begin + span * number / outputs
-        return reached >= wanted - 1e-12 if span > 0 else reached <= wanted + 1e-12

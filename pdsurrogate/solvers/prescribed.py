@@ -14,14 +14,15 @@ from ..body import Body
 from ..forces import InternalForce, InvalidState
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.loading import Prescribed
-from ..scenes.model import EDGES, Scene
-from .conditions import HeldPlane, HeldPoints, Loading, Reactions, edge_points, place_of
+from ..scenes.model import Scene
+from .conditions import HeldPlane, HeldPoints, Loading, Reactions, place_of
 from .equilibrium import TooFar
 from .extension import Samples, affine_extension, greatest_bond_strain
 from .motion import Motion
 from .planes import prescribed_components, reflected_edges
 from .preconditioner import NearestBondStiffness
 from .reductions import LocalReductions
+from .regions import along_edge
 
 if TYPE_CHECKING:
     from .loads import Loads
@@ -81,8 +82,7 @@ class PrescribedLoading(Loading):
         edges = reflected_edges(scene)
         planes, held, along_planes = [], [], []
         for edge, numbers in edges.items():
-            axis, side = EDGES[edge]
-            points = edge_points(body, axis, side, (lower, upper)[side > 0][axis])
+            points = np.flatnonzero(along_edge(body, edge, lower, upper).inside)
             by_component: list[int | None] = [None, None]
             for number in numbers:
                 entry = scene.prescribed[number]
@@ -160,9 +160,7 @@ class PrescribedLoading(Loading):
 
     def _check_rigid_motions(self) -> None:
         """Refuse pieces of the body that can move or turn as a whole: they have no equilibrium, or many."""
-        bonds, n = self.body.bonds, len(self.body)
-        within = bonds.second < n
-        count, piece = self._reductions.pieces(n, bonds.first[within], bonds.second[within])
+        count, piece = self.pieces()
         middle, extent = self.body.points.mean(axis=0), self._reductions.extent(self.body.points)
         places, components, owners = self._constraints()
         rows = np.zeros((len(places), 3))
@@ -189,9 +187,7 @@ class PrescribedLoading(Loading):
                 places.append(self.body.points[part.points])
                 components.append(np.full(len(part.points), component))
                 owners.append(part.points)
-        ghosts = self.body.ghosts
-        for number, (plane, held) in enumerate(zip(self.body.planes, self._planes, strict=True)):
-            sources = np.unique(ghosts.source[ghosts.plane == number]).astype(np.int64)
+        for plane, held, sources in zip(self.body.planes, self._planes, self._beside_planes, strict=True):
             beside = self.body.points[sources].copy()
             beside[:, plane.axis] = plane.position
             for component in held.components:
@@ -287,6 +283,7 @@ class PrescribedLoading(Loading):
 
     @cached_property
     def _beside_planes(self) -> list[np.ndarray]:
+        """Points that have images in each plane."""
         ghosts = self.body.ghosts
         return [np.unique(ghosts.source[ghosts.plane == number]) for number in range(len(self._planes))]
 
@@ -315,8 +312,7 @@ class PrescribedLoading(Loading):
             power += self._reductions.total(reactions.at_points * moved) / step
         return power
 
-    def greatest_speed(self, motion: Motion) -> float:
-        """Greatest difference of the velocities of any two held parts, in a component, during a phase of dynamics."""
+    def greatest_speed(self, motion: Motion):
         times = np.linspace(0, motion.duration, 17)
         fastest = 0.0
         for begin, end in pairwise(times):

@@ -31,11 +31,18 @@ NEAR = 2.0
 """Cells from a place within which the point nearest to it is taken for it."""
 
 
-class _Found(NamedTuple):
+class Found(NamedTuple):
     """For each point or facet whether it is in a region, and how far from it, infinite where that has no meaning."""
 
     inside: np.ndarray
     distance: np.ndarray
+
+
+def along_edge(body: Body, edge: str, lower: np.ndarray, upper: np.ndarray) -> Found:
+    """Which points are along an edge of the bounding box from `lower` to `upper`, and how far from it all are."""
+    axis, side = EDGES[edge]
+    distance = -side * (body.points[:, axis] - (lower, upper)[side > 0][axis])
+    return Found(distance < LAYER * body.cell[axis], distance)
 
 
 class _Parts(ABC):
@@ -50,11 +57,11 @@ class _Parts(ABC):
         """What is said of one of them."""
 
     @abstractmethod
-    def edge(self, name: str) -> _Found:
+    def edge(self, name: str) -> Found:
         """Those of an edge of the bounding box."""
 
     @abstractmethod
-    def boundary(self, name: str) -> _Found:
+    def boundary(self, name: str) -> Found:
         """Those of the outline, of the holes, or of one of these."""
 
     @abstractmethod
@@ -69,11 +76,11 @@ class _Parts(ABC):
             raise ValueError(f"the mesh has no group {name!r}; {suggestion(name, self.groups, 'it has')}")
         return self.groups[name]
 
-    def numbered(self, numbers: np.ndarray) -> _Found:
+    def numbered(self, numbers: np.ndarray) -> Found:
         """Those of the given numbers."""
         inside = np.zeros(len(self.places), dtype=bool)
         inside[numbers] = True
-        return _Found(inside, np.where(inside, 0.0, np.inf))
+        return Found(inside, np.where(inside, 0.0, np.inf))
 
 
 class _Points(_Parts):
@@ -88,16 +95,14 @@ class _Points(_Parts):
     def told(self, number: int) -> str:
         return f"point {number} at {_text(self.places[number])}"
 
-    def edge(self, name: str) -> _Found:
-        axis, side = EDGES[name]
-        distance = -side * (self.places[:, axis] - (self._lower, self._upper)[side > 0][axis])
-        return _Found(distance < LAYER * self._body.cell[axis], distance)
+    def edge(self, name: str) -> Found:
+        return along_edge(self._body, name, self._lower, self._upper)
 
-    def boundary(self, name: str) -> _Found:
+    def boundary(self, name: str) -> Found:
         surface = self._surface()
         reach = LAYER * self._body.cell.max()
         distance = surface.distances(self.places, reach, _facets_of(surface, name))
-        return _Found(distance < reach, distance)
+        return Found(distance < reach, distance)
 
     def listed(self, region: Region) -> np.ndarray:
         if region.near is not None:
@@ -125,11 +130,11 @@ class _Facets(_Parts):
     def told(self, number: int) -> str:
         return f"a facet of {self.surface.parts[number]} with its middle at {_text(self.places[number])}"
 
-    def edge(self, name: str) -> _Found:
+    def edge(self, name: str) -> Found:
         axis, side = EDGES[name]
-        return _Found(self.surface.parts == name, np.abs(self.places[:, axis] - (self._lower, self._upper)[side > 0][axis]))
+        return Found(self.surface.parts == name, np.abs(self.places[:, axis] - (self._lower, self._upper)[side > 0][axis]))
 
-    def boundary(self, name: str) -> _Found:
+    def boundary(self, name: str) -> Found:
         return self.numbered(_facets_of(self.surface, name))
 
     def listed(self, region: Region) -> np.ndarray:
@@ -247,7 +252,7 @@ class BodyRegions:
             raise ValueError(f"{self._key(reference)}: {error}") from None
         return numbers
 
-    def _resolved(self, reference: str | Region, parts: _Parts) -> _Found:
+    def _resolved(self, reference: str | Region, parts: _Parts) -> Found:
         if isinstance(reference, str):
             if reference in self._scene.regions:
                 return self._resolved(self._scene.regions[reference], parts)
@@ -256,11 +261,11 @@ class BodyRegions:
             return parts.numbered(np.arange(len(parts.places))) if reference == "body" else parts.boundary(reference)
         members = [self._resolved(member, parts) for _, member in reference.members()]
         if reference.both is not None:
-            return _Found(np.all([member.inside for member in members], axis=0), np.max([member.distance for member in members], axis=0))
+            return Found(np.all([member.inside for member in members], axis=0), np.max([member.distance for member in members], axis=0))
         if reference.either is not None:
-            return _Found(np.any([member.inside for member in members], axis=0), np.min([member.distance for member in members], axis=0))
+            return Found(np.any([member.inside for member in members], axis=0), np.min([member.distance for member in members], axis=0))
         if reference.other is not None:
-            return _Found(~members[0].inside, np.full(len(parts.places), np.inf))
+            return Found(~members[0].inside, np.full(len(parts.places), np.inf))
         if reference.edge is not None:
             return parts.edge(reference.edge)
         if reference.group is not None:
@@ -268,7 +273,7 @@ class BodyRegions:
         if reference.points is not None or reference.near is not None:
             return parts.numbered(parts.listed(reference))
         distance = _distance(reference, parts.places)
-        return _Found(distance <= self._tolerance, distance)
+        return Found(distance <= self._tolerance, distance)
 
     def _nearby(self, reference: str | Region, parts: _Parts, distance: np.ndarray) -> str:
         """What is said of a region that nothing is in."""
