@@ -126,7 +126,7 @@ def test_a_fracture_energy_is_known_under_plane_stress_alone():
 
 
 def test_an_unknown_plane_is_refused():
-    with pytest.raises(ValueError, match="plane must be one of stress, strain, not 'none'"):
+    with pytest.raises(ValueError, match="plane must be one of stress, strain, space, not 'none'"):
         ForceSettings(plane="none")
 
 

@@ -253,9 +253,9 @@ def default_force(scene: Scene) -> ForceModel:
     """The force model to run a scene with where none is asked for.
 
     `surrogate_for` the scene's material; in plane strain the exact selective energy, in which nothing locks, unless bonds break: its own do
-    not.
+    not.  In space the same energy.
     """
-    if scene.plane == "strain" and scene.fracture is None:
+    if scene.plane == "space" or (scene.plane == "strain" and scene.fracture is None):
         return load_surrogate("bond-energy")
     return surrogate_for(scene.material.build())
 

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from ..body import Body
 from ..kernels import ba_nosb
 from ..kernels.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
-from ..materials import PLANES, Law
+from ..materials import SHEETS, Law
 from .evaluation import Evaluation
 from .kinematics import at_point, locate
 from .protocol import ForceModel, InvalidState
@@ -22,7 +22,7 @@ class BANOSBForce(ForceModel):
 
     name = family = "ba-nosb"
     # No bonds that break: the horizons that two ends share would have to be found anew around every one of them.
-    honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "plane": tuple(PLANES)}
+    honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "plane": SHEETS}
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BANOSBEvaluation:
         return BANOSBEvaluation(body, law, settings)

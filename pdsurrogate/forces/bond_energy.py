@@ -16,13 +16,13 @@ from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import point_forces, sum_moments, weigh_moments
-from ..materials import PLANES, Law, plane_stress
+from ..materials import PLANES, SHEETS, Law, plane_stress
 from .energy_density import EnergyDerivatives, blended, domain_constants
 from .evaluation import DomainWatch, Evaluation, usual_precision
-from .kinematics import Kinematics, at_point, locate
+from .kinematics import Kinematics, at_point, locate, matrices
 from .portions import EvaluationOfPortions, common_precision
 from .protocol import CompiledBondForce, Domain, ForceModel, InvalidState, Portion, Release
-from .settings import OUTSIDE, OUTSIDE_POLICIES, PRECISIONS, ForceSettings
+from .settings import OUTSIDE, OUTSIDE_POLICIES, PRECISIONS, WHERE, ForceSettings
 
 if TYPE_CHECKING:
     from .tangent import Tangent
@@ -66,8 +66,8 @@ class EnergySurrogate(ForceModel):
 class BondEnergyForce(EnergySurrogate):
     """The exact energy of any law.
 
-    Under plane stress it is that of the bonds, C33 solved in every evaluation.  In plane strain the isochoric part is taken at the bonds
-    and the volumetric one at the points, which does not lock (`pdsurrogate.forces.selective_energy`).
+    Under plane stress it is that of the bonds, C33 solved in every evaluation.  In plane strain and in space the isochoric part is taken
+    at the bonds and the volumetric one at the points, which does not lock (`pdsurrogate.forces.selective_energy`).
     """
 
     name = "bond-energy"
@@ -91,8 +91,9 @@ class BondEnergyForce(EnergySurrogate):
         return SelectiveEnergyEvaluation(self, body, law, settings)
 
     def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> BondEnergyOfPortions:
-        if settings.plane == "strain":
-            raise ValueError(f"{self.name} takes a body of one material in plane strain; force=analytic takes several")
+        if settings.plane != "stress":
+            advice = "; force=analytic takes several" if settings.plane == "strain" else ""
+            raise ValueError(f"{self.name} takes a body of one material{WHERE[settings.plane]}{advice}")
         return BondEnergyOfPortions(body, portions, settings)
 
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
@@ -108,6 +109,10 @@ class PlainBondEnergyForce(BondEnergyForce):
 
     name = "bond-energy-plain"
 
+    @property
+    def honours(self) -> Mapping[str, tuple]:
+        return {**super().honours, "plane": SHEETS}
+
     def honoured(self, plane: str) -> Mapping[str, tuple]:
         return self.honours
 
@@ -116,15 +121,15 @@ class PlainBondEnergyForce(BondEnergyForce):
 
 
 def pair_geometry(body: Body, pairs: np.ndarray | slice, weights: np.ndarray, precision: str) -> np.ndarray:
-    """Reference data of pairs in blocks, shape (n_blocks, 4, BLOCK): n1, n2, 1/l, and the volume that the energy of each counts for."""
+    """Reference data of pairs in blocks, shape (n_blocks, d + 2, BLOCK): n, 1/l, and the volume that the energy of each counts for."""
     first, second = body.bonds.first[pairs], body.bonds.second[pairs]
     vectors = body.all_points[second] - body.all_points[first]
     length = np.linalg.norm(vectors, axis=1)
-    blocks = -(-len(first) // BLOCK)
-    rows = np.zeros((4, blocks * BLOCK))
-    rows[:, : len(first)] = vectors[:, 0] / length, vectors[:, 1] / length, 1 / length, weights
-    geometry = aligned_rows((blocks, 4, BLOCK), precision)
-    geometry[:] = rows.reshape(4, blocks, BLOCK).transpose(1, 0, 2)
+    blocks, size = -(-len(first) // BLOCK), body.dimension + 2
+    rows = np.zeros((size, blocks * BLOCK))
+    rows[:, : len(first)] = *(vectors / length[:, None]).T, 1 / length, weights
+    geometry = aligned_rows((blocks, size, BLOCK), precision)
+    geometry[:] = rows.reshape(size, blocks, BLOCK).transpose(1, 0, 2)
     return geometry
 
 
@@ -273,12 +278,12 @@ class EnergyOfPairs(Evaluation):
         self._ghost_pointers = np.zeros(total - n + 1, dtype=np.uint64)
         self._ghost_pointers[1:] = np.cumsum(np.bincount(bonds.neighbours[towards] - n, minlength=total - n))
         # In the precision of the points' own: another would have `point_forces` compiled a second time.
-        self._ghost_weighted_bonds = aligned_rows((len(towards), 2), self.precision)
+        self._ghost_weighted_bonds = aligned_rows((len(towards), body.dimension), self.precision)
         self._counted, self.bond_shares = np.zeros(self._n_pairs), np.zeros(len(bonds.neighbours))
         self._weigh_pairs(np.arange(self._n_pairs))
         self._energy = 0.0
-        self._stresses = aligned_rows((total, 4))
-        self._node_parts, self._all_forces = np.zeros((total, 2)), np.zeros((total, 2))
+        self._stresses = aligned_rows((total, body.dimension**2))
+        self._node_parts, self._all_forces = np.zeros((2, total, body.dimension))
 
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
         self._kinematics.place(positions)
@@ -319,16 +324,16 @@ class EnergyOfPairs(Evaluation):
             Called with the moments of the points, it gives forces on them beside these.
         """
         body, bonds, ghosts, kinematics = self.body, self.body.bonds, self.body.ghosts, self._kinematics
-        n, chunks = len(body), kinematics.chunks
+        n, d, chunks = len(body), body.dimension, kinematics.chunks
         pairs = self._pair_pointers, self._incidence_pointers, self._incidence
-        gather = sum_moments[2].bind(moments, *pairs, self._stresses, chunks=chunks)
-        weigh = weigh_moments[2].bind(self._stresses, kinematics.inverse_shape, body.volumes, chunks=chunks)
+        gather = sum_moments[d].bind(moments, *pairs, self._stresses, chunks=chunks)
+        weigh = weigh_moments[d].bind(self._stresses, kinematics.inverse_shape, body.volumes, chunks=chunks)
         common = forces, self._stresses, *pairs
         unit, total = self.unit, self._all_forces if len(ghosts) else np.empty_like(body.points)
         directed = bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
-        own = point_forces[2].bind(*common, *directed, unit, 0, self._node_parts, total, chunks=chunks)
+        own = point_forces[d].bind(*common, *directed, unit, 0, self._node_parts, total, chunks=chunks)
         directed = self._ghost_pointers, self._ghost_neighbours, self._ghost_weighted_bonds, body.all_volumes
-        others = point_forces[2].bind(*common, *directed, unit, n, self._node_parts, total, chunks=chunks)
+        others = point_forces[d].bind(*common, *directed, unit, n, self._node_parts, total, chunks=chunks)
 
         def to_points(out: np.ndarray) -> int:
             gather()
@@ -353,11 +358,11 @@ class EnergyOfPairs(Evaluation):
 
     def mean_stress(self) -> np.ndarray:
         # Of the bonds' own stresses: the derivative of the energy by a homogeneous F.
-        bonds, points = self.body.bonds, self.body.all_points
+        bonds, points, d = self.body.bonds, self.body.all_points, self.body.dimension
         vectors = points[bonds.second] - points[bonds.first]
         along = self._forces[: self._n_pairs].astype(float).T @ vectors
-        # P m (x) m is twice the moment.
-        across = 2 * self._moments[: self._n_pairs].sum(axis=0, dtype=float).reshape(2, 2).T
+        # P (I - n (x) n) is twice the moment.
+        across = 2 * self._moments[: self._n_pairs].sum(axis=0, dtype=float).reshape(d, d).T
         return self.unit * (along + across) / self.body.volumes.sum()
 
     def pair_forces(self) -> np.ndarray:
@@ -370,7 +375,7 @@ class EnergyOfPairs(Evaluation):
         vectors = body.all_points[bonds.second] - body.all_points[bonds.first]
         stresses = self._stresses.copy()
         ghosts.fill_changes(stresses)
-        stresses = stresses.reshape(-1, 2, 2).transpose(0, 2, 1)
+        stresses = matrices(stresses)
         strength = self._strength * self._intact
         forces = self._forces[: self._n_pairs].astype(float)
         outer = np.flatnonzero(bonds.second >= n)
@@ -392,8 +397,19 @@ class EnergyOfPairs(Evaluation):
         order = np.argsort(keys)
         return outer[order[np.searchsorted(keys[order], partner[0] * total + partner[1])]]
 
+    def bond_gradients(self) -> np.ndarray:
+        """F_ij of every pair at the positions last given, shape (n_pairs, d, d) (theory (27))."""
+        kinematics, bonds, body = self._kinematics, self.body.bonds, self.body
+        kinematics.form_gradients()
+        vectors = body.all_points[bonds.second] - body.all_points[bonds.first]
+        length = np.linalg.norm(vectors, axis=1)[:, None]
+        n = vectors / length
+        F = matrices(kinematics.gradients[bonds.first] + kinematics.gradients[bonds.second]) / 2
+        along = (kinematics.positions[bonds.second] - kinematics.positions[bonds.first]) / length
+        return F + (along - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
+
     def bond_columns(self) -> tuple[np.ndarray, np.ndarray]:
-        """C = F_ij n and e = F_ij m of every pair at the positions last given, shape (n_pairs, 2) each."""
+        """C = F_ij n and e = F_ij m of every pair in the plane at the positions last given, shape (n_pairs, 2) each."""
         kinematics, bonds, body = self._kinematics, self.body.bonds, self.body
         kinematics.form_gradients()
         vectors = body.all_points[bonds.second] - body.all_points[bonds.first]
@@ -419,7 +435,7 @@ class EnergyOfPairs(Evaluation):
         entries = np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
         around = np.unique(bonds.pair_of[entries])
         directed = bonds.pointers, bonds.neighbours, bonds.pair_of
-        bond_shares[2](touched, *directed, body.all_points, body.volumes, self._counted, body.horizon, self.bond_shares)
+        bond_shares[body.dimension](touched, *directed, body.all_points, body.volumes, self._counted, body.horizon, self.bond_shares)
         entries, starts = self._kinematics.pair_entries
         one, other = entries[starts[around]], entries[starts[around + 1] - 1]
         self.bond_weights[around] = self.bond_shares[one] + np.where(other != one, self.bond_shares[other], 0.0)
@@ -430,9 +446,8 @@ class EnergyOfPairs(Evaluation):
 
     def _diagnose(self) -> str:
         """Say which bond has no energy, and why."""
-        c, e = self.bond_columns()
-        bonds, alive = self.body.bonds, self.bond_weights > 0
-        J = c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0]
+        F = self.bond_gradients()
+        bonds, alive, J = self.body.bonds, self.bond_weights > 0, np.linalg.det(F)
         broken = alive & ~np.isfinite(J)
         if broken.any():
             return at_point(self.body, int(bonds.first[broken.argmax()]), "the deformation gradient of a bond is not finite")
@@ -440,7 +455,7 @@ class EnergyOfPairs(Evaluation):
         if J[worst] <= 0:
             what = f"det F = {J[worst]:.3g} of a bond: the material is turned inside out there"
             return at_point(self.body, int(bonds.first[worst]), what)
-        trace = (c * c).sum(axis=1) + (e * e).sum(axis=1)
+        trace = (F * F).sum(axis=(1, 2))
         for pair in np.argsort(np.where(alive, -trace, np.inf))[: 100 if self.plane == "stress" else 0]:
             try:
                 for law in self._laws_of(pair):
@@ -534,7 +549,7 @@ class BondEnergyEvaluation(EnergyOfPairs):
         return multiply
 
     def gradient_weights(self) -> np.ndarray:
-        """Weights of the neighbours' positions in the points' F, K^-1 w x V_j of every directed bond, shape (n_bonds, 2)."""
+        """Weights of the neighbours' positions in the points' F, K^-1 w x V_j of every directed bond, shape (n_bonds, d)."""
         return self._kinematics.gradient_weights()
 
     def take_out(self, pairs: np.ndarray) -> Release:
@@ -549,7 +564,7 @@ class BondEnergyEvaluation(EnergyOfPairs):
         before = self._energy_at_present(forces)
         self._intact[pairs] = False
         around = self._weigh_pairs(self._kinematics.break_bonds(pairs))
-        self.geometry[around // BLOCK, 3, around % BLOCK] = self.bond_weights[around]
+        self.geometry[around // BLOCK, -1, around % BLOCK] = self.bond_weights[around]
         energy, forces = before - self._energy_at_present(remaining), forces - remaining
         if not (np.isfinite(energy) and np.isfinite(forces).all()):
             return Release(0.0, np.zeros_like(forces))

@@ -12,7 +12,7 @@ from ..kernels import bond_force, reference_state
 from ..kernels.analytic import analytic_bond_force
 from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.sums import sum_pair_forces
-from ..materials import PLANES, Law
+from ..materials import SHEETS, Law
 from .evaluation import DomainWatch, Evaluation, usual_precision
 from .kinematics import Kinematics, at_point, locate
 from .plane_strain import in_plane_strain
@@ -46,7 +46,7 @@ class ForceSurrogate(ForceModel):
     def honours(self) -> Mapping[str, tuple]:
         corrections = tuple(name for name in reference_state.CORRECTIONS if self.gives_transverse or name != "tensor")
         # The pressure of plane strain is the trace of the stress, of which T_mm is a part.
-        planes = tuple(PLANES) if self.gives_transverse else ("stress",)
+        planes = SHEETS if self.gives_transverse else ("stress",)
         honours = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,), "plane": planes}
         return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 

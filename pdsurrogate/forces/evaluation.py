@@ -8,7 +8,7 @@ import numpy as np
 
 from ..body import Body
 from ..materials import Law
-from .kinematics import Kinematics
+from .kinematics import Kinematics, matrices
 from .protocol import InternalForce, OutsideDomain, OutsideDomainWarning
 from .settings import ForceSettings
 
@@ -44,8 +44,8 @@ class Evaluation(InternalForce):
         return self._kinematics.deformation_gradients()
 
     def gradients_at(self, numbers) -> np.ndarray:
-        """F of the points and images of the given numbers as last formed, shape (k, 2, 2)."""
-        return self._kinematics.gradients[numbers].reshape(-1, 2, 2).transpose(0, 2, 1)
+        """F of the points and images of the given numbers as last formed, shape (k, d, d)."""
+        return matrices(self._kinematics.gradients[numbers])
 
     def volume_ratios(self) -> np.ndarray:
         self._kinematics.find_states()
@@ -60,7 +60,7 @@ class Evaluation(InternalForce):
 
 
 def usual_precision(model, settings: ForceSettings) -> str:
-    """The precision asked for, or else the model's own; in plane strain, where the pressure follows from det F times K, double."""
+    """The precision asked for, or else the model's own; in plane strain and space, where the pressure is K times det F - 1, double."""
     return settings.precision or (model.default_precision if settings.plane == "stress" else "float64")
 
 

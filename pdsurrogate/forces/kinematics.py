@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -35,25 +36,25 @@ class Kinematics:
         Of the node records and the weighted bonds; positions, gradients and what is summed are double.
     rotation : {"polar", "convected"}, optional
         In the node records, which only bond forces read.
-    plane : {"stress", "strain"}
+    plane : {"stress", "strain", "space"}
         Whether the volume ratios follow from the plane-stress condition, or are det F.
 
     Attributes
     ----------
-    positions : ndarray, shape (n + m, 2)
+    positions : ndarray, shape (n + m, d)
         Of the points, then of their images.
-    gradients : ndarray, shape (n + m, 4)
-        F as records (11, 21, 12, 22).
+    gradients : ndarray, shape (n + m, d d)
+        F by columns.
     volume_ratios : ndarray, shape (n + m,)
         J3, the start of the next plane-stress iteration.
     records : ndarray, shape (n + m, 4)
-        (cos, sin, J, C33).
-    weighted_bonds : ndarray, shape (n_bonds, 2)
+        (cos, sin, J, C33), which bond forces read; empty in space.
+    weighted_bonds : ndarray, shape (n_bonds, d)
         w x V_j of every directed bond, zero where broken.
-    inverse_shape : ndarray, shape (n + m, 3)
-        K^-1 as (11, 12, 22), zero where the bonds do not span the plane.
+    inverse_shape : ndarray, shape (n + m, d (d + 1)/2)
+        K^-1 as its upper triangle row by row, zero where the bonds do not span plane or space.
     supported : ndarray of uint8, shape (n + m,)
-        1 where the bonds span the plane.
+        1 where the bonds span plane or space.
     gradient_ghosts : Ghosts
         Which fill the gradients, and fold derivatives by them.
     surrogate_thickness : SurrogateThickness or None
@@ -88,7 +89,7 @@ class Kinematics:
         self.gradient_ghosts = body.ghosts if plane == "stress" else body.ghosts.keeping_volume()
         self._form_gradients = self.gradient_pass(self.positions, self.gradients, 1.0)
         self.volume_ratios = np.ones(total)
-        self.records = aligned_rows((total, 4), precision)
+        self.records = aligned_rows((total if dimension == 2 else 0, 4), precision)
         self.scratch = aligned_rows((self.chunks, SCRATCH_ROWS, BLOCK), value=1)
         self.surrogate_thickness: SurrogateThickness | None = None
         self.interfaces: Interfaces | None = None
@@ -146,10 +147,12 @@ class Kinematics:
         return np.flatnonzero(self.body.bonds.second >= len(self.body)).astype(np.uint32)
 
     def gradient_weights(self) -> np.ndarray:
-        """K^-1 w x V_j of every directed bond, shape (n_bonds, 2)."""
-        pointers = self.body.bonds.pointers
+        """K^-1 w x V_j of every directed bond, shape (n_bonds, d)."""
+        pointers, d = self.body.bonds.pointers, self.body.dimension
         owners = np.repeat(np.arange(len(self.body)), np.diff(pointers).astype(np.int64))
-        return np.einsum("bij,bj->bi", self.inverse_shape[owners][:, [[0, 1], [1, 2]]], self.weighted_bonds)
+        place = np.zeros((d, d), dtype=np.int64)
+        place[np.triu_indices(d)] = np.arange(self.inverse_shape.shape[1])
+        return np.einsum("bij,bj->bi", self.inverse_shape[owners][:, np.maximum(place, place.T)], self.weighted_bonds)
 
     def gradient_pass(self, positions: np.ndarray, gradients: np.ndarray, unsupported: float) -> BoundPass:
         """The pass that forms the points' deformation gradients from positions; with `unsupported` 0, changes from displacements."""
@@ -197,6 +200,8 @@ class Kinematics:
     @cached_property
     def _find_states(self) -> Callable[[], int]:
         """The pass over the points' states; bound at its first use, when it is known what solves the plane-stress condition."""
+        if self.plane == "space":
+            return node_state.volume_ratios[3].bind(self.gradients, self.volume_ratios, chunks=self.chunks)
         if self.plane == "strain":
             return node_state.held_states.bind(self.gradients, self.volume_ratios, self.records, chunks=self.chunks)
         if self.surrogate_thickness is not None:
@@ -213,9 +218,9 @@ class Kinematics:
         )
 
     def deformation_gradients(self) -> np.ndarray:
-        """F of the body's points, shape (n, 2, 2)."""
+        """F of the body's points, shape (n, d, d)."""
         self.form_gradients()
-        return self.gradients[: len(self.body)].reshape(-1, 2, 2).transpose(0, 2, 1)
+        return matrices(self.gradients[: len(self.body)])
 
     def diagnose(self, law: Law, numbers: np.ndarray | None = None, gradients: np.ndarray | None = None) -> str:
         """Say which point has no state by a law, and why; of all, or of points and images of the given numbers with these gradients."""
@@ -227,15 +232,17 @@ class Kinematics:
             return at_point(self.body, int(owners[numbers[number]]), image + what)
 
         # Images too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
-        F = gradients.reshape(-1, 2, 2).transpose(0, 2, 1)
+        F = matrices(gradients)
         broken = np.flatnonzero(~np.isfinite(F).all(axis=(1, 2)))
         if len(broken):
             return at(int(broken[0]), "its deformation gradient is not finite")
         J = np.linalg.det(F)
         if J.min() <= 0:
             return at(int(J.argmin()), f"det F = {J.min():.3g}: the material is turned inside out there")
-        trace, _ = plane_stress.invariants(F)
+        trace = (F * F).sum(axis=(1, 2))
         order = np.argsort(-trace)
+        if self.plane != "stress":
+            return at(int(order[0]), f"there is no state there or nearby, at tr C = {trace[order[0]]:.4g} and det F = {J[order[0]]:.4g}")
         for i in order[:100]:
             try:
                 plane_stress.volume_ratio(law, trace[i], J[i])
@@ -245,10 +252,15 @@ class Kinematics:
         return at(i, f"no plane-stress state was found there or nearby, at tr C = {trace[i]:.4g} and det F = {J[i]:.4g}")
 
 
+def matrices(columns: np.ndarray) -> np.ndarray:
+    """Matrices, shape (k, d, d), of records by columns, shape (k, d d); a view where it can be one."""
+    d = math.isqrt(columns.shape[1])
+    return columns.reshape(-1, d, d).transpose(0, 2, 1)
+
+
 def at_point(body: Body, i: int, what: str) -> str:
     """Say where something is."""
-    x1, x2 = body.points[i]
-    return f"point {i} at ({x1:.4g}, {x2:.4g}): {what}"
+    return f"point {i} at ({', '.join(f'{x:.4g}' for x in body.points[i])}): {what}"
 
 
 def locate(body: Body, values: np.ndarray, what: str) -> str:

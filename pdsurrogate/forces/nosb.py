@@ -12,7 +12,7 @@ from ..kernels import nosb
 from ..kernels.block_arrays import aligned_rows
 from ..materials import PLANES, Law
 from .evaluation import Evaluation
-from .kinematics import locate
+from .kinematics import locate, matrices
 from .portions import EvaluationOfPortions
 from .protocol import ForceModel, InvalidState, Portion
 from .settings import ForceSettings
@@ -37,9 +37,9 @@ class StressesAtPoints(Evaluation):
 
     def _prepare(self) -> None:
         kinematics, body, bonds = self._kinematics, self.body, self.body.bonds
-        self._stresses = aligned_rows((len(body.all_points), 4))
+        self._stresses = aligned_rows((len(body.all_points), body.dimension**2))
         sums = self._stresses, bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
-        self._sum_forces = nosb.nosb_forces[2].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
+        self._sum_forces = nosb.nosb_forces[body.dimension].bind(*sums, np.empty_like(body.points), chunks=kinematics.chunks)
         self._broken: np.ndarray | None = None
 
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
@@ -66,10 +66,10 @@ class StressesAtPoints(Evaluation):
         bonds, body = self.body.bonds, self.body
         bond = body.all_points[bonds.second] - body.all_points[bonds.first]
         factor = body.weigh(np.linalg.norm(bond, axis=1)) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-        matrices = (self._stresses[bonds.first] + self._stresses[bonds.second]).reshape(-1, 2, 2)
+        stresses = matrices(self._stresses[bonds.first] + self._stresses[bonds.second])
         if self._broken is not None:
             factor[self._broken] = 0
-        return factor[:, None] * np.einsum("bji,bj->bi", matrices, bond)
+        return factor[:, None] * np.einsum("bij,bj->bi", stresses, bond)
 
 
 class NOSBEvaluation(StressesAtPoints):
@@ -79,7 +79,7 @@ class NOSBEvaluation(StressesAtPoints):
         super().__init__(body, law, "float64", "none", settings)
         self._prepare()
         kinematics = self._kinematics
-        self._find_stresses = nosb.weighted_stresses[2].bind(
+        self._find_stresses = nosb.weighted_stresses[body.dimension].bind(
             kinematics.gradients,
             kinematics.volume_ratios,
             kinematics.inverse_shape,

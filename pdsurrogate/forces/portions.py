@@ -47,9 +47,12 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
         raise ValueError(f"the materials of a body take force models of one kind, not {' and '.join(sorted(families.values()))}")
     if settings.breakable:
         raise ValueError("bonds that break (fracture) are taken in a body of one material only: leave out fracture or materials")
+    settings.check_body(body)
     merged = _merged(portions)
     if len(merged) == 1:
         return merged[0].model.bind(body, merged[0].law, settings)
+    if settings.plane == "space":
+        raise ValueError("several materials are taken in the plane only; in space a body is of one material")
     honoured = {key for portion in merged for key in portion.model.honoured(settings.plane)}
     for portion in merged:
         # Of models beside one that has a domain, those that hold everywhere have no use for `outside`.

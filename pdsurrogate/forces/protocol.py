@@ -142,8 +142,8 @@ class InternalForce(ABC):
         Of incomplete horizons, see `ForceSettings`.
     breakable : bool
         Whether `break_bonds` is allowed.
-    plane : {"stress", "strain"}
-        What the thickness does.
+    plane : {"stress", "strain", "space"}
+        What the thickness does, or that the body is a solid.
     has_energy : bool
         Whether the forces are minus the derivative of an energy, which `energy` gives.
     has_tangent : bool
@@ -341,11 +341,12 @@ class ForceModel(ABC):
             If the model does not fit the material, or cannot honour a setting.
         """
         settings.check(self.name, self.honoured(settings.plane))
+        settings.check_body(body)
         self.check_material(law)
         return self.evaluation(body, law, settings)
 
     def honoured(self, plane: str) -> Mapping[str, tuple]:
-        """What it can honour under plane stress or in plane strain; the same, but of a model with an evaluation for each."""
+        """What it can honour under plane stress, in plane strain or in space; the same, but of a model with an evaluation for each."""
         return self.honours
 
     @abstractmethod

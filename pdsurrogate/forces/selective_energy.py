@@ -1,6 +1,6 @@
-"""The selective energy of plane strain: isochoric at the bonds, volumetric at the points (theory (48)-(52)).
+"""The selective energy of plane strain and of space: isochoric at the bonds, volumetric at the points (theory (48)-(52)).
 
-At K = 1000 mu one bond after another would have to keep its area, more conditions than a body has displacements: all of the energy at the
+At K = 1000 mu one bond after another would have to keep its volume, more conditions than a body has displacements: all of the energy at the
 bonds locks.  A point's mean over its bonds is one condition a point.
 """
 
@@ -13,7 +13,7 @@ from ..body import Body
 from ..kernels import selective_energy
 from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.elementary import sum_in_order
-from ..materials import plane_strain
+from ..materials import PLANES
 from .bond_energy import BondEnergyEvaluation
 from .protocol import InvalidState
 
@@ -22,7 +22,7 @@ GREATEST_SHARE = 0.75
 
 
 class SelectiveEnergyEvaluation(BondEnergyEvaluation):
-    """The exact energy in plane strain, E = sum of bond volumes times W(F_ij) + sum of V_i U(J_i), bound to a body.
+    """The exact energy in plane strain or in space, E = sum of bond volumes times W(F_ij) + sum of V_i U(J_i), bound to a body.
 
     J_i is the mean of det F_ij over the bonds of a point, smoothed over its nearest neighbours.  The mean alone is exact in homogeneous
     states, but its pressure is rough; det F_i alone leaves a pressure that changes sign from point to point.
@@ -47,7 +47,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         self._buffers = aligned_rows((chunks, selective_energy.buffer_rows(dimension), BLOCK), value=1)
         pairs = first, second, self.geometry
         self._energies = np.zeros(len(self.geometry))
-        self._forces, self._moments = aligned_rows((size, 2)), aligned_rows((size, 4))
+        self._forces, self._moments = aligned_rows((size, dimension)), aligned_rows((size, dimension**2))
         places = kinematics.positions, kinematics.gradients
         self._find_volumes = selective_energy.pair_volumes[dimension].bind(
             *places, *pairs, self._buffers, self._pair_volumes, chunks=chunks
@@ -55,7 +55,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         self._find_dilatations = selective_energy.mean_dilatations.bind(
             bonds.pointers, bonds.pair_of, self.bond_shares, self._pair_volumes, self._dilatations, chunks=chunks
         )
-        self._response = plane_strain.isochoric_response.block(self.law)
+        self._response = PLANES[self.plane].isochoric_response.block(self.law)
         self._find_energies = selective_energy.pair_energies[dimension].bind(
             *places,
             self._pressures,

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
+from ..body import Body
 from ..kernels.bond_force import FALL_BACK, TURNED
 from ..kernels.reference_state import CORRECTIONS
-from ..materials import PLANES
+from ..materials import PLANES, dimension_of
 from ..paper.rotation import convected_rotations
 
 OUTSIDE_POLICIES = {"fallback": FALL_BACK, "warn": TURNED, "raise": TURNED, "extrapolate": TURNED}
@@ -18,6 +19,10 @@ PRECISIONS = ("float32", "float64")
 ROTATIONS = {"polar": None, "convected": convected_rotations}
 """How the rotation of a horizon is taken from F: of the polar decomposition, as the pass over the points gives it, or by a pass of its own
 after that one."""
+
+WHERE = {"stress": "", "strain": " in plane strain", "space": " in space"}
+OTHERS = {"strain": "force=analytic and force=bond-energy take both", "space": "force=bond-energy and force=nosb take bodies in space"}
+"""In words: what a plane is called, and which models take it where another does not."""
 
 ROTATION, OUTSIDE = "polar", "fallback"
 """What models that have a choice do where none is made."""
@@ -43,8 +48,8 @@ class ForceSettings:
         right angle from its horizon has no features, and gets the exact bond force even where extrapolation is asked for.
     breakable : bool
         Whether bonds may break, which keeps reference data that an unbreakable body has no use for.
-    plane : {"stress", "strain"}
-        Whether the thickness is free, or held.
+    plane : {"stress", "strain", "space"}
+        Whether the thickness of a body in the plane is free or held; "space" of every body in space.
     """
 
     precision: str | None = None
@@ -85,11 +90,19 @@ class ForceSettings:
             key, value = field.name, getattr(self, field.name)
             if value == field.default or value in honours.get(key, ()):
                 continue
-            where = " in plane strain" if self.plane == "strain" and key != "plane" else ""
+            where = WHERE[self.plane] if key != "plane" else ""
             taken = {key: honours[key]} if key in honours else honours
             words = ", ".join(_words(key, *values) for key, values in taken.items()) or "none of these settings"
-            advice = "; force=analytic and force=bond-energy take both" if key == "plane" else ""
+            advice = f"; {OTHERS[value]}" if key == "plane" else ""
             raise ValueError(f"{name} does not take {_words(key, value)}{where}; it takes {words}{advice}")
+
+    def check_body(self, body: Body) -> None:
+        """Refuse a body of another dimension than the state that `plane` names."""
+        if body.dimension != dimension_of(self.plane):
+            right = "plane=stress or plane=strain" if body.dimension == 2 else "plane=space"
+            raise ValueError(
+                f"plane={self.plane} is of bodies of {dimension_of(self.plane)} dimensions; this one has {body.dimension}: {right}"
+            )
 
 
 def _words(key: str, *values) -> str:

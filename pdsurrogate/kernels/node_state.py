@@ -5,7 +5,7 @@ import numpy as np
 from .block_arrays import BLOCK, block_rows, quad_records
 from .compile import call_block, kernel, widest_vectors
 from .elementary import inverse_square_root
-from .passes import Pass, share_of
+from .passes import ByDimension, Pass, share_of
 
 MOST_ITERATIONS = 40
 
@@ -45,6 +45,28 @@ def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8)
         solved = states[0, k] < np.inf and abs(result[2, k]) <= 1e-5 * result[3, k] and states[1, k] > 0.0
         unsolved += 0 if solved else 1
     return unsolved
+
+
+@ByDimension
+def volume_ratios(algebra):
+    """Det F of every point, where that is its volume ratio and nothing else is asked of its state."""
+
+    @Pass
+    def volume_ratios(chunk, chunks, gradients, volume_ratios):
+        """Det F of every point from F by columns; returns the number of points with det F <= 0 or non-finite F."""
+        widest_vectors()
+        start, stop = share_of(gradients.shape[0], chunk, chunks)
+        F = algebra.matrix_rows(gradients[start:stop])
+        J = volume_ratios[start:stop]
+        count = 0
+        for k in range(stop - start):
+            gradient = algebra.matrix_at(F, k)
+            J[k] = algebra.determinant(gradient)
+            # NaN fails both comparisons.
+            count += 0 if (J[k] > 0.0) & (algebra.squared_norm(gradient) < np.inf) else 1
+        return count
+
+    return volume_ratios
 
 
 @Pass

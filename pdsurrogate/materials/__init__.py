@@ -7,7 +7,7 @@ from .law import InvariantLaw, Law, PrincipalStretchLaw
 from .mooney_rivlin import MooneyRivlin
 from .neo_hookean import NeoHookean
 from .ogden import Ogden
-from .planes import PLANES
+from .planes import PLANES, SHEETS, dimension_of
 from .yeoh import Yeoh
 
 LAWS: dict[str, type[Law]] = {law.name: law for law in (NeoHookean, MooneyRivlin, Yeoh, Gent, ArrudaBoyce, Ogden, FullNetwork)}
@@ -15,6 +15,7 @@ LAWS: dict[str, type[Law]] = {law.name: law for law in (NeoHookean, MooneyRivlin
 __all__ = [
     "LAWS",
     "PLANES",
+    "SHEETS",
     "ArrudaBoyce",
     "FullNetwork",
     "Gent",
@@ -25,4 +26,5 @@ __all__ = [
     "Ogden",
     "PrincipalStretchLaw",
     "Yeoh",
+    "dimension_of",
 ]

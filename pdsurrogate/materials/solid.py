@@ -98,6 +98,22 @@ response = Response(4, 2, isochoric_invariants, of_invariants, principal_stretch
 """``response(law, trace, cofactor_trace, J)``: p, q, r and the energy, dimensionless, from tr C, tr cof C and J = det F > 0."""
 
 
+@inlined
+def _isochoric_of_invariants(state, isochoric, volumetric):
+    return of_invariants(state, isochoric, (0.0, 0.0, 0.0))
+
+
+@inlined
+def _isochoric_of_stretches(state, stretches, sums, volumetric):
+    return of_stretches(state, stretches, sums, (0.0, 0.0, 0.0))
+
+
+isochoric_response = Response(
+    4, 2, isochoric_invariants, _isochoric_of_invariants, principal_stretches, _isochoric_of_stretches, curvature=False
+)
+"""``isochoric_response(law, trace, cofactor_trace, J)``: p, q, r and the energy, all of W alone; U adds U' to q."""
+
+
 def invariants(F):
     """Tr C, tr cof C and det F, each of shape (...)."""
     F = np.asarray(F, dtype=float)
@@ -117,6 +133,22 @@ def energy_density(law: Law, F):
     """Strain energy density, shape (...), in the unit of the shear modulus."""
     check_consistency(law)
     return law.shear_modulus * response(law, *invariants(F))[3]
+
+
+def full_stress(law: Law, F, bulk_stress):
+    """First Piola-Kirchhoff stress, shape (n, 3, 3), in the unit of the shear modulus, with another pressure than that of det F.
+
+    Parameters
+    ----------
+    law : Law
+    F : ndarray, shape (n, 3, 3)
+    bulk_stress : ndarray, shape (n,)
+        U', in units of mu: at det F, or what a selective energy has in its place (theory (51)).
+    """
+    check_consistency(law)
+    F = np.asarray(F, dtype=float)
+    p, q, r = (value[..., None, None] for value in isochoric_response(law, *invariants(F))[:3])
+    return law.shear_modulus * (p * F + (q + np.asarray(bulk_stress)[..., None, None]) * _cofactor(F) + r * (F @ (F.swapaxes(-1, -2) @ F)))
 
 
 def _cofactor(F):

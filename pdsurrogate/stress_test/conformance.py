@@ -39,7 +39,7 @@ from ..forces.settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
 from ..kernels.reference_state import CORRECTIONS
 from ..kernels.threads import thread_count
 from ..learning import wide_design
-from ..materials import PLANES, Law
+from ..materials import PLANES, SHEETS, Law
 from ..run.run import Silent
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import MaterialSpec, load_scene
@@ -526,7 +526,7 @@ SETTINGS = {
     "rotation": tuple(ROTATIONS),
     "outside": tuple(OUTSIDE_POLICIES),
     "breakable": (True,),
-    "plane": tuple(PLANES),
+    "plane": SHEETS,
 }
 """Settings of a force evaluation, and the values that can be asked for."""
 
@@ -549,7 +549,7 @@ def settings_refused(subject: Subject) -> Outcome:
         alive = any(outcome != usual for outcome in taken.values())
         same = [value for value, outcome in taken.items() if outcome == usual]
         wrong += [f"{key}={value} changes nothing" for value in same if len(same) > 1 or not (alive or stated == value)]
-        if set(taken) != set(declared.get(key, ())):
+        if set(taken) != set(declared.get(key, ())) & set(values):
             wrong.append(f"{key} is declared as {declared.get(key, ())} and taken as {tuple(taken)}")
     return _none_may(len(wrong), "refused by name", "; ".join(wrong), "settings ignored")
 
