@@ -447,7 +447,8 @@ class EnergyOfPairs(Evaluation):
     def _diagnose(self) -> str:
         """Say which bond has no energy, and why."""
         F = self.bond_gradients()
-        bonds, alive, J = self.body.bonds, self.bond_weights > 0, np.linalg.det(F)
+        with np.errstate(invalid="ignore"):  # what is not finite is looked for
+            bonds, alive, J = self.body.bonds, self.bond_weights > 0, np.linalg.det(F)
         broken = alive & ~np.isfinite(J)
         if broken.any():
             return at_point(self.body, int(bonds.first[broken.argmax()]), "the deformation gradient of a bond is not finite")
@@ -456,15 +457,28 @@ class EnergyOfPairs(Evaluation):
             what = f"det F = {J[worst]:.3g} of a bond: the material is turned inside out there"
             return at_point(self.body, int(bonds.first[worst]), what)
         trace = (F * F).sum(axis=(1, 2))
-        for pair in np.argsort(np.where(alive, -trace, np.inf))[: 100 if self.plane == "stress" else 0]:
+        for pair in np.argsort(np.where(alive, -trace, np.inf))[:100]:
             try:
                 for law in self._laws_of(pair):
-                    BondEnergyForce().energy_derivatives(law, trace[[pair]], J[[pair]])
+                    self._check_state(law, F[pair])
             except ValueError as error:
                 return at_point(self.body, int(bonds.first[pair]), str(error))
         worst = int(np.where(alive, trace, -np.inf).argmax())
         what = f"one of the bonds has no energy; of the most strained one, tr C = {trace[worst]:.4g} and det F = {J[worst]:.4g}"
         return at_point(self.body, int(bonds.first[worst]), what)
+
+    def _check_state(self, law: Law, F: np.ndarray) -> None:
+        """Raise ValueError, which says why, where a law has no energy at the gradient of a bond."""
+        if self.plane == "stress":
+            trace, J = plane_stress.invariants(F[None])
+            BondEnergyForce().energy_derivatives(law, trace, J)
+            return
+        from ..materials import solid  # of which a sheet under plane stress has no need
+
+        full, d = np.eye(3), len(F)
+        full[:d, :d] = F
+        if not np.isfinite(solid.isochoric_response(law, *solid.invariants(full))[3]):
+            raise ValueError(f"{law.name}: a bond has no energy: {law.limit(solid.stretch_squares(full))}")
 
     def _laws_of(self, pair: int) -> list[Law]:
         """Laws that have a part in the energy of a pair."""

@@ -17,9 +17,6 @@ from ..materials import PLANES
 from .bond_energy import BondEnergyEvaluation
 from .protocol import InvalidState
 
-GREATEST_SHARE = 0.75
-"""Share of a point's neighbours in its smoothed dilatation: what it is on a grid, and the most that it is where points lie closer."""
-
 
 class SelectiveEnergyEvaluation(BondEnergyEvaluation):
     """The exact energy in plane strain or in space, E = sum of bond volumes times W(F_ij) + sum of V_i U(J_i), bound to a body.
@@ -107,7 +104,8 @@ def smoothing(body: Body, carries: np.ndarray) -> sparse.csr_array:
     """Weights of neighbours in the smoothed dilatation of the points (theory (50)), shape (n, n).
 
     On a grid they are (1 2 1)/4 along each axis.  Rows add up to one, so that an even dilatation stays as it is; V_i W_ij is symmetric, so
-    that its mean does as well, and an even pressure stays even.  What a neighbour beyond a surface would have stays with the point.  A
+    that its mean does as well, and an even pressure stays even.  Where points lie closer than on a grid, a point keeps what it keeps there,
+    a quarter in the plane and an eighth in space.  What a neighbour beyond a surface would have stays with the point.  A
     mirror image is a neighbour; beyond a clamped plane the body is continued otherwise than it is, and nothing is taken from there.
 
     Parameters
@@ -127,7 +125,8 @@ def smoothing(body: Body, carries: np.ndarray) -> sparse.csr_array:
     rows, columns = np.concatenate([first, second[within]]), np.concatenate([second, first[within]])
     weights = np.concatenate([weights, weights[within]])
     share = np.bincount(rows, weights, n) / body.volumes
-    most = GREATEST_SHARE / np.maximum(share, GREATEST_SHARE)
+    of_neighbours = 1 - 0.5**body.dimension
+    most = of_neighbours / np.maximum(share, of_neighbours)
     weights *= np.minimum(most[rows], most[columns])
     own = body.volumes - np.bincount(rows, weights, n)
     each = np.arange(n)

@@ -53,9 +53,8 @@ class ArrudaBoyce(InvariantLaw):
     def shape(self) -> dict[str, float]:
         return {"chain_links": self.chain_links}
 
-    def limit(self, trace: float, area_ratio: float) -> str:
-        I1 = trace + area_ratio**-2
-        return f"I1bar/3 is {I1 / 3:.4g} there at constant volume, and the chains are straight at chain_links = {self.chain_links:g}"
+    def limit(self, squares: np.ndarray) -> str:
+        return f"I1bar/3 is {squares.sum() / 3:.4g} there, and the chains are straight at chain_links = {self.chain_links:g}"
 
     @staticmethod
     def isochoric(I1, I2, parameters):

@@ -82,13 +82,8 @@ class FullNetwork(PrincipalStretchLaw):
     def shape(self) -> dict[str, float]:
         return {"chain_links": self.chain_links}
 
-    def limit(self, trace: float, area_ratio: float) -> str:
-        half = trace / 2
-        greatest = max(half + np.sqrt(max(half**2 - area_ratio**2, 0.0)), area_ratio**-2)
-        return (
-            f"the square of the greatest stretch is {greatest:.4g} there at constant volume, "
-            f"and chains are straight at chain_links = {self.chain_links:g}"
-        )
+    def limit(self, squares: np.ndarray) -> str:
+        return f"the square of the greatest stretch is {squares.max():.4g} there, and chains are straight at chain_links = {self.chain_links:g}"
 
     @staticmethod
     def coefficients(parameters, k):

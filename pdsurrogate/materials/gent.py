@@ -49,9 +49,8 @@ class Gent(InvariantLaw):
     def shape(self) -> dict[str, float]:
         return {"chain_limit": self.chain_limit}
 
-    def limit(self, trace: float, area_ratio: float) -> str:
-        strain = trace + area_ratio**-2 - 3
-        return f"I1bar - 3 is {strain:.4g} there at constant volume, and the law ends at chain_limit = {self.chain_limit:g}"
+    def limit(self, squares: np.ndarray) -> str:
+        return f"I1bar - 3 is {squares.sum() - 3:.4g} there, and the law ends at chain_limit = {self.chain_limit:g}"
 
     @staticmethod
     def isochoric(I1, I2, parameters):

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from .law import Law
-from .plane_stress import invariants
+from .plane_stress import invariants, stretch_squares
 from .planes import PLANES
 
 
@@ -51,7 +51,9 @@ def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stre
     J3 = float(at.volume_ratio(law, trace, J))
     P = at.first_piola_stress(law, F)
     if not np.isfinite(P).all():
-        raise ValueError(f"{law.name}: no state at stretches of {stretch:g} and {lateral_stretch:g}: {law.limit(trace, J)}")
+        raise ValueError(
+            f"{law.name}: no state at stretches of {stretch:g} and {lateral_stretch:g}: {law.limit(stretch_squares(trace, J))}"
+        )
     return HomogeneousState(
         float(stretch),
         float(lateral_stretch),

@@ -72,8 +72,8 @@ class Law(ABC):
             K / 4 * (1 + 3 * square * square),
         )
 
-    def limit(self, trace: float, area_ratio: float) -> str:
-        """Why there is no plane-stress state at tr C and J in the plane, for the error that says so."""
+    def limit(self, squares: np.ndarray) -> str:
+        """Why there is no state at isochoric principal stretches with these three squares, for the error that says so."""
         return "beyond the law's limit"
 
     @property

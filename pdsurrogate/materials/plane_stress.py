@@ -136,6 +136,13 @@ def invariants(F):
     return (F * F).sum(axis=(-2, -1)), F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0]
 
 
+def stretch_squares(trace: float, area_ratio: float) -> np.ndarray:
+    """Squares of the principal stretches at tr C and det F in the plane and constant volume, shape (3,)."""
+    half = trace / 2
+    root = np.sqrt(max(half**2 - area_ratio**2, 0.0))
+    return np.array([half - root, half + root, area_ratio**-2])
+
+
 def volume_ratio(law: Law, trace, area_ratio):
     """J3 that makes P33 = 0 (paper, Eq. (9)), by Newton's iteration from 1.
 
@@ -176,7 +183,9 @@ def volume_ratio(law: Law, trace, area_ratio):
     if np.any(failed):
         first = np.flatnonzero(failed.ravel())[0]
         state = float(trace.ravel()[first]), float(J.ravel()[first])
-        raise ValueError(f"{law.name}: no plane-stress state at tr C = {state[0]:g}, det F = {state[1]:g}: {law.limit(*state)}")
+        raise ValueError(
+            f"{law.name}: no plane-stress state at tr C = {state[0]:g}, det F = {state[1]:g}: {law.limit(stretch_squares(*state))}"
+        )
     return J3
 
 

@@ -121,6 +121,11 @@ def invariants(F):
     return (F * F).sum(axis=(-2, -1)), (cofactor * cofactor).sum(axis=(-2, -1)), (F[..., 0] * cofactor[..., 0]).sum(axis=-1)
 
 
+def stretch_squares(F):
+    """Squares of the isochoric principal stretches, shape (..., 3)."""
+    return np.linalg.svd(F, compute_uv=False) ** 2 / np.abs(np.linalg.det(F))[..., None] ** (2 / 3)
+
+
 def first_piola_stress(law: Law, F):
     """First Piola-Kirchhoff stress P, shape (..., 3, 3), in the unit of the shear modulus."""
     check_consistency(law)
