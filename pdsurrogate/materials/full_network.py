@@ -83,7 +83,8 @@ class FullNetwork(PrincipalStretchLaw):
         return {"chain_links": self.chain_links}
 
     def limit(self, squares: np.ndarray) -> str:
-        return f"the square of the greatest stretch is {squares.max():.4g} there, and chains are straight at chain_links = {self.chain_links:g}"
+        greatest = squares.max()
+        return f"the square of the greatest stretch is {greatest:.4g} there, and chains are straight at chain_links = {self.chain_links:g}"
 
     @staticmethod
     def coefficients(parameters, k):
