@@ -221,6 +221,23 @@ def test_the_account_of_loads_closes(loading):
     assert last["work"] == pytest.approx(last["strain_energy"] + last["kinetic_energy"], rel=0.02)
 
 
+@pytest.mark.usefixtures("every_step")
+@pytest.mark.parametrize("load", [{"traction": (0.2, 0.0)}, {"pressure": -0.2, "thickness": "undeformed"}])
+def test_viscosity_leaves_loads_as_they_are(load):
+    """Internal forces are taken a retardation time ahead; loads were too, and of what they had gained the viscosity took its share."""
+    viscous = dynamic(1.0, 0.5, viscosity=0.02, density=1.0)
+    clamp = {"region": "left", "x1": 0.0, "x2": 0.0}
+    result = simulate(scene_of((viscous,), (clamp,), loads=({"region": "right", **load},)), "bond-energy")
+    rows = [row for row in result.history if "time" in row]
+    if "traction" in load:
+        np.testing.assert_allclose([row["force_right_1"] for row in rows], [0.2 * 0.8 * row["t"] for row in rows], rtol=1e-12, atol=1e-15)
+    # At rest and unloaded there is nothing to damp, however fast a load is going to grow.
+    assert rows[0]["force_right_1"] == 0
+    # What the load gives is there as strain, motion and what the viscosity took of the motion of the bonds.
+    last = rows[-1]
+    assert last["work"] == pytest.approx(last["strain_energy"] + last["kinetic_energy"] + last["damped_energy"], rel=0.02)
+
+
 UNIT = pd.Rectangle(size=(1.0, 1.0))
 PULLED = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.2})
 

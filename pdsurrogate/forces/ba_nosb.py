@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -176,13 +177,19 @@ class BANOSBEvaluation(Evaluation):
     def state_arrays(self) -> dict[str, np.ndarray]:
         return {**super().state_arrays(), "bond_volume_ratios": self._volume_ratios}
 
-    def pair_forces(self) -> np.ndarray:
-        bonds, n = self.body.bonds, len(self.body)
-        owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
-        forward = np.flatnonzero(owners == bonds.first[bonds.pair_of])
-        forces = np.empty((len(bonds.first), 2))
-        forces[bonds.pair_of[forward]] = self.bond_forces[forward] - self.bond_forces[self._reverse[forward]]
-        return self.law.shear_modulus * forces
+    def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
+        forward = self._forward if pairs is None else self._forward[pairs]
+        return self.law.shear_modulus * (self.bond_forces[forward] - self.bond_forces[self._reverse[forward]])
+
+    @cached_property
+    def _forward(self) -> np.ndarray:
+        """Number of the bond (i, j) of every pair (i, j)."""
+        bonds = self.body.bonds
+        owners = np.repeat(np.arange(len(self.body)), np.diff(bonds.pointers).astype(np.int64))
+        numbers = np.flatnonzero(owners == bonds.first[bonds.pair_of])
+        forward = np.empty(len(bonds.first), dtype=np.int64)
+        forward[bonds.pair_of[numbers]] = numbers
+        return forward
 
 
 def _reverse_bonds(owners: np.ndarray, targets: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -365,29 +366,33 @@ class EnergyOfPairs(Evaluation):
         across = 2 * self._moments[: self._n_pairs].sum(axis=0, dtype=float).reshape(d, d).T
         return self.unit * (along + across) / self.body.volumes.sum()
 
-    def pair_forces(self) -> np.ndarray:
+    def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
         """The pair's own part, and what the two ends' S exert along it.
 
         Of a pair with a ghost, that includes what the energy of the mirrored pair says about the ghost of this point.
         """
         bonds, body, n = self.body.bonds, self.body, len(self.body)
-        ghosts = body.ghosts
-        vectors = body.all_points[bonds.second] - body.all_points[bonds.first]
+        chosen = slice(self._n_pairs) if pairs is None else pairs
+        first, second = bonds.first[chosen], bonds.second[chosen]
         stresses = self._stresses.copy()
-        ghosts.fill_changes(stresses)
+        body.ghosts.fill_changes(stresses)
         stresses = matrices(stresses)
-        strength = self._strength * self._intact
-        forces = self._forces[: self._n_pairs].astype(float)
-        outer = np.flatnonzero(bonds.second >= n)
+        strength = self._strength[chosen] * self._intact[chosen]
+        forces = self._forces[chosen].astype(float)
+        outer = np.flatnonzero(second >= n)
         if len(outer):
-            ghost = bonds.second[outer] - n
-            forces[self._mirrored_pairs(outer)] -= ghosts.parity[ghost] * self._forces[outer]
-        forces += strength[:, None] * np.einsum("bij,bj->bi", stresses[bonds.first] + stresses[bonds.second], vectors)
+            numbers, mirrored = self._mirrored_pairs
+            partners = mirrored[np.searchsorted(numbers, outer if pairs is None else pairs[outer])]
+            forces[outer] -= body.ghosts.parity[second[outer] - n] * self._forces[partners]
+        vectors = body.all_points[second] - body.all_points[first]
+        forces += strength[:, None] * np.einsum("bij,bj->bi", stresses[first] + stresses[second], vectors)
         return self.unit * forces
 
-    def _mirrored_pairs(self, outer: np.ndarray) -> np.ndarray:
-        """For pairs of a point i and the ghost of a point k: the pairs of k and the ghost of i under the same reflections."""
+    @cached_property
+    def _mirrored_pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs of a point i and the ghost of a point k, and for each that of k and the ghost of i under the same reflections."""
         bonds, ghosts, n = self.body.bonds, self.body.ghosts, len(self.body)
+        outer = np.flatnonzero(bonds.second >= n)
         ghost = bonds.second[outer].astype(np.int64) - n
         number = np.full((int(ghosts.image.max()) + 1, n), -1)
         number[ghosts.image, ghosts.source] = np.arange(len(ghosts))
@@ -395,7 +400,7 @@ class EnergyOfPairs(Evaluation):
         total = n + len(ghosts)
         keys = bonds.first[outer].astype(np.int64) * total + bonds.second[outer]
         order = np.argsort(keys)
-        return outer[order[np.searchsorted(keys[order], partner[0] * total + partner[1])]]
+        return outer, outer[order[np.searchsorted(keys[order], partner[0] * total + partner[1])]]
 
     def bond_gradients(self) -> np.ndarray:
         """F_ij of every pair at the positions last given, shape (n_pairs, d, d) (theory (27))."""

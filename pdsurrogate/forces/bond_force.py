@@ -231,8 +231,8 @@ class BondForceEvaluation(Evaluation):
         self._strength[pairs] = 0.0
         self._find_geometry(changed)
 
-    def pair_forces(self) -> np.ndarray:
-        return self.law.shear_modulus * self._forces[: self._n_pairs].astype(float)
+    def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
+        return self.law.shear_modulus * self._forces[slice(self._n_pairs) if pairs is None else pairs].astype(float)
 
 
 def pair_strength(body: Body) -> np.ndarray:
@@ -323,5 +323,5 @@ class BondForceOfPortions(EvaluationOfPortions):
     def pairs_evaluated(self) -> int:
         return sum(len(pairs) for _, pairs, *_ in self._parts)
 
-    def pair_forces(self) -> np.ndarray:
-        return self._forces.astype(float)
+    def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
+        return (self._forces if pairs is None else self._forces[pairs]).astype(float)

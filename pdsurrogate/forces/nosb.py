@@ -62,13 +62,14 @@ class StressesAtPoints(Evaluation):
         """Bring P K^-1 of all points and images up to date."""
         raise NotImplementedError
 
-    def pair_forces(self) -> np.ndarray:
-        bonds, body = self.body.bonds, self.body
-        bond = body.all_points[bonds.second] - body.all_points[bonds.first]
-        factor = body.weigh(np.linalg.norm(bond, axis=1)) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
-        stresses = matrices(self._stresses[bonds.first] + self._stresses[bonds.second])
+    def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
+        bonds, body, chosen = self.body.bonds, self.body, slice(None) if pairs is None else pairs
+        first, second = bonds.first[chosen], bonds.second[chosen]
+        bond = body.all_points[second] - body.all_points[first]
+        factor = body.weigh(np.linalg.norm(bond, axis=1)) * body.all_volumes[first] * body.all_volumes[second]
+        stresses = matrices(self._stresses[first] + self._stresses[second])
         if self._broken is not None:
-            factor[self._broken] = 0
+            factor[self._broken[chosen]] = 0
         return factor[:, None] * np.einsum("bij,bj->bi", stresses, bond)
 
 

@@ -230,8 +230,8 @@ class InternalForce(ABC):
         """Which points have bonds enough for a deformation gradient, bool, shape (n,); of others F is the identity."""
 
     @abstractmethod
-    def pair_forces(self) -> np.ndarray:
-        """Force on the first point of every pair in the state last evaluated, shape (n_pairs, d)."""
+    def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
+        """Force on the first point of given pairs in the state last evaluated, shape (k, d); of every pair where none are given."""
 
     @abstractmethod
     def state_arrays(self) -> dict[str, np.ndarray]:

@@ -99,7 +99,7 @@ class Transient:
         self.run, self.damage, self.spec, self.most_outputs = run, run.damage, stage.inertia, stage.outputs
         self.account, self.motion = Account(), self.spec.motion(run.begin, stage.to)
         self.integrator = ExplicitDynamics(
-            run.loaded,
+            run.force,
             self._hold,
             run.positions,
             np.zeros_like(run.positions),
@@ -108,6 +108,7 @@ class Transient:
             self.spec.damping,
             self.spec.viscosity,
             self.spec.safety,
+            run.loads,
             run.reductions,
         )
         self._keeps_account = run.force.has_energy
@@ -151,7 +152,7 @@ class Transient:
         run.steps = kept["all_steps"]
         integrator.velocities[:], integrator.forces[:] = checkpoint.arrays["velocities"], checkpoint.arrays["forces"]
         integrator.frequency.vector, integrator.frequency.fresh = checkpoint.arrays["mode"].copy(), False
-        run.loading.apply(run.parameter, run.loaded, run.positions)
+        self._apply()
 
     def go(self) -> None:
         """Run to the end of the stage, or until the body has come apart."""
@@ -209,8 +210,9 @@ class Transient:
         recorded = run.states.moments[-1].time - run.elapsed if len(run.states) else -np.inf
         if self.account.time > recorded + 0.5 * integrator.last_step:
             with suppress(InvalidState, Diverging):
+                self._apply()
                 self._check_inside()
-                run.loaded(run.positions, integrator.forces)
+                integrator.evaluate_at_rest()
                 self._last_row()
                 self._through()
                 self.output()
@@ -231,7 +233,7 @@ class Transient:
             account.time += integrator.last_step
         run.steps += 1
         run.parameter = run.target = self._parameter()
-        self._hold(run.positions, 0.0)
+        self._apply()
         if self.damage is None:
             integrator.evaluate()
             return
@@ -258,9 +260,13 @@ class Transient:
         ended = self._timed and self.account.time >= self.motion.duration
         return self.motion.end if ended else self.motion.at(self.account.time)
 
+    def _apply(self) -> None:
+        """Bring all that is held to where it is now, and the loads to their size."""
+        self.run.loading.apply(self.run.parameter, self.run.force, self.run.positions)
+
     def _hold(self, positions: np.ndarray, ahead: float) -> None:
         """Bring all that is held to where it is a time `ahead` from now."""
-        self.run.loading.apply(self.run.parameter + ahead * self.motion.rate, self.run.loaded, positions)
+        self.run.loading.hold(self.run.parameter + ahead * self.motion.rate, self.run.force, positions)
 
     def _bonds_of_failed_points(self) -> np.ndarray:
         """Intact pairs of points that have lost bonds and whose deformation gradient has collapsed.
@@ -316,7 +322,7 @@ class Transient:
     def _row(self, first: bool = False) -> None:
         """A row of the history, and work and damped energy up to it."""
         run, account = self.run, self.account
-        reactions = run.loading.reactions(run.loaded)
+        reactions = self._reactions()
         kinetic = self._kinetic_energy()
         if not np.isfinite(kinetic):
             raise Diverging("the kinetic energy is not finite")
@@ -359,10 +365,14 @@ class Transient:
         """With grips of the velocities half a step back; otherwise of those at the positions, at which all other energies are."""
         return self.integrator.kinetic_energy(self.integrator.mean_velocities() if self._timed else None)
 
+    def _reactions(self) -> Reactions:
+        """Of all holders, by the forces that move the body."""
+        return self.run.loading.reactions(self.run.force, self.integrator.forces)
+
     def _take_between_rows(self) -> None:
         """Add what the account takes in steps that have no row."""
         if self._timed:
-            self._take_work(self.run.loading.reactions(self.run.loaded))
+            self._take_work(self._reactions())
         breaking = self._keeps_account and self.integrator.steps - self.account.last_break < STEPS_PER_ROW
         if breaking or (self._timed and self.spec.viscosity == 0):
             self._take_damping()
@@ -406,7 +416,7 @@ class Transient:
 
     def output(self) -> None:
         run, account = self.run, self.account
-        self._hold(run.positions, 0.0)
+        self._apply()
         if self.damage is not None:
             entry = {"time": run.elapsed + account.time, run.loading.parameter: run.parameter, "broken_bonds": run.crack["broken_bonds"]}
             tips = crack_tips(run.body, np.array(account.recent, dtype=np.int64))

@@ -180,14 +180,18 @@ class Loading(ABC):
 
     def apply(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter, and bring the loads to their size there."""
+        self.hold(parameter, force, positions)
+        if self.loads is not None:
+            self.loads.set(parameter)
+
+    def hold(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
+        """Move everything that is held to where it is at a value of the parameter."""
         for part in self._held:
             displacement = part.displacement(parameter)
             for component in part.components:
                 positions[part.points, component] = self.body.points[part.points, component] + displacement[..., component]
         for number, plane in enumerate(self._planes):
             force.move_plane(number, plane.displacement(parameter))
-        if self.loads is not None:
-            self.loads.set(parameter)
 
     def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Check that no point is on the far side of a plane in which the body is reflected, where its own image belongs.
@@ -208,16 +212,21 @@ class Loading(ABC):
                 what = f"it lies {beyond[worst]:.3g} beyond the {held.name}, on the side of its own image"
                 raise InvalidState(at_point(self.body, worst, what))
 
-    def reactions(self, force: InternalForce) -> Reactions:
+    def reactions(self, force: InternalForce, on_points: np.ndarray | None = None) -> Reactions:
         """Forces of all holders on the body in the state last evaluated.
 
         On held points, what keeps the internal force and the loads there in balance.  On a plane, what works with its displacement: half
         of what every bond with an image pulls with, times the displacement of the image by that of the plane, since an image on the
         other side has a bond alike.  In a single plane that is the sum over all bonds that cross it.
+
+        Parameters
+        ----------
+        force : InternalForce
+        on_points : ndarray, shape (n, 2), optional
+            Internal force and loads on every point in that state; found from all pairs where they are not given.
         """
-        pair_forces = force.pair_forces()
         bonds, planes, shares = self._levers
-        crossing = pair_forces[bonds]
+        crossing = force.pair_forces(bonds)
         on_planes = np.zeros((len(self._planes), 2))
         for component in (0, 1) if self._planes else ():
             on_planes[:, component] = np.bincount(planes, crossing[:, component] * shares[:, component], len(self._planes))
@@ -226,7 +235,7 @@ class Loading(ABC):
             for component in plane.components:
                 forces[plane.holders[component], component] += on_planes[number, component]
         if any(part.holder is not None for part in self._held):
-            at_points = -self._on_points(force, pair_forces) * (1 - self.free)
+            at_points = -(self._on_points(force) if on_points is None else on_points) * (1 - self.free)
             for part, owned in zip(self._held, self._owned, strict=True):
                 for component, points in owned.items():
                     forces[part.holder, component] += at_points[points, component].sum()
@@ -240,7 +249,7 @@ class Loading(ABC):
         positions, moments = force.positions, np.zeros(len(self.names))
         bonds, planes, shares = self._levers
         if len(bonds):
-            pulls = force.pair_forces()[bonds] * shares
+            pulls = force.pair_forces(bonds) * shares
             middles = (positions[self.body.bonds.first[bonds]] + positions[self.body.bonds.second[bonds]]) / 2
             for number, plane in enumerate(self._planes):
                 own = planes == number
@@ -254,9 +263,9 @@ class Loading(ABC):
                     moments[part.holder] += (arms * reactions.at_points[points, component]).sum()
         return self._reductions.total_of_parts(moments)
 
-    def _on_points(self, force: InternalForce, pair_forces: np.ndarray) -> np.ndarray:
+    def _on_points(self, force: InternalForce) -> np.ndarray:
         """Internal force and loads on every point in the state last evaluated, shape (n, 2)."""
-        n, bonds = len(self.body), self.body.bonds
+        n, bonds, pair_forces = len(self.body), self.body.bonds, force.pair_forces()
         within = bonds.second < n
         total = np.stack(
             [

@@ -10,6 +10,7 @@ import numpy as np
 from ..forces import InternalForce
 from ..kernels.steps import central_difference_step
 from .equilibrium import Diverging
+from .loads import LoadedForce, Loads
 from .reductions import LOCAL, LocalReductions
 from .stability import FrequencyEstimate
 
@@ -27,7 +28,7 @@ class ExplicitDynamics:
 
     Forces at positions a retardation time tau ahead are those of a Kelvin-Voigt solid, f + tau df/dt, to first order in tau, at no further
     evaluation.  They damp what is as short as the bonds, which damping proportional to mass hardly touches: material that snaps
-    back from a crack.
+    back from a crack.  Loads are those of now: at y, and of their present size; but a pressure on the deformed thickness is on that ahead.
 
     Parameters
     ----------
@@ -45,6 +46,8 @@ class ExplicitDynamics:
         tau, a time.
     safety : float
         Time step over the critical one, at most 1.
+    loads : Loads, optional
+        Brought to their present size by whoever steps.
     reductions : LocalReductions, optional
 
     Attributes
@@ -71,10 +74,13 @@ class ExplicitDynamics:
         damping: float,
         viscosity: float,
         safety: float,
+        loads: Loads | None = None,
         reductions: LocalReductions = LOCAL,
     ) -> None:
         self.force, self._hold, self.positions, self.velocities = force, hold, positions, velocities
         self._free, self._mass, self._damping, self._viscosity, self._safety = free, mass, damping, viscosity, safety
+        self._loaded = force if loads is None else LoadedForce(force, loads)
+        self._loads, self._applied = loads, None if loads is None else np.empty_like(positions)
         self._reductions = reductions
         self._ahead, self._elastic = np.empty_like(positions), np.empty_like(positions)
         self.frequency = FrequencyEstimate(mass, free, self._reductions)
@@ -96,7 +102,7 @@ class ExplicitDynamics:
 
     def _estimate(self) -> None:
         self._hold(self.positions, 0.0)
-        frequency = FREQUENCY_MARGIN * np.sqrt(self.frequency(self.force, self.positions))
+        frequency = FREQUENCY_MARGIN * np.sqrt(self.frequency(self._loaded, self.positions))
         if not 0 < frequency < np.inf:
             raise Diverging(f"there is no time step: the highest frequency of the body is {frequency:.3g}")
         # Damping ratio of the highest mode, which the viscosity makes less stable in an explicit scheme.
@@ -105,12 +111,24 @@ class ExplicitDynamics:
 
     def _evaluate(self) -> None:
         if self._viscosity == 0:
-            self.force(self.positions, self.forces)
+            self.evaluate_at_rest()
             return
         np.multiply(self.velocities, self._viscosity, out=self._ahead)
         self._ahead += self.positions
         self._hold(self._ahead, self._viscosity)
-        self.force(self._ahead, self.forces)
+        self._find(self._ahead)
+
+    def evaluate_at_rest(self) -> None:
+        """Forces at the positions, without what viscosity adds."""
+        self._find(self.positions)
+
+    def _find(self, positions: np.ndarray) -> None:
+        """Internal forces at some positions, and loads at those of now."""
+        self.force(positions, self.forces)
+        if self._loads is not None:
+            self._applied.fill(0.0)
+            self._loads.forces(self.positions, self._loaded.thickness(), self._applied)
+            self.forces += self._applied
 
     def centre(self) -> None:
         """Take velocities that are those at the positions back by half a step, where the scheme has them."""
@@ -168,5 +186,7 @@ class ExplicitDynamics:
         if self._viscosity > 0:
             self._hold(self.positions, 0.0)
             self.force(self.positions, self._elastic)
+            if self._loads is not None:
+                self._elastic += self._applied
             power += self._reductions.dot(self._free * (self._elastic - self.forces), mean)
         return power

@@ -412,9 +412,9 @@ class LoadedForce:
         """Stored energy and potential of the loads, per unit thickness, in the state last evaluated; where there are both."""
         return self.internal.energy() + self.loads.potential(self.internal.positions[: len(self.body)])
 
-    def pair_forces(self) -> np.ndarray:
+    def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
         """See `InternalForce`."""
-        return self.internal.pair_forces()
+        return self.internal.pair_forces(pairs)
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """See `InternalForce`; loads have none of their own."""
