@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -84,7 +84,7 @@ class Body:
     weight: str = "inverse"
     planes: tuple[ReflectionPlane, ...] = ()
     separates: Callable | None = None
-    cell: tuple[float, float] | np.ndarray | None = None
+    cell: Sequence[float] | np.ndarray | None = None
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     ghosts: Ghosts = field(init=False)
 
@@ -148,7 +148,7 @@ class Body:
         """A uniform grid of cell-centred points on a rectangle with its lower left corner at the origin, see `Cells`."""
         cells = Cells.filling((0.0, 0.0), (width, height), spacing)
         points = cells.centres()
-        return cls(points, np.full(len(points), cells.area), horizon, cells.spacing, cell=cells.sides, **options)
+        return cls(points, np.full(len(points), cells.volume), horizon, cells.spacing, cell=cells.sides, **options)
 
 
 MOST_MISFIT = 0.1
@@ -166,20 +166,20 @@ class Cells:
     Attributes
     ----------
     lower : tuple of float
-        Lower left corner of the box.
+        Corner of the box where all coordinates are least.
     counts : tuple of int
-        Cells along x1 and x2.
+        Cells along each axis, two in the plane and three in space.
     sides : tuple of float
-        Sides of a cell along x1 and x2.
+        Sides of a cell along the axes.
     """
 
-    lower: tuple[float, float]
-    counts: tuple[int, int]
-    sides: tuple[float, float]
+    lower: tuple[float, ...]
+    counts: tuple[int, ...]
+    sides: tuple[float, ...]
 
     @classmethod
-    def filling(cls, lower: tuple[float, float], upper: tuple[float, float], spacing: float) -> Cells:
-        """The cells nearest to squares of a spacing: squares of it where it divides the sides of the box (to 1e-9).
+    def filling(cls, lower: Sequence[float], upper: Sequence[float], spacing: float) -> Cells:
+        """The cells nearest to squares or cubes of a spacing: those of it where it divides the sides of the box (to 1e-9).
 
         Raises
         ------
@@ -189,7 +189,7 @@ class Cells:
         if not (np.isfinite(spacing) and spacing > 0):
             raise ValueError(f"the spacing must be positive and finite, not {spacing}")
         counts, sides = [], []
-        for low, high, axis in zip(lower, upper, ("x1", "x2"), strict=True):
+        for low, high, axis in zip(lower, upper, (f"x{number + 1}" for number in range(len(lower))), strict=True):
             length = float(high - low)
             cells = length / spacing
             if not cells <= MOST_POINTS:
@@ -205,28 +205,34 @@ class Cells:
                 )
             counts.append(count)
             sides.append(spacing if abs(cells - count) <= 1e-9 * count else length / count)
-        if counts[0] * counts[1] > MOST_POINTS:
-            raise ValueError(f"spacing {spacing:g} makes {counts[0] * counts[1]:.3g} points; at most {MOST_POINTS:.3g} are taken")
+        if math.prod(counts) > MOST_POINTS:
+            raise ValueError(f"spacing {spacing:g} makes {math.prod(counts):.3g} points; at most {MOST_POINTS:.3g} are taken")
         return cls(tuple(lower), tuple(counts), tuple(sides))
 
     @property
-    def area(self) -> float:
-        """Area of a cell."""
-        return self.sides[0] * self.sides[1]
+    def volume(self) -> float:
+        """Of a cell; in the plane its area."""
+        return math.prod(self.sides)
 
     @property
     def spacing(self) -> float:
-        """Side of a square of that area; of square cells, their side to the last bit."""
-        return math.sqrt(self.area)
+        """Side of a square or cube of that volume; of those, their side to the last bit."""
+        if min(self.sides) == max(self.sides):
+            return self.sides[0]
+        return math.sqrt(self.volume) if len(self.sides) == 2 else math.cbrt(self.volume)
 
     def centres(self) -> np.ndarray:
-        """Centres of the cells, row by row, shape (n, 2)."""
-        x1, x2 = (low + (np.arange(count) + 0.5) * side for low, count, side in zip(self.lower, self.counts, self.sides, strict=True))
-        return np.stack([np.tile(x1, self.counts[1]), np.repeat(x2, self.counts[0])], axis=1)
+        """Centres of the cells, row by row along x1, layer by layer along the last axis, shape (n, d)."""
+        centres = np.empty((*self.counts[::-1], len(self.counts)))
+        for axis, (low, count, side) in enumerate(zip(self.lower, self.counts, self.sides, strict=True)):
+            shape = np.ones(len(self.counts), dtype=int)
+            shape[-1 - axis] = count
+            centres[..., axis] = (low + (np.arange(count) + 0.5) * side).reshape(shape)
+        return centres.reshape(-1, len(self.counts))
 
 
-def grid(lower: tuple[float, float], upper: tuple[float, float], spacing: float) -> np.ndarray:
-    """Centres of the cells that fill a box, row by row, shape (n, 2), see `Cells.filling`."""
+def grid(lower: Sequence[float], upper: Sequence[float], spacing: float) -> np.ndarray:
+    """Centres of the cells that fill a box, row by row, shape (n, d), see `Cells.filling`."""
     return Cells.filling(lower, upper, spacing).centres()
 
 

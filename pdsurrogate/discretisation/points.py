@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -10,13 +11,22 @@ from scipy.spatial import cKDTree
 
 from ..body import Body, Cells
 from ..body.local_fit import REACH
-from ..scenes import Mesh, Rectangle, Scene, SceneError
+from ..scenes import Box, Mesh, Rectangle, Scene, SceneError
 from ..scenes.model import EDGES
+from ..scenes.solids import Solid
 from ..solvers.planes import reflected_edges, reflection_planes
 from .meshes import centroids, mesh_of
 
 RASTER = 16
-"""Places along either side of a cell at which it is asked whether there is material: an area to some 1/1000 of a cell."""
+"""Places along either side of a cell in the plane at which it is asked whether there is material: an area to some 1/1000 of a cell."""
+
+SCATTERED = 128
+"""Places in an eighth of a cell in space, and their mirror images: of no two of them are the coordinates alike along any axis, so that a
+volume is as near as one of 1024 places along each where a plane or cylinder cuts the cell along the axes, and nearer than 1/200 of a cell
+where it cuts otherwise."""
+
+WITHIN = 1 - 1e-6
+"""Share of the way from the middle of a cell in space to its corners at which they are asked: a boundary between cells cuts none."""
 
 CLEARANCE = 0.4
 """Cells without material around a place on a bond, in every direction, that make it empty: bonds beside a round hole of more than
@@ -25,8 +35,13 @@ some three cells' radius, whose chords leave the material by less, stay."""
 STEP = 0.15
 """Cells between the places on a bond: a gap of one cell is empty over 0.2 of them."""
 
+ROOT_OF_CUBES = 1.2207440846057596
+
 MOST_PLACES = 1_000_000
-"""Places on bonds looked at together, which bounds the memory for them."""
+"""Places on bonds, or in cells, looked at together, which bounds the memory for them."""
+
+MOST_STRIPS = 400
+"""Lines that the area of a cut in space is summed from: of a round one to some 1e-4 of it."""
 
 CUT_SHIFT = 1e-6
 """Distance inside a grip's plane, in extents of the body, of the cut whose area is taken: more than corners in single precision are off."""
@@ -38,7 +53,7 @@ def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
     Returns
     -------
     body : Body
-    lower, upper : ndarray, shape (2,)
+    lower, upper : ndarray, shape (d,)
         Corners of its bounding box, holes not considered.
 
     Raises
@@ -62,12 +77,12 @@ def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
 
 
 def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, float]:
-    """Cross-section of the body at every grip or reflected edge, by edge: area of its cut in the plane there, at unit thickness.
+    """Cross-section of the body at every grip or reflected edge, by edge: area of its cut in the plane there, in 2D at unit thickness.
 
     Parameters
     ----------
     scene : Scene
-    lower, upper : ndarray, shape (2,)
+    lower, upper : ndarray, shape (d,)
         Corners of the bounding box of the body.
 
     Raises
@@ -82,7 +97,7 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
     def cut(axis: int, position: float) -> float:
         if cells is not None:
             return sum(float(_chords(block, axis, position).sum()) for block in cells)
-        return _length_inside(scene, axis, position, lower[1 - axis], upper[1 - axis])
+        return _section_inside(scene, axis, position, lower, upper)
 
     for edge in [grip.edge for grip in scene.grips] or reflected_edges(scene):
         axis, side = EDGES[edge]
@@ -96,15 +111,31 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
     return areas
 
 
-def _length_inside(scene: Scene, axis: int, position: float, low: float, high: float) -> float:
-    """Length of the line on which a coordinate has the given value, between two values of the other, that lies in material."""
+def _section_inside(scene: Scene, axis: int, position: float, lower: np.ndarray, upper: np.ndarray) -> float:
+    """Length, or in space area, of the cut on which a coordinate has the given value that lies in material.
 
-    def inside(along: np.ndarray) -> np.ndarray:
-        places = np.empty((len(along), 2))
-        places[:, axis], places[:, 1 - axis] = position, along
+    An area is the sum of lengths along lines at the middles of equal strips.
+    """
+    others = [other for other in range(scene.dimension) if other != axis]
+    count = int(min(MOST_STRIPS, np.ceil(RASTER * (upper - lower)[others].max() / scene.spacing)))
+    if scene.dimension == 2:
+        strips, width = np.zeros((1, 0)), 1.0
+    else:
+        width = (upper - lower)[others[1]] / count
+        strips = lower[others[1]] + width * (np.arange(count) + 0.5)[:, None]
+    if isinstance(scene.body, Rectangle | Box) and not scene.holes:
+        return float(np.prod((upper - lower)[others]))
+
+    def inside(along: np.ndarray, strip: np.ndarray) -> np.ndarray:
+        places = np.empty((len(along), scene.dimension))
+        places[:, axis], places[:, others[0]], places[:, others[1:]] = position, along, strip
         return _material(scene, places)
 
-    count = int(np.ceil(RASTER * (high - low) / scene.spacing))
+    return width * sum(_length_inside(partial(inside, strip=strip), lower[others[0]], upper[others[0]], count) for strip in strips)
+
+
+def _length_inside(inside, low: float, high: float, count: int) -> float:
+    """Length between two places on a line that lies in material."""
     middles = low + (high - low) * (np.arange(count) + 0.5) / count
     there = inside(middles)
     ends = np.flatnonzero(there[1:] != there[:-1])
@@ -133,27 +164,26 @@ def _points_of(scene: Scene):
     if isinstance(scene.body, Mesh):
         mesh = mesh_of(scene.body)
         cells = mesh.corners()
-        corners = np.concatenate([block.reshape(-1, 2) for block in cells])
+        corners = np.concatenate([block.reshape(-1, scene.dimension) for block in cells])
         points, volumes = (np.concatenate(parts) for parts in zip(*map(centroids, cells), strict=True))
         # Its cells have any shape: those whose centroid lies in a hole are left out whole.
         kept = _in_material(scene, points, np.ones(len(points), dtype=bool))
         number = np.cumsum(kept) - 1
         groups = {name: number[members[kept[members]]] for name, members in mesh.groups_of_cells().items()}
-        cell = (scene.spacing, scene.spacing)
+        cell = (scene.spacing,) * scene.dimension
         return points[kept], volumes[kept], scene.spacing, cell, corners.min(axis=0), corners.max(axis=0), groups
     lower, upper = scene.body.bounds()
     cells = Cells.filling(lower, upper, scene.spacing)
     points = cells.centres()
-    rectangle = isinstance(scene.body, Rectangle)
-    if rectangle and not scene.holes:
-        return points, np.full(len(points), cells.area), cells.spacing, cells.sides, lower, upper, {}
+    if isinstance(scene.body, Rectangle | Box) and not scene.holes:
+        return points, np.full(len(points), cells.volume), cells.spacing, cells.sides, lower, upper, {}
     kept = _in_material(scene, points, _within_outline(scene, points))
     return *_material_of_cells(points, kept, cells, partial(_material, scene)), cells.spacing, cells.sides, lower, upper, {}
 
 
 def _within_outline(scene: Scene, places: np.ndarray) -> np.ndarray:
-    """Which places lie within the outline of a body that is no mesh; of a rectangle, whose grid fills it, all that are asked for."""
-    return np.ones(len(places), dtype=bool) if isinstance(scene.body, Rectangle) else scene.body.contains(places)
+    """Which places lie within the outline of a body that is no mesh; of one that its grid fills, all that are asked for."""
+    return np.ones(len(places), dtype=bool) if isinstance(scene.body, Rectangle | Box) else scene.body.contains(places)
 
 
 def _outside_holes(scene: Scene, places: np.ndarray) -> np.ndarray:
@@ -192,19 +222,23 @@ def _material_of_cells(centres: np.ndarray, kept: np.ndarray, cells: Cells, mate
     staircase, whose steps carry no stress, and a hole larger than it is.
     """
     sides = np.array(cells.sides)
-    corners = sides / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]])
-    found = np.stack([kept, *(material(centres + corner) for corner in corners)])
-    cut = np.flatnonzero(found.any(axis=0) & ~found.all(axis=0))
-    places = (np.arange(RASTER) + 0.5) / RASTER - 0.5
-    raster = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2) * sides
-    points, volumes = centres.copy(), np.where(found.all(axis=0), cells.area, 0.0)
-    for cell in cut:
-        sample = centres[cell] + raster
-        sample = sample[material(sample)]
-        if len(sample):
-            points[cell], volumes[cell] = sample.mean(axis=0), cells.area * len(sample) / len(raster)
-    whole = np.flatnonzero(volumes >= 0.5 * cells.area)
-    slivers = np.flatnonzero((volumes > 0) & (volumes < 0.5 * cells.area))
+    corners, raster = _places_in_a_cell(len(sides))
+    all_there, some_there = kept.copy(), kept.copy()
+    for corner in corners * sides:
+        there = material(centres + corner)
+        all_there &= there
+        some_there |= there
+    points, volumes = centres.copy(), np.where(all_there, cells.volume, 0.0)
+    raster = raster * sides
+    cut = np.flatnonzero(some_there & ~all_there)
+    for some in np.array_split(cut, len(cut) * len(raster) // MOST_PLACES + 1):
+        samples = centres[some, None] + raster
+        there = material(samples.reshape(-1, len(sides))).reshape(samples.shape[:2])
+        for cell, sample in zip(some, (places[chosen] for places, chosen in zip(samples, there, strict=True)), strict=True):
+            if len(sample):
+                points[cell], volumes[cell] = sample.mean(axis=0), cells.volume * len(sample) / len(raster)
+    whole = np.flatnonzero(volumes >= 0.5 * cells.volume)
+    slivers = np.flatnonzero((volumes > 0) & (volumes < 0.5 * cells.volume))
     if not len(whole):
         whole, slivers = slivers, whole
     if len(slivers):
@@ -217,10 +251,23 @@ def _material_of_cells(centres: np.ndarray, kept: np.ndarray, cells: Cells, mate
     return points[whole], volumes[whole]
 
 
-def _cuts(scene: Scene, horizon: float, cell: tuple[float, float], lower: np.ndarray, upper: np.ndarray):
+def _places_in_a_cell(dimension: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places that tell whether a boundary cuts a cell, and those of which its share of material is taken, in sides from its middle."""
+    if dimension == 2:
+        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]]) / 2
+        places = (np.arange(RASTER) + 0.5) / RASTER - 0.5
+        return corners, np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2)
+    around = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    # Multiples of the powers of 1/g, g^4 = g + 1, fill a cube evenly.
+    eighth = (0.5 + np.arange(SCATTERED)[:, None] * ROOT_OF_CUBES ** -np.arange(1.0, 4.0)) % 1 / 2
+    mirrors = around[(around != 0).all(axis=1)]
+    return WITHIN / 2 * around[(around != 0).any(axis=1)], (mirrors[:, None] * eighth).reshape(-1, 3)
+
+
+def _cuts(scene: Scene, horizon: float, cell: Sequence[float], lower: np.ndarray, upper: np.ndarray):
     """Which bonds precuts and empty space separate; None where there is nothing of either."""
     tests = [precut.crosses for precut in scene.precuts]
-    if not isinstance(scene.body, Mesh) and (scene.holes or not isinstance(scene.body, Rectangle)):
+    if not isinstance(scene.body, Mesh) and (scene.holes or not _surely_convex(scene)):
         tests.append(_across_empty_space(scene, horizon, np.array(cell), lower, upper))
     if not tests:
         return None
@@ -234,6 +281,11 @@ def _cuts(scene: Scene, horizon: float, cell: tuple[float, float], lower: np.nda
     return separates
 
 
+def _surely_convex(scene: Scene) -> bool:
+    """Whether no bond can leave the outline, between images neither."""
+    return scene.body.convex if isinstance(scene.body, Solid) else isinstance(scene.body, Rectangle)
+
+
 def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray):
     """Which bonds cross a hole, or leave the outline: those with a place on them that has no material within `CLEARANCE` of it.
 
@@ -242,13 +294,12 @@ def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: n
     # Half a cell apart, some place of this lattice lies within 0.36 cells of any empty place, and in the same emptiness.
     pitch = cell / 2
     counts = np.ceil((upper - lower) / pitch).astype(int) + 1
-    lattice = lower + pitch * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 2)
+    lattice = lower + pitch * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, len(counts))
     there = _material(scene, lattice).reshape(counts)
     if there.all():
         return lambda starts, ends: np.zeros(len(starts), dtype=bool)
     near = distance_transform_edt(there, sampling=pitch) <= REACH * horizon / 2 + cell.max()  # of the middle of a bond, or of a fit
-    angles = np.pi / 8 * np.arange(16)
-    around = CLEARANCE * cell * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    around = CLEARANCE * cell * _directions(scene.dimension)
     shares = np.linspace(0, 1, int(np.ceil(horizon / (STEP * cell.min()))) + 2)[1:-1]
 
     def folded(places: np.ndarray) -> np.ndarray:
@@ -260,10 +311,10 @@ def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: n
 
     def crosses(starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         middles = np.rint((folded((starts + ends) / 2) - lower) / pitch).astype(int).clip(0, counts - 1)
-        chosen = np.flatnonzero(near[middles[:, 0], middles[:, 1]])
+        chosen = np.flatnonzero(near[tuple(middles.T)])
         crossing = np.zeros(len(starts), dtype=bool)
         for some in np.array_split(chosen, len(chosen) * len(shares) // MOST_PLACES + 1):
-            places = folded((starts[some, None] + shares[:, None] * (ends[some] - starts[some])[:, None]).reshape(-1, 2))
+            places = folded((starts[some, None] + shares[:, None] * (ends[some] - starts[some])[:, None]).reshape(-1, len(cell)))
             empty = np.flatnonzero(~material(places))
             for offset in around:
                 empty = empty[~material(places[empty] + offset)]
@@ -271,6 +322,16 @@ def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: n
         return crossing
 
     return crosses
+
+
+def _directions(dimension: int) -> np.ndarray:
+    """Unit vectors in every direction: 16 of them in the plane; 98 in space, those of lattice points up to two cells away."""
+    if dimension == 2:
+        angles = np.pi / 8 * np.arange(16)
+        return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    steps = np.stack(np.meshgrid(*[np.arange(-2, 3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    shortest = steps[np.gcd.reduce(steps, axis=1) == 1]
+    return shortest / np.linalg.norm(shortest, axis=1)[:, None]
 
 
 def _check_precuts(scene: Scene, body: Body) -> None:

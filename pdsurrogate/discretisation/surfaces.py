@@ -13,6 +13,7 @@ from ..body import Body, Surface, encloses
 from ..body.local_fit import boundary_rows
 from ..scenes import Mesh, Scene
 from ..scenes.model import EDGES
+from ..scenes.regions import edge_names
 from .meshes import centroids, loops_of, mesh_of
 from .places import same_places
 
@@ -47,7 +48,8 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
         parts = np.where(curves == 0, "outline", np.char.add("holes.", (curves - 1).astype(str)))
     used, facets = np.unique(facets, return_inverse=True)
     nodes, facets = nodes[used], facets.reshape(-1, 2)
-    for edge, (axis, side) in EDGES.items():
+    for edge in edge_names(scene.dimension):
+        axis, side = EDGES[edge]
         there = np.abs(nodes[facets][..., axis] - (lower, upper)[side > 0][axis]) <= ROUNDING * extent
         parts = np.where(there.all(axis=1) & (parts == "outline"), edge, parts)
     return Surface(nodes, facets, parts, boundary_rows(body, nodes, _normals_at(nodes, facets)), groups)

@@ -4,21 +4,29 @@ from .loading import Load, Prescribed, Probe, Step, StepDynamics
 from .model import Dynamics, Fracture, Grip, Hold, MaterialSpec, Part, Scene, SolverSpec, Units
 from .problems import SceneError
 from .reading import load_scene, scene_names
-from .regions import Disc, HalfPlane, Region
+from .regions import Ball, Disc, HalfPlane, HalfSpace, Region
 from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle
+from .solids import Box, Cylinder, DiscCut, Extrusion, ParallelogramCut, Sphere, Tube
 
 __all__ = [
+    "Ball",
+    "Box",
     "Circle",
+    "Cylinder",
     "Disc",
+    "DiscCut",
     "Dynamics",
     "Ellipse",
+    "Extrusion",
     "Fracture",
     "Grip",
     "HalfPlane",
+    "HalfSpace",
     "Hold",
     "Load",
     "MaterialSpec",
     "Mesh",
+    "ParallelogramCut",
     "Part",
     "Polygon",
     "Precut",
@@ -29,8 +37,10 @@ __all__ = [
     "Scene",
     "SceneError",
     "SolverSpec",
+    "Sphere",
     "Step",
     "StepDynamics",
+    "Tube",
     "Units",
     "load_scene",
     "scene_names",

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from .amplitudes import Amplitude
 from .regions import RegionReference
-from .strict_model import Finite, Point, Positive, StrictModel, Whole
+from .strict_model import Finite, Positive, StrictModel, Vector, Whole
 
 LoadName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
@@ -36,7 +36,7 @@ class Prescribed(StrictModel):
     x1: Finite | None = None
     x2: Finite | None = None
     rotation: Finite | None = None
-    about: Point | None = None
+    about: Vector | None = None
     amplitude: Amplitude = "ramp"
     name: LoadName | None = None
 
@@ -74,10 +74,10 @@ class Load(StrictModel):
     """
 
     region: RegionReference = "body"
-    traction: Point | None = None
+    traction: Vector | None = None
     pressure: Finite | None = None
-    body_force: Point | None = None
-    force: Point | None = None
+    body_force: Vector | None = None
+    force: Vector | None = None
     thickness: Literal["deformed", "undeformed"] | None = None
     amplitude: Amplitude = "ramp"
     name: LoadName | None = None
@@ -155,4 +155,4 @@ class Probe(StrictModel):
     """A place in the undeformed body whose displacement, stress and deformation gradient are reported at every output."""
 
     name: LoadName
-    at: Point
+    at: Vector

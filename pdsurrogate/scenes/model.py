@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import ConfigDict, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from ..body import WEIGHT_FUNCTIONS
 from ..materials import LAWS, Law
 from .amplitudes import amplitude_of
 from .loading import Load, Prescribed, Probe, Step
 from .problems import suggestion
-from .regions import RESERVED, Region, RegionName, RegionReference, references_in
-from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle
-from .strict_model import Finite, Point, Positive, StrictModel, Whole
+from .regions import FACES, Region, RegionName, RegionReference, edge_names, references_in, reserved_names
+from .shapes import Mesh, Precut, TaggedOutline, shape_of
+from .solids import Box, Cylinder, DiscCut, Extrusion, ParallelogramCut, Prism, Sphere, Tube, cut_of
+from .strict_model import Finite, Positive, StrictModel, Vector, Whole, vectors_in
 
 SceneName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,63}$")]
 """Result files are named after a scene: no path, and nothing that a terminal or a shell would read."""
@@ -27,8 +28,11 @@ UnitName = Annotated[str, Field(pattern=r"^[\w/^*. -]{1,16}$")]
 Level = Annotated[Positive, Field(le=100)]
 """A stretch; rubber breaks below 10."""
 
-EDGES = {"left": (0, -1), "right": (0, +1), "bottom": (1, -1), "top": (1, +1)}
-"""Coordinate held by each edge of the bounding box, and the side of the body it lies on."""
+EDGES = {name: (number // 2, 2 * (number % 2) - 1) for number, name in enumerate(FACES)}
+"""Coordinate held by each edge or face of the bounding box, and the side of the body it lies on."""
+
+HORIZON_RATIOS = {2: 3.15, 3: 1.75}
+"""Horizons over the side of a cell where none is asked for, by dimension.  In space short ones are more accurate and cheaper: 26 bonds."""
 
 
 MOST_INCREMENTS = 100_000
@@ -103,7 +107,7 @@ class Grip(StrictModel):
     ``travel`` is this grip's share of the elongation, outwards: two grips of 0.5 pull symmetrically.
     """
 
-    edge: Literal["left", "right", "bottom", "top"]
+    edge: Literal[FACES]
     holds: Literal["normal", "all"] = "all"
     travel: Annotated[Finite, Field(ge=0, le=1)] = 0.0
 
@@ -111,13 +115,14 @@ class Grip(StrictModel):
 class Hold(StrictModel):
     """Points held by a plain Dirichlet condition, component by component.
 
-    The points are those in a box, or those listed.  They move with the loading by ``travel`` times the elongation of the body.
+    The points are those in a box, or those listed; the components all unless some are named.  They move with the loading by ``travel``
+    times the elongation of the body, or not at all.
     """
 
-    box: tuple[Point, Point] | None = None
+    box: tuple[Vector, Vector] | None = None
     points: tuple[Annotated[Whole, Field(ge=0)], ...] | None = None
-    components: Annotated[tuple[Literal["x1", "x2"], ...], Field(min_length=1)] = ("x1", "x2")
-    travel: Point = (0.0, 0.0)
+    components: Annotated[tuple[Literal["x1", "x2", "x3"], ...] | None, Field(min_length=1)] = None
+    travel: Vector | None = None
 
     @model_validator(mode="after")
     def _one_region(self) -> Hold:
@@ -178,19 +183,24 @@ class Dynamics(StrictModel):
     safety: Annotated[Positive, Field(le=1)] = 0.7
 
 
-def _shape_of(value: Any) -> str:
-    """Which shape a part is read as: one without is a rectangle."""
-    return str(value.get("shape", "rectangle") if isinstance(value, dict) else getattr(value, "shape", "rectangle"))
-
-
-_TaggedShape = (
-    Annotated[Rectangle, Tag("rectangle")]
-    | Annotated[Circle, Tag("circle")]
-    | Annotated[Ellipse, Tag("ellipse")]
-    | Annotated[Polygon, Tag("polygon")]
+_TaggedSolid = (
+    Annotated[Box, Tag("box")]
+    | Annotated[Cylinder, Tag("cylinder")]
+    | Annotated[Sphere, Tag("sphere")]
+    | Annotated[Tube, Tag("tube")]
+    | Annotated[Extrusion, Tag("extrusion")]
 )
-AnyShape = Annotated[_TaggedShape, Discriminator(_shape_of)]
-AnyBody = Annotated[_TaggedShape | Annotated[Mesh, Tag("mesh")], Discriminator(_shape_of)]
+AnyShape = Annotated[TaggedOutline | _TaggedSolid, Discriminator(shape_of)]
+AnyBody = Annotated[TaggedOutline | _TaggedSolid | Annotated[Mesh, Tag("mesh")], Discriminator(shape_of)]
+AnyPrecut = Annotated[
+    Annotated[Precut, Tag("line")] | Annotated[ParallelogramCut, Tag("parallelogram")] | Annotated[DiscCut, Tag("disc")],
+    Discriminator(cut_of),
+]
+
+
+def _dimension_of(data: Mapping[str, Any]) -> int:
+    """Of the body of a scene under way, as far as it is told: of one that could not be read, 2."""
+    return data["body"].dimension if "body" in data else 2
 
 
 class Units(StrictModel):
@@ -218,7 +228,8 @@ class Scene(StrictModel):
     `grips` and `stretches`, the levels of the loading programme in the order given: the distance of the two grips over its undeformed
     value.  The general one is `prescribed` displacements and `loads` on `regions`, and `steps` of the loading parameter t, which begins
     at 0.  Of a body that `spacing` does not divide the nearest cells are taken that fill it; the horizon is `horizon_ratio` times the
-    smaller side of a cell.
+    smaller side of a cell, by default 3.15 in the plane and 1.75 in space.  The plane is one of stress where none is given, and space of
+    a body in space; places, directions and forces have as many components as the body has dimensions.
     """
 
     name: SceneName
@@ -227,8 +238,8 @@ class Scene(StrictModel):
     stretches: tuple[Level, ...] = ()
     body: AnyBody
     holes: tuple[AnyShape, ...] = ()
-    precuts: tuple[Precut, ...] = ()
-    plane: Literal["stress", "strain"] = "stress"
+    precuts: tuple[AnyPrecut, ...] = ()
+    plane: Annotated[Literal["stress", "strain", "space"], Field(validate_default=True)] = None
     material: MaterialSpec
     materials: tuple[Part, ...] = ()
     grips: tuple[Grip, ...] = ()
@@ -239,7 +250,7 @@ class Scene(StrictModel):
     steps: tuple[Step, ...] = ()
     probes: tuple[Probe, ...] = ()
     support: Literal["reflected", "points"] = "reflected"
-    horizon_ratio: Annotated[Finite, Field(gt=1, le=100)] = 3.15
+    horizon_ratio: Annotated[Finite, Field(gt=1, le=100, validate_default=True)] = None
     weight: str = "inverse"
     correction: Literal["tensor", "scalar", "none"] | None = None
     rotation: Literal["polar", "convected"] | None = None
@@ -268,18 +279,59 @@ class Scene(StrictModel):
     def _one_or_many_steps(cls, value: Any) -> Any:
         return (value,) if isinstance(value, int | float | dict) else value
 
+    @field_validator("plane", "horizon_ratio", mode="before")
+    @classmethod
+    def _usual(cls, value: Any, info: ValidationInfo) -> Any:
+        """Fill in what depends on the dimension of the body."""
+        if value is not None:
+            return value
+        dimension = _dimension_of(info.data)
+        return HORIZON_RATIOS[dimension] if info.field_name == "horizon_ratio" else "space" if dimension == 3 else "stress"
+
     @field_validator("regions")
     @classmethod
-    def _free_names(cls, value: dict) -> dict:
+    def _free_names(cls, value: dict, info: ValidationInfo) -> dict:
         for name in value:
-            if name in RESERVED:
+            if name in reserved_names(_dimension_of(info.data)):
                 raise ValueError(f"{name} is the name of a region that every body has; take another")
         return value
+
+    @property
+    def dimension(self) -> int:
+        """2 where the body lies in the plane, 3 in space."""
+        return self.body.dimension
 
     @property
     def stretched(self) -> bool:
         """Whether the loading is said in the short way: grips and stretches."""
         return bool(self.grips)
+
+    @model_validator(mode="after")
+    def _one_dimension(self) -> Scene:
+        """Refuse what belongs to another dimension than the body."""
+        here, there = ("space", "the plane") if self.dimension == 3 else ("the plane", "space")
+        if (self.plane == "space") != (self.dimension == 3):
+            taken = "plane=space, which is also the default" if self.dimension == 3 else "plane=stress or plane=strain"
+            raise ValueError(f"plane: a {self.body.shape} lies in {here} and takes {taken}, not {self.plane}")
+        for key in ("holes", "precuts"):
+            for number, part in enumerate(getattr(self, key)):
+                if part.dimension != self.dimension:
+                    what = f"a {part.shape}" if key == "holes" else "this cut"
+                    raise ValueError(f"{key}.{number}: {what} belongs to {there}, and the body, a {self.body.shape}, to {here}")
+        for number, hold in enumerate(self.holds):
+            if self.dimension == 2 and "x3" in (hold.components or ()):
+                raise ValueError(f"holds.{number}.components: a body in the plane has x1 and x2, and no x3")
+        for number, grip in enumerate(self.grips):
+            if grip.edge not in edge_names(self.dimension):
+                raise ValueError(f"grips.{number}.edge: a body in the plane has no {grip.edge}; it has {', '.join(edge_names(2))}")
+        for key, region in self._references():
+            misfit = region.misfit(self.dimension) if isinstance(region, Region) else None
+            if misfit:
+                raise ValueError(f"{key}: {misfit}")
+        for key, vector in vectors_in(self):
+            if len(vector) != self.dimension:
+                raise ValueError(f"{key}: needs {self.dimension} components for a body in {here}, not {len(vector)}")
+        return self
 
     @model_validator(mode="after")
     def _materials_in_plane_stress(self) -> Scene:
@@ -311,9 +363,9 @@ class Scene(StrictModel):
             return self
         if len(self.grips) != 2:
             raise ValueError(f"grips needs 2 entries, on opposite edges, not {len(self.grips)}; more are said by prescribed")
-        edges = {grip.edge for grip in self.grips}
-        if edges not in ({"left", "right"}, {"bottom", "top"}):
-            raise ValueError("grips must hold two opposite edges, left and right or bottom and top")
+        pairs = [FACES[axis : axis + 2] for axis in range(0, 2 * self.dimension, 2)]
+        if {grip.edge for grip in self.grips} not in map(set, pairs):
+            raise ValueError(f"grips must hold two opposite edges, {' or '.join(' and '.join(pair) for pair in pairs)}")
         travel = sum(grip.travel for grip in self.grips)
         if not math.isclose(travel, 1.0):
             raise ValueError(f"the travel of the two grips must add up to 1, not {travel:g}")
@@ -372,13 +424,14 @@ class Scene(StrictModel):
 
     @model_validator(mode="after")
     def _known_regions(self) -> Scene:
+        reserved = reserved_names(self.dimension)
         for key, reference in self._references():
             if not isinstance(reference, str):
                 continue
             if reference == "holes" or reference.startswith("holes."):
                 self._check_hole(key, reference)
-            elif reference not in RESERVED and reference not in self.regions:
-                raise ValueError(f"{key}: there is no region {reference!r}; {suggestion(reference, [*self.regions, *RESERVED])}")
+            elif reference not in reserved and reference not in self.regions:
+                raise ValueError(f"{key}: there is no region {reference!r}; {suggestion(reference, [*self.regions, *reserved])}")
         self._check_circles()
         return self
 
@@ -386,9 +439,11 @@ class Scene(StrictModel):
         """Refuse holes that are not there; those of a mesh are known when its file is read."""
         if isinstance(self.body, Mesh):
             return
-        if not self.holes:
+        # The bores of a tube and the holes of an extrusion are numbered after the scene's own.
+        count = len(self.holes) + (len(self.body.bores) if isinstance(self.body, Prism) else 0)
+        if not count:
             raise ValueError(f"{key}: there is no region {name!r}: the body has no holes")
-        names = [f"holes.{number}" for number in range(len(self.holes))]
+        names = [f"holes.{number}" for number in range(count)]
         if name not in ("holes", *names):
             raise ValueError(f"{key}: there is no region {name!r}; there are {', '.join([*names, 'holes'])}")
 
@@ -411,5 +466,5 @@ class Scene(StrictModel):
 
     @property
     def loaded_axis(self) -> int:
-        """0 where the body is pulled along x1, 1 along x2."""
+        """0 where the body is pulled along x1, 1 along x2, 2 along x3."""
         return EDGES[self.grips[0].edge][0]

@@ -9,13 +9,20 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
-from .strict_model import Point, Positive, StrictModel, Whole
+from .strict_model import Point, Positive, SpacePoint, StrictModel, Vector, Whole
 
-EDGE_NAMES = ("left", "right", "bottom", "top")
-"""Edges of the bounding box of a body."""
+FACES = ("left", "right", "bottom", "top", "back", "front")
+"""Faces of the bounding box of a body in space; the first four are the edges of one in the plane."""
 
-RESERVED = (*EDGE_NAMES, "body", "outline", "holes")
-"""Regions that every body has: its edges, all of it, its outer boundary, and the boundary of its holes (``holes.0`` the first alone)."""
+
+def edge_names(dimension: int) -> tuple[str, ...]:
+    """Edges of the bounding box of a body in the plane, or its faces in space."""
+    return FACES[: 2 * dimension]
+
+
+def reserved_names(dimension: int) -> tuple[str, ...]:
+    """Regions that every body has: its edges or faces, all of it, its outer boundary, and that of its holes (``holes.0`` the first's)."""
+    return (*edge_names(dimension), "body", "outline", "holes")
 
 
 def _name(value: str) -> str:
@@ -47,17 +54,39 @@ class HalfPlane(StrictModel):
         return self
 
 
+class Ball(StrictModel):
+    """A ball: everything within a radius of its centre, in space."""
+
+    centre: SpacePoint
+    radius: Positive
+
+
+class HalfSpace(StrictModel):
+    """All on one side of a plane through a point: the side that the normal points to, the plane itself included."""
+
+    point: SpacePoint
+    normal: SpacePoint
+
+    @model_validator(mode="after")
+    def _has_a_direction(self) -> HalfSpace:
+        if not math.hypot(*self.normal) > 0:
+            raise ValueError("the normal of a half-space must not be zero")
+        return self
+
+
 class Region(StrictModel):
     """A region, said in exactly one way.
 
     Attributes
     ----------
     edge : str
-        Edge of the bounding box, as the names left, right, bottom and top mean it.
+        Edge of the bounding box, as the names left, right, bottom and top mean it; in space a face, back and front among them.
     box : pair of points
-        Lower left and upper right corner; the boundary belongs to it.
-    disc : Disc
-    half_plane : HalfPlane
+        Corners where all coordinates are least, and greatest; the boundary belongs to it.
+    disc, half_plane
+        In the plane.
+    ball, half_space
+        In space.
     points : list of int
         Numbers of points of the body.
     near : point
@@ -72,12 +101,14 @@ class Region(StrictModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
-    edge: Literal["left", "right", "bottom", "top"] | None = None
-    box: tuple[Point, Point] | None = None
+    edge: Literal[FACES] | None = None
+    box: tuple[Vector, Vector] | None = None
     disc: Disc | None = None
     half_plane: HalfPlane | None = None
+    ball: Ball | None = None
+    half_space: HalfSpace | None = None
     points: Annotated[tuple[Annotated[Whole, Field(ge=0)], ...] | None, Field(min_length=1)] = None
-    near: Point | None = None
+    near: Vector | None = None
     group: str | None = None
     both: Annotated[tuple[RegionReference, ...] | None, Field(alias="and", min_length=1)] = None
     either: Annotated[tuple[RegionReference, ...] | None, Field(alias="or", min_length=1)] = None
@@ -89,9 +120,24 @@ class Region(StrictModel):
         if len(given) != 1:
             names = [field.alias or name for name, field in type(self).model_fields.items()]
             raise ValueError(f"a region is said in exactly one way, by one of {', '.join(names)}")
-        if self.box is not None and not all(low <= high for low, high in zip(*self.box, strict=True)):
-            raise ValueError("a box is given by its lower left and its upper right corner")
+        if self.box is not None and not all(low <= high for low, high in zip(*self.box, strict=False)):
+            raise ValueError("a box is given by its corners where all coordinates are least, and greatest")
         return self
+
+    def misfit(self, dimension: int) -> str | None:
+        """What is wrong with it in the plane or in space; None where nothing is.  The number of components of vectors is not asked here."""
+        for key, other, its_own in (
+            ("disc", "ball", 2),
+            ("half_plane", "half_space", 2),
+            ("ball", "disc", 3),
+            ("half_space", "half_plane", 3),
+        ):
+            if getattr(self, key) is not None and dimension != its_own:
+                here, there = ("space", "the plane") if dimension == 3 else ("the plane", "space")
+                return f"{key} is a region of {there}; in {here} give {other}"
+        if self.edge is not None and self.edge not in edge_names(dimension):
+            return f"a body in the plane has no {self.edge}; its edges are {', '.join(edge_names(dimension))}"
+        return None
 
     def members(self) -> Iterator[tuple[str, str | Region]]:
         """The regions that this one is combined of, each with its key in it: and.0, and.1, or.0, not."""

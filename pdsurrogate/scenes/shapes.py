@@ -1,28 +1,42 @@
-"""Shapes in the plane, of which bodies are made and holes are cut, and straight cuts."""
+"""Shapes, those of the plane, of which bodies are made and holes are cut, and straight cuts."""
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from ..body import encloses
 from .strict_model import Point, Positive, StrictModel
 
 
-class Outline(StrictModel):
-    """A closed shape."""
+class Shape(StrictModel):
+    """A closed shape.
+
+    Attributes
+    ----------
+    dimension : int
+        2 in the plane, 3 in space.
+    """
+
+    dimension: ClassVar[int]
 
     @abstractmethod
     def contains(self, points: np.ndarray) -> np.ndarray:
-        """Which of the points (n, 2) lie inside."""
+        """Which of the points (n, d) lie inside."""
 
     @abstractmethod
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower left and upper right corner of the bounding box."""
+        """Corners of the bounding box where all coordinates are least, and greatest."""
+
+
+class Outline(Shape):
+    """A closed shape in the plane."""
+
+    dimension: ClassVar[int] = 2
 
     @abstractmethod
     def boundary(self, cell: np.ndarray) -> np.ndarray:
@@ -142,15 +156,39 @@ def _around(centre: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.n
     return centre + math.sqrt(step / math.sin(step)) * semi_axes * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
+def shape_of(value: Any) -> str:
+    """Which shape a part is read as: one without is a rectangle."""
+    return str(value.get("shape", "rectangle") if isinstance(value, dict) else getattr(value, "shape", "rectangle"))
+
+
+TaggedOutline = (
+    Annotated[Rectangle, Tag("rectangle")]
+    | Annotated[Circle, Tag("circle")]
+    | Annotated[Ellipse, Tag("ellipse")]
+    | Annotated[Polygon, Tag("polygon")]
+)
+AnyOutline = Annotated[TaggedOutline, Discriminator(shape_of)]
+
+
 class Mesh(StrictModel):
-    """A body from a mesh file that meshio reads: its triangles and quadrilaterals become points at their centroids, with their areas."""
+    """A body from a mesh file that meshio reads: its cells become points at their centroids, with their volumes.
+
+    Attributes
+    ----------
+    file : str
+    dimension : int
+        2, the default: triangles and quadrilaterals, with their areas at unit thickness.  3: tetrahedra and hexahedra.
+    """
 
     shape: Literal["mesh"] = "mesh"
     file: Annotated[str, Field(min_length=1)]
+    dimension: Literal[2, 3] = 2
 
 
 class Precut(StrictModel):
-    """A straight cut: the bonds that cross it are no part of the body."""
+    """A straight cut in the plane: the bonds that cross it are no part of the body."""
+
+    dimension: ClassVar[int] = 2
 
     start: Point
     end: Point

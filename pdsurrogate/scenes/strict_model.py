@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from .problems import SceneError, explain
 
@@ -20,6 +21,18 @@ Finite = Annotated[float, Field(allow_inf_nan=False), BeforeValidator(_no_switch
 Positive = Annotated[Finite, Field(gt=0)]
 Whole = Annotated[int, BeforeValidator(_no_switch_or_text)]
 Point = tuple[Finite, Finite]
+"""A place or a direction in the plane, for parts that lie in the plane alone."""
+
+SpacePoint = tuple[Finite, Finite, Finite]
+"""The same in space."""
+
+
+class Components(tuple):
+    """Components of a place, a direction or a force, of which a scene has as many as its body has dimensions."""
+
+
+Vector = Annotated[tuple[Finite, ...], Field(min_length=2, max_length=3), AfterValidator(Components)]
+"""Components for parts that serve the plane and space alike; `vectors_in` finds them, and `Scene` checks their number."""
 
 
 class _PartType(type(BaseModel)):
@@ -37,3 +50,19 @@ class StrictModel(BaseModel, metaclass=_PartType):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def vectors_in(value: Any, key: str = "") -> Iterator[tuple[str, Components]]:
+    """All vectors in a part of a scene, however deep, each with its dotted key."""
+    if isinstance(value, Components):
+        yield key, value
+        return
+    entries: Iterator = iter(())
+    if isinstance(value, StrictModel):
+        entries = ((field.alias or name, getattr(value, name)) for name, field in type(value).model_fields.items())
+    elif isinstance(value, Mapping):
+        entries = iter(value.items())
+    elif isinstance(value, tuple):
+        entries = enumerate(value)
+    for step, inner in entries:
+        yield from vectors_in(inner, f"{key}.{step}" if key else str(step))

@@ -86,8 +86,9 @@ class GripLoading(Loading):
             points = np.flatnonzero(((body.points >= low) & (body.points <= high)).all(axis=1))
         if len(points) == 0:
             raise ValueError(f"holds.{number}: no point of the body lies in its region")
-        components = tuple(int(name == "x2") for name in hold.components)
-        return HeldPoints(f"holds.{number}", None, points, components, partial(self._moved, np.array(hold.travel)))
+        components = tuple(range(body.dimension)) if hold.components is None else tuple(int(name[1:]) - 1 for name in hold.components)
+        travel = np.zeros(body.dimension) if hold.travel is None else np.array(hold.travel)
+        return HeldPoints(f"holds.{number}", None, points, components, partial(self._moved, travel))
 
     @staticmethod
     def _travel(grip) -> np.ndarray:

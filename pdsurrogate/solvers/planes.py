@@ -5,13 +5,13 @@ from __future__ import annotations
 from ..body import ReflectionPlane
 from ..scenes.loading import Prescribed
 from ..scenes.model import EDGES, Scene
-from ..scenes.regions import EDGE_NAMES, RegionReference
+from ..scenes.regions import RegionReference, edge_names
 
 
 def whole_edge(scene: Scene, region: RegionReference) -> str | None:
     """Name of the edge that a region is, if it is exactly one whole edge."""
     if isinstance(region, str):
-        if region in EDGE_NAMES:
+        if region in edge_names(scene.dimension):
             return region
         return whole_edge(scene, scene.regions[region]) if region in scene.regions else None
     members = list(region.members())
@@ -53,12 +53,12 @@ def reflection_planes(scene: Scene, lower, upper) -> tuple[ReflectionPlane, ...]
     """Planes in which the body is continued beyond its grips, or beyond the edges of `reflected_edges`; none where points are held."""
     if scene.support != "reflected":
         return ()
-    held = {grip.edge: (EDGES[grip.edge][0],) if grip.holds == "normal" else (0, 1) for grip in scene.grips}
+    held = {grip.edge: (EDGES[grip.edge][0],) if grip.holds == "normal" else tuple(range(scene.dimension)) for grip in scene.grips}
     for edge, numbers in reflected_edges(scene).items():
         held[edge] = tuple({component for number in numbers for component in prescribed_components(scene.prescribed[number])})
     planes = []
     for edge, components in held.items():
         axis, side = EDGES[edge]
-        parity = tuple(-1 if component in components else 1 for component in (0, 1))
+        parity = tuple(-1 if component in components else 1 for component in range(scene.dimension))
         planes.append(ReflectionPlane(axis, (lower, upper)[side > 0][axis], side, parity))
     return tuple(planes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from ..body import Body, Surface
 from ..scenes import Region, Scene
 from ..scenes.model import EDGES
 from ..scenes.problems import suggestion
+from ..scenes.regions import edge_names
 from .planes import whole_edge
 
 LAYER = 0.99
@@ -163,7 +164,7 @@ class BodyRegions:
     ----------
     scene : Scene
     body : Body
-    lower, upper : ndarray, shape (2,)
+    lower, upper : ndarray, shape (d,)
         Corners of its bounding box.
     surface : callable
         Its boundary; asked for where a region needs it, once.
@@ -225,7 +226,7 @@ class BodyRegions:
         """Name of a region, or of its edge, where it is said by one."""
         return reference if isinstance(reference, str) else reference.edge or otherwise
 
-    def check_place(self, key: str, place: tuple[float, float]) -> None:
+    def check_place(self, key: str, place: Sequence[float]) -> None:
         """Refuse a place outside the body, or in one of its holes.
 
         Raises
@@ -256,7 +257,7 @@ class BodyRegions:
         if isinstance(reference, str):
             if reference in self._scene.regions:
                 return self._resolved(self._scene.regions[reference], parts)
-            if reference in EDGES:
+            if reference in edge_names(self._scene.dimension):
                 return parts.edge(reference)
             return parts.numbered(np.arange(len(parts.places))) if reference == "body" else parts.boundary(reference)
         members = [self._resolved(member, parts) for _, member in reference.members()]
@@ -284,7 +285,8 @@ class BodyRegions:
             return f": of {len(parts.places)} there are in {', in '.join(counts)}, and none in all of them"
         edge = self.edge(reference)
         if edge is not None and parts is not self._points:
-            return f"; no straight side of the body is on its {edge} edge"
+            side, there = ("straight side", "edge") if len(self._lower) == 2 else ("flat part", "face")
+            return f"; no {side} of the body is on its {edge} {there}"
         if not np.isfinite(distance).any():
             return ""
         number = int(distance.argmin())
@@ -302,15 +304,16 @@ class BodyRegions:
 
 
 def _distance(region: Region, places: np.ndarray) -> np.ndarray:
-    """Distance of places (n, 2) from a box, a disc or a half-plane; zero within."""
+    """Distance of places (n, d) from a box, a disc or ball, or a half-plane or half-space; zero within."""
     if region.box is not None:
         lower, upper = np.array(region.box)
         return np.linalg.norm(np.maximum(0, np.maximum(lower - places, places - upper)), axis=1)
-    if region.disc is not None:
-        return np.maximum(0, np.linalg.norm(places - np.array(region.disc.centre), axis=1) - region.disc.radius)
-    normal = np.array(region.half_plane.normal)
-    return np.maximum(0, (np.array(region.half_plane.point) - places) @ (normal / np.linalg.norm(normal)))
+    round_one, side = region.disc or region.ball, region.half_plane or region.half_space
+    if round_one is not None:
+        return np.maximum(0, np.linalg.norm(places - np.array(round_one.centre), axis=1) - round_one.radius)
+    normal = np.array(side.normal)
+    return np.maximum(0, (np.array(side.point) - places) @ (normal / np.linalg.norm(normal)))
 
 
 def _text(place: np.ndarray) -> str:
-    return f"({place[0]:.4g}, {place[1]:.4g})"
+    return f"({', '.join(f'{coordinate:.4g}' for coordinate in place)})"
