@@ -9,7 +9,7 @@ from bodies import sheet
 
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
-from pdsurrogate.forces.selective_energy import smoothing
+from pdsurrogate.forces.selective_energy import Smoothing
 from pdsurrogate.materials import LAWS, Gent, InvariantLaw, NeoHookean, solid
 
 LAW = NeoHookean(2.0, 200.0)
@@ -296,7 +296,7 @@ def test_beyond_clamps_that_meet_a_gradient_keeps_its_volume():
 @pytest.mark.parametrize("name", [*BODIES, *CONTINUED])
 def test_the_smoothing_keeps_the_even_and_the_mean(name):
     body = (BODIES | CONTINUED)[name]()
-    W = smoothing(body, np.ones(len(body.bonds.first), dtype=bool)).toarray()
+    W = Smoothing(body, np.ones(len(body.bonds.first), dtype=bool)).matrix().toarray()
     np.testing.assert_allclose(W.sum(axis=1), 1, rtol=1e-14)
     np.testing.assert_allclose(body.volumes @ W, body.volumes, rtol=1e-13)
     assert W.min() >= 0
@@ -305,6 +305,70 @@ def test_the_smoothing_keeps_the_even_and_the_mean(name):
         i = int(np.linalg.norm(body.points - 0.5, axis=1).argmin())
         expected = np.array([1] * 8 + [2] * 12 + [4] * 6 + [8]) / 64
         np.testing.assert_allclose(np.sort(W[i])[-27:], expected, rtol=1e-12)
+
+
+def cracked(start, end):
+    """Which bonds cross a square from the lower edges to the middle, x3 = 0.45 for x1 < 0.55."""
+    share = (0.45 - start[:, 2]) / np.where(end[:, 2] == start[:, 2], np.inf, end[:, 2] - start[:, 2])
+    return (share > 0) & (share < 1) & (start[:, 0] + share * (end[:, 0] - start[:, 0]) < 0.55)
+
+
+@pytest.mark.parametrize("name", ["lattice", "jittered", "irregular", "rollers", "clamp between rollers"])
+def test_broken_bonds_leave_a_body_that_never_had_them(name, random):
+    """Forces, energy and dilatations as of a body cut from the outset; what is released; and still the gradient of an energy.
+
+    Broken in two steps, the second from a state whose energy the release is held against.
+    """
+    body = (BODIES | CONTINUED)[name]()
+    cut = Body(body.points, body.volumes, body.horizon, body.spacing, planes=body.planes, separates=cracked)
+    bonds, ends = body.bonds, body.all_points
+    pairs = np.flatnonzero(cracked(ends[bonds.first], ends[bonds.second]))
+    assert len(pairs) > 20
+    assert len(pairs) == len(bonds.first) - len(cut.bonds.first)
+    force, expected = bound("bond-energy", body, breakable=True), bound("bond-energy", cut)
+    y = body.points + 0.1 * (wavy(body.points, 0.02) - body.points)
+    force.break_bonds(pairs[::2])
+    before, energy = forces(force, y), force.energy()
+    released = force.break_bonds(pairs[1::2])
+    found = check_slope(force, y, [random.standard_normal(y.shape)])
+    forces(force, y)
+    unit = LAW.bulk_modulus * body.spacing**2
+    np.testing.assert_allclose(found, forces(expected, y), atol=1e-12 * unit)
+    assert force.energy() == pytest.approx(expected.energy(), rel=1e-11)
+    np.testing.assert_allclose(force.volume_ratios(), expected.volume_ratios(), rtol=1e-12)
+    assert released.energy == pytest.approx(energy - force.energy(), rel=1e-9)
+    np.testing.assert_allclose(released.forces, before - found, atol=1e-12 * unit)
+    W = force._smoothing.matrix().toarray()
+    above, beside = body.points[:, 2] > 0.45, body.points[:, 0] < 0.2
+    assert np.abs(W[np.ix_(above & beside, ~above & beside)]).max() == 0
+    assert np.abs(body.volumes[:, None] * W - (body.volumes[:, None] * W).T).max() < 1e-14 * body.volumes.max()
+
+
+def test_bonds_that_break_one_by_one_keep_the_gradient(random):
+    """Those of a point beside planes of reflection, whose mirrored pairs stay, until it has none."""
+    body = jittered(planes=(CLAMP, *rollers([1])))
+    force = bound("bond-energy", body, breakable=True)
+    y = body.points + 0.1 * (wavy(body.points, 0.02) - body.points)
+    mine = np.flatnonzero((body.bonds.first == 0) | (body.bonds.second == 0))
+    for pairs in np.array_split(random.permutation(mine), 4):
+        force.break_bonds(pairs)
+        check_slope(force, y, [random.standard_normal(y.shape)])
+    assert not force.supported[0]
+
+
+def test_collapsed_pairs_are_told():
+    body = box((4, 4, 4))
+    force = bound("bond-energy", body, breakable=True)
+    forces(force, body.points)
+    assert len(force.collapsed_pairs()) == 0
+    y = body.points.copy()
+    i = int(np.linalg.norm(y - 0.5, axis=1).argmin())
+    near = (body.bonds.first == i) | (body.bonds.second == i)
+    forces(force, y * [1.0, 1.0, 0.2])
+    assert len(force.collapsed_pairs()) == len(body.bonds.first)
+    force.break_bonds(np.flatnonzero(near))
+    forces(force, y * [1.0, 1.0, 0.2])
+    assert not near[force.collapsed_pairs()].any()
 
 
 def test_impossible_states_are_refused_with_their_place():

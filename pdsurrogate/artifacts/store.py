@@ -252,10 +252,9 @@ def surrogate_for(law: Law, family: str = "bond force") -> ForceModel:
 def default_force(scene: Scene) -> ForceModel:
     """The force model to run a scene with where none is asked for.
 
-    `surrogate_for` the scene's material; in plane strain the exact selective energy, in which nothing locks, unless bonds break: its own do
-    not.  In space the same energy.
+    `surrogate_for` the scene's material under plane stress; in plane strain and in space the exact selective energy, which does not lock.
     """
-    if scene.plane == "space" or (scene.plane == "strain" and scene.fracture is None):
+    if scene.plane != "stress":
         return load_surrogate("bond-energy")
     return surrogate_for(scene.material.build())
 

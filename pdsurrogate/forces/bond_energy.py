@@ -82,7 +82,7 @@ class BondEnergyForce(EnergySurrogate):
     def honoured(self, plane: str) -> Mapping[str, tuple]:
         if plane == "stress":
             return self.honours
-        return {key: values for key, values in self.honours.items() if key != "breakable"} | {"precision": ("float64",)}
+        return {**self.honours, "precision": ("float64",)}
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
         if settings.plane == "stress":
@@ -582,15 +582,18 @@ class BondEnergyEvaluation(EnergyOfPairs):
         forces, remaining = np.zeros_like(self.body.points), np.zeros_like(self.body.points)
         before = self._energy_at_present(forces)
         self._intact[pairs] = False
-        around = self._weigh_pairs(self._kinematics.break_bonds(pairs))
-        self.geometry[around // BLOCK, -1, around % BLOCK] = self.bond_weights[around]
+        self._renew_weights(self._weigh_pairs(self._kinematics.break_bonds(pairs)))
         energy, forces = before - self._energy_at_present(remaining), forces - remaining
         if not (np.isfinite(energy) and np.isfinite(forces).all()):
             return Release(0.0, np.zeros_like(forces))
         return Release(energy, forces)
 
+    def _renew_weights(self, pairs: np.ndarray) -> None:
+        """Bring up to date what the pass reads of the weights of given pairs."""
+        self.geometry[pairs // BLOCK, -1, pairs % BLOCK] = self.bond_weights[pairs]
+
     def collapsed_pairs(self) -> np.ndarray:
-        """Of the pairs that were turned inside out, or pressed below a third of their area."""
+        """Of the pairs that were turned inside out, or pressed below a third of their area or volume."""
         if not self._pairs.collapsed:
             return np.empty(0, dtype=np.int64)
         c, e = self.bond_columns()

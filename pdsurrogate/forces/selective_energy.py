@@ -12,10 +12,16 @@ from scipy import sparse
 from ..body import Body
 from ..kernels import selective_energy
 from ..kernels.block_arrays import BLOCK, aligned_rows
+from ..kernels.bond_energy import COLLAPSED
 from ..kernels.elementary import sum_in_order
+from ..kernels.passes import BoundPass
 from ..materials import PLANES
+from ..materials.response import volume_energy_block
 from .bond_energy import BondEnergyEvaluation
 from .protocol import InvalidState
+
+SLAB = 4_000_000
+"""Pairs that are looked at together while a body is prepared, so that passing arrays stay small beside the body's own."""
 
 
 class SelectiveEnergyEvaluation(BondEnergyEvaluation):
@@ -27,23 +33,18 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
 
     def _bind_energies(self) -> None:
         body, kinematics, chunks = self.body, self._kinematics, self._kinematics.chunks
-        bonds, total, dimension = body.bonds, len(body.all_points), body.dimension
+        bonds, n, total, dimension = body.bonds, len(body), len(body.all_points), body.dimension
         first, second = bonds.ends_in_blocks(BLOCK)
         size = len(first)
-        self._smoothing = smoothing(body, self.bond_weights > 0)
-        self._pair_volumes, self._dilatations = np.ones(size), np.ones(len(body))
+        self._smoothing = Smoothing(body, self._carrying(), self.breakable)
+        self._pair_volumes, self._dilatations, self._smoothed, self._slopes = np.ones(size), np.ones(n), np.ones(n), np.zeros(n)
         # Ghosts' volumes lie beyond the body: they have no pressure, and no share.
         self._pressures = np.zeros(total)
-        entries, starts = kinematics.pair_entries
-        rows = np.zeros((2, size))
-        rows[0, : self._n_pairs] = self.bond_shares[entries[starts[:-1]]]
-        within = bonds.second < len(body)
-        rows[1, : self._n_pairs][within] = self.bond_shares[entries[starts[1:] - 1]][within]
         self._end_shares = aligned_rows((size // BLOCK, 2, BLOCK))
-        self._end_shares[:] = rows.reshape(2, -1, BLOCK).transpose(1, 0, 2)
+        self._share_ends(np.arange(self._n_pairs))
         self._buffers = aligned_rows((chunks, selective_energy.buffer_rows(dimension), BLOCK), value=1)
         pairs = first, second, self.geometry
-        self._energies = np.zeros(len(self.geometry))
+        self._energies, self._volume_energies = np.zeros(len(self.geometry)), np.zeros(-(-n // BLOCK))
         self._forces, self._moments = aligned_rows((size, dimension)), aligned_rows((size, dimension**2))
         places = kinematics.positions, kinematics.gradients
         self._find_volumes = selective_energy.pair_volumes[dimension].bind(
@@ -52,6 +53,20 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         self._find_dilatations = selective_energy.mean_dilatations.bind(
             bonds.pointers, bonds.pair_of, self.bond_shares, self._pair_volumes, self._dilatations, chunks=chunks
         )
+        self._smooth_dilatations = self._smoothing.bind(self._dilatations, self._smoothed, chunks)
+        self._volumetric = volume_energy_block(self.law)
+        self._find_volume_energies = selective_energy.volume_energies.bind(
+            self._smoothed,
+            body.volumes,
+            self._volumetric.address,
+            kinematics.parameters,
+            self._buffers,
+            self._volume_energies,
+            self._slopes,
+            chunks=chunks,
+        )
+        # What the bonds of the points feel of U' is the transpose of the smoothing, and V_i W_ij is symmetric.
+        self._spread_slopes = self._smoothing.bind(self._slopes, self._pressures, chunks)
         self._response = PLANES[self.plane].isochoric_response.block(self.law)
         self._find_energies = selective_energy.pair_energies[dimension].bind(
             *places,
@@ -69,66 +84,133 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
 
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
         """Passes over pairs and points, and sums, with the deformation gradients last formed; see `BondEnergyEvaluation.pass_bonds`."""
-        invalid, J = self._smoothed_dilatations()
+        invalid = self._form_volumes()
         if invalid:
             return [0], invalid, 0
-        with np.errstate(all="ignore"):  # what is not finite shows in the energy
-            U, slope, _ = self.law.volumetric(J, self._kinematics.parameters)
-        self._pressures[: len(self.body)] = self._spread(slope)
+        self._find_volume_energies()
+        self._spread_slopes()
         self._find_energies()
-        self._energy = float(sum_in_order(self._energies) + sum_in_order(self.body.volumes * U))
+        self._energy = float(sum_in_order(self._energies) + sum_in_order(self._volume_energies))
         return [0], 0, self._own_sums(out)
 
-    def _smoothed_dilatations(self) -> tuple[int, np.ndarray]:
-        """The number of pairs turned inside out, and the volume ratios of the points, with the gradients last formed."""
+    def _form_volumes(self) -> int:
+        """Bring the smoothed dilatations up to date with the gradients last formed; the number of pairs turned inside out."""
         invalid = self._find_volumes()
         self._find_dilatations()
-        return invalid, self._smoothing @ self._dilatations
-
-    def _spread(self, slopes: np.ndarray) -> np.ndarray:
-        """What the bonds of the points feel of U' at their smoothed dilatations: the transpose of the smoothing."""
-        return self._smoothing.T @ (self.body.volumes * slopes) / self.body.volumes
+        self._smooth_dilatations()
+        return invalid
 
     def bulk_stresses(self) -> np.ndarray:
-        return self._spread(super().bulk_stresses())
+        return self._smoothing.matrix() @ super().bulk_stresses()
 
     def volume_ratios(self) -> np.ndarray:
         self._kinematics.form_gradients()
-        invalid, J = self._smoothed_dilatations()
-        if invalid:
+        if self._form_volumes():
             raise InvalidState(self._diagnose())
-        return J
+        return self._smoothed.copy()
+
+    def collapsed_pairs(self) -> np.ndarray:
+        volumes = self._pair_volumes[: self._n_pairs]
+        return np.flatnonzero((self.bond_weights > 0) & ~(volumes > COLLAPSED))
+
+    def _renew_weights(self, pairs: np.ndarray) -> None:
+        super()._renew_weights(pairs)
+        self._share_ends(pairs)
+        self._smoothing.renew(self._carrying(), pairs)
+
+    def _share_ends(self, pairs: np.ndarray) -> None:
+        """Bring the shares that given pairs have of the volumes of their ends up to date; a ghost's volume has none."""
+        entries, starts = self._kinematics.pair_entries
+        within = self.body.bonds.second[pairs] < len(self.body)
+        self._end_shares[pairs // BLOCK, 0, pairs % BLOCK] = self.bond_shares[entries[starts[pairs]]]
+        pairs = pairs[within]
+        self._end_shares[pairs // BLOCK, 1, pairs % BLOCK] = self.bond_shares[entries[starts[pairs + 1] - 1]]
+
+    def _carrying(self) -> np.ndarray:
+        """Which pairs carry anything; of one with a ghost, whose mirrored pair does as well: else V_i W_ij would not be symmetric."""
+        carries = self.bond_weights > 0
+        if self.breakable and len(self.body.ghosts):
+            outer, mirrored = self._mirrored_pairs
+            carries[outer] &= carries[mirrored]
+        return carries
 
 
-def smoothing(body: Body, carries: np.ndarray) -> sparse.csr_array:
-    """Weights of neighbours in the smoothed dilatation of the points (theory (50)), shape (n, n).
+class Smoothing:
+    """Weights of neighbours in the smoothed dilatation of the points (theory (50)).
 
     On a grid they are (1 2 1)/4 along each axis.  Rows add up to one, so that an even dilatation stays as it is; V_i W_ij is symmetric, so
     that its mean does as well, and an even pressure stays even.  Where points lie closer than on a grid, a point keeps what it keeps there,
-    a quarter in the plane and an eighth in space.  What a neighbour beyond a surface would have stays with the point.  A
-    mirror image is a neighbour; beyond a clamped plane the body is continued otherwise than it is, and nothing is taken from there.
+    a quarter in the plane and an eighth in space.  What a neighbour beyond a surface or a crack would have stays with the point.  A mirror
+    image is a neighbour; beyond a clamped plane the body is continued otherwise than it is, and nothing is taken from there.
 
     Parameters
     ----------
     body : Body
     carries : ndarray of bool, shape (n_pairs,)
         Which pairs carry anything: across a cut there are none.
+    breakable : bool
+        Whether pairs may cease to, see `renew`.
     """
-    bonds, ghosts, n = body.bonds, body.ghosts, len(body)
-    first, second = bonds.first.astype(np.int64), bonds.second.astype(np.int64)
-    offsets = np.abs(body.all_points[second] - body.all_points[first]) / body.cell
-    mirrors = np.concatenate([np.ones(n, dtype=bool), (ghosts.parity == ghosts.reflection).all(axis=1)])
-    near = carries & mirrors[second] & (offsets < 2).all(axis=1)
-    first, second, within = first[near], second[near], second[near] < n
-    weights = (0.5 - offsets[near] / 4).prod(axis=1) * body.volumes[first] * body.all_volumes[second] / body.cell.prod()
-    second = np.concatenate([np.arange(n), ghosts.source.astype(np.int64)])[second]
-    rows, columns = np.concatenate([first, second[within]]), np.concatenate([second, first[within]])
-    weights = np.concatenate([weights, weights[within]])
-    share = np.bincount(rows, weights, n) / body.volumes
-    of_neighbours = 1 - 0.5**body.dimension
-    most = of_neighbours / np.maximum(share, of_neighbours)
-    weights *= np.minimum(most[rows], most[columns])
-    own = body.volumes - np.bincount(rows, weights, n)
-    each = np.arange(n)
-    rows, columns = np.concatenate([rows, each]), np.concatenate([columns, each])
-    return sparse.csr_array((np.concatenate([weights, own]) / body.volumes[rows], (rows, columns)), shape=(n, n))
+
+    def __init__(self, body: Body, carries: np.ndarray, breakable: bool = False) -> None:
+        bonds, ghosts, n = body.bonds, body.ghosts, len(body)
+        mirrors = np.concatenate([np.ones(n, dtype=bool), (ghosts.parity == ghosts.reflection).all(axis=1)])
+        found = []
+        for start in range(0, len(bonds.first), SLAB):
+            part = slice(start, start + SLAB)
+            first, second = bonds.first[part], bonds.second[part]
+            offsets = np.abs(body.all_points[second] - body.all_points[first]) / body.cell
+            near = carries[part] & mirrors[second] & (offsets < 2).all(axis=1)
+            found.append((start + np.flatnonzero(near), (0.5 - offsets[near] / 4).prod(axis=1)))
+        pairs, weights = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        first, second = bonds.first[pairs], bonds.second[pairs]
+        weights *= body.volumes[first] * body.all_volumes[second] / body.cell.prod()
+        within = second < n
+        second = np.concatenate([np.arange(n, dtype=np.uint32), ghosts.source])[second]
+        rows = np.concatenate([first, second[within]])
+        order = np.argsort(rows, kind="stable")
+        rows, self._columns = rows[order], np.concatenate([second, first[within]])[order]
+        self._pointers = np.zeros(n + 1, dtype=np.uint64)
+        self._pointers[1:] = np.cumsum(np.bincount(rows, minlength=n))
+        self._volumes, self._most = body.volumes, 1 - 0.5**body.dimension
+        raw = np.concatenate([weights, weights[within]])[order]
+        self._caps = self._cap(np.bincount(rows, raw, n) / body.volumes)
+        self._weights = raw * np.minimum(self._caps[rows], self._caps[self._columns]) / body.volumes[rows]
+        self._own = 1 - np.bincount(rows, self._weights, n)
+        if breakable:
+            self._ends = bonds.first, bonds.second
+            self._raw, self._pairs = raw, np.concatenate([pairs, pairs[within]])[order].astype(np.uint32)
+
+    def bind(self, values: np.ndarray, out: np.ndarray, chunks: int) -> BoundPass:
+        """The pass that smooths values at the points (n,) into the first n of another array."""
+        return selective_energy.smooth.bind(self._pointers, self._columns, self._weights, self._own, values, out, chunks=chunks)
+
+    def matrix(self) -> sparse.csr_array:
+        """The weights, shape (n, n)."""
+        n = len(self._own)
+        neighbours = sparse.csr_array((self._weights, self._columns.astype(np.int64), self._pointers.astype(np.int64)), shape=(n, n))
+        return neighbours + sparse.diags_array(self._own, format="csr")
+
+    def renew(self, carries: np.ndarray, pairs: np.ndarray) -> None:
+        """Bring the weights up to date after some of the given pairs have ceased to carry anything."""
+        n = len(self._own)
+        ends = np.concatenate([end[pairs] for end in self._ends])
+        rows = np.unique(ends[ends < n]).astype(np.int64)
+        owners, entries = self._entries(rows)
+        self._raw[entries[~carries[self._pairs[entries]]]] = 0.0
+        self._caps[rows] = self._cap(np.bincount(owners, self._raw[entries], n)[rows] / self._volumes[rows])
+        rows = np.unique(np.concatenate([rows, self._columns[entries]]))
+        owners, entries = self._entries(rows)
+        caps = np.minimum(self._caps[owners], self._caps[self._columns[entries]])
+        self._weights[entries] = self._raw[entries] * caps / self._volumes[owners]
+        self._own[rows] = 1 - np.bincount(owners, self._weights[entries], n)[rows]
+
+    def _cap(self, shares: np.ndarray) -> np.ndarray:
+        """By what the neighbours' shares of a point are multiplied, so that they have no more than on a grid."""
+        return self._most / np.maximum(shares, self._most)
+
+    def _entries(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Entries of given rows, and which row each is of."""
+        starts = self._pointers[rows].astype(np.int64)
+        counts = self._pointers[rows + 1].astype(np.int64) - starts
+        return np.repeat(rows, counts), np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())

@@ -92,6 +92,52 @@ def mean_dilatations(chunk, chunks, pointers, pair_of, shares, volumes, means):
         means[i] = total / whole if whole > 0.0 else 1.0
 
 
+@Pass
+def smooth(chunk, chunks, pointers, columns, weights, own, values, out):
+    """Values at the points as weighed with those of their neighbours; the first rows of `out` are written."""
+    start, stop = share_of(own.shape[0], chunk, chunks)
+    for i in range(start, stop):
+        total = own[i] * values[i]
+        for b in range(pointers[i], pointers[i + 1]):
+            total += weights[b] * values[columns[b]]
+        out[i] = total
+
+
+@Pass
+def volume_energies(chunk, chunks, volume_ratios, volumes, response, parameters, buffers, energies, slopes):
+    """U of the points at their volume ratios, and its derivative.
+
+    Parameters
+    ----------
+    volume_ratios, volumes : (n,).
+    response, parameters : the law's energy of the volume, as (U, U') from the ratio in the first row of the states.
+    buffers : (n_chunks, three or more, BLOCK).
+    energies : (n_blocks,) out: sum of the volume times U over each block of points.
+    slopes : (n,) out: U'.
+    """
+    widest_vectors()
+    n = volumes.shape[0]
+    first, last = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
+    states = block_rows(buffers[chunk, 0:1])
+    result = block_rows(buffers[chunk, 1:3])
+    for block in range(first, last):
+        at = block * BLOCK
+        size = min(BLOCK, n - at)
+        ratio = volume_ratios[at : at + size]
+        volume = volumes[at : at + size]
+        slope = slopes[at : at + size]
+        for k in range(BLOCK):
+            states[0, k] = 1.0
+        for k in range(size):
+            states[0, k] = ratio[k]
+        call_block(response, states, parameters, result)
+        total = 0.0
+        for k in range(size):
+            total += volume[k] * result[0, k]
+            slope[k] = result[1, k]
+        energies[block] = total
+
+
 @ByDimension
 def pair_energies(algebra):
     """Isochoric energy of the pairs, and their parts of the force and of the points' S, that of the points' pressures included."""

@@ -82,6 +82,28 @@ class Response:
         return block_function_of(_principal_block, STRESS_RESPONSE, *parts, *shared)
 
 
+def volume_energy_block(law: Law) -> CFunc:
+    """Block function of a law's energy of the volume: U and U' from the volume ratio in the first row of the states."""
+    check_consistency(law)
+    return block_function_of(_volume_block, STRESS_RESPONSE, law.volumetric)
+
+
+def _volume_block(volumetric):
+    """Builder of the block functions of U."""
+
+    def response(states, parameters, result):
+        widest_vectors()
+        states = carray(states, (1, BLOCK))
+        result = carray(result, (2, BLOCK))
+        parameters = carray(parameters, (MOST_PARAMETERS,))
+        for k in range(BLOCK):
+            U, dU, _ = volumetric(states[0, k], parameters)
+            result[0, k] = U
+            result[1, k] = dU
+
+    return response
+
+
 def _invariant_block(isochoric, invariants, of_invariants, n_parameters, volumetric, n_rows, volume):
     """Builder of the block functions of an `InvariantLaw`."""
 
