@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,21 @@ from scipy.sparse.csgraph import connected_components
 from ..scenes import Mesh
 from .places import same_places
 
+CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
+"""Cells that are taken, by dimension, as meshio names them."""
+
+BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
+"""How the names begin of what a mesh has beside its cells: their corners and sides."""
+
+FACES_OF = {
+    4: np.array([[0, 2, 1, 1], [0, 1, 3, 3], [1, 2, 3, 3], [0, 3, 2, 2]]),
+    8: np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]),
+}
+"""Faces of tetrahedra and hexahedra, counter-clockwise as seen from outside, with the last corner of a triangle twice."""
+
+BESIDE_CORNERS = {4: [[1, 2, 3]], 8: [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]}
+"""Ends of the three edges at the corners of cells, which make a right-handed system; of tetrahedra one corner tells for all."""
+
 
 @dataclass(frozen=True)
 class MeshFile:
@@ -23,79 +39,88 @@ class MeshFile:
 
     Attributes
     ----------
-    nodes : ndarray, shape (k, 2)
-    cells : tuple of ndarray of int, shapes (n, 3) and (n, 4)
-        Corners of the triangles and quadrilaterals, block by block; cells are numbered through all blocks.
+    nodes : ndarray, shape (k, d)
+    cells : tuple of ndarray of int, shapes (n, corners)
+        Corners of the triangles and quadrilaterals, or tetrahedra and hexahedra, block by block; cells are numbered through all blocks.
     cell_groups : mapping of str to ndarray of int
         Cells of each physical group of them.
-    line_groups : mapping of str to ndarray of int, shape (l, 2)
-        Ends of the lines of each physical group of them.
+    side_groups : mapping of str to ndarray of int, shape (l, 2) or (l, 4)
+        Corners of the lines, or faces, of each physical group of them; of triangles the last one twice.
     """
 
     nodes: np.ndarray
     cells: tuple[np.ndarray, ...]
     cell_groups: Mapping[str, np.ndarray]
-    line_groups: Mapping[str, np.ndarray]
+    side_groups: Mapping[str, np.ndarray]
 
     def corners(self) -> list[np.ndarray]:
-        """Corners of the cells of each block, arrays of shape (n, 3 or 4, 2)."""
+        """Corners of the cells of each block, arrays of shape (n, corners, d)."""
         return [self.nodes[block] for block in self.cells]
 
-    def edges(self) -> Edges:
-        """The sides of the cells."""
+    def sides(self) -> Sides:
+        """The sides of the cells: edges in the plane, faces in space."""
         extent = np.ptp(self.nodes, axis=0).max()
         # Nodes at one place are one: a crack is said by a precut, and bonds ask for no nodes in common.
         number = same_places(self.nodes, 1e-9 * extent)
-        first, second, owners = [], [], []
+        corners, owners = [], []
         begin = 0
-        for block, corners in zip(self.cells, self.corners(), strict=True):
-            clockwise = signed_areas(corners) < 0
-            block = np.where(clockwise[:, None], block[:, ::-1], block)
-            first.append(number[block].ravel())
-            second.append(number[np.roll(block, -1, axis=1)].ravel())
-            owners.append(np.repeat(np.arange(begin, begin + len(block)), block.shape[1]))
+        for block, places in zip(self.cells, self.corners(), strict=True):
+            if places.shape[2] == 2:
+                clockwise = signed_areas(places) < 0
+                block = np.where(clockwise[:, None], block[:, ::-1], block)
+                sides = np.stack([block, np.roll(block, -1, axis=1)], axis=2)
+            else:
+                sides = block[:, FACES_OF[block.shape[1]]]
+            corners.append(number[sides].reshape(-1, sides.shape[2]))
+            owners.append(np.repeat(np.arange(begin, begin + len(block)), sides.shape[1]))
             begin += len(block)
-        return Edges(np.stack([np.concatenate(first), np.concatenate(second)], axis=1), np.concatenate(owners), number)
+        return Sides(np.concatenate(corners), np.concatenate(owners), number)
 
     def groups_of_cells(self) -> dict[str, np.ndarray]:
-        """The cells of every physical group; those of a group of lines are the ones that have one of its lines for a side."""
+        """The cells of every physical group; those of a group of lines or faces are the ones that have one of them for a side."""
         groups = dict(self.cell_groups)
-        if self.line_groups:
-            edges = self.edges()
-            for name, lines in self.line_groups.items():
-                groups[name] = np.unique(edges.owners[edges.among(lines)])
+        if self.side_groups:
+            sides = self.sides()
+            for name, members in self.side_groups.items():
+                groups[name] = np.unique(sides.owners[sides.among(members)])
         return groups
 
 
 @dataclass(frozen=True)
-class Edges:
+class Sides:
     """Sides of the cells of a mesh, each once for every cell that has it.
 
     Attributes
     ----------
-    ends : ndarray of int, shape (e, 2)
-        Nodes, counter-clockwise around the cell.
+    corners : ndarray of int, shape (e, 2) or (e, 4)
+        Nodes, counter-clockwise around the cell; of faces, counter-clockwise as seen from outside, the last twice where it is a triangle.
     owners : ndarray of int, shape (e,)
         The cells.
     number : ndarray of int, shape (k,)
         Node that stands for each of the file's nodes: the first at its place.
     """
 
-    ends: np.ndarray
+    corners: np.ndarray
     owners: np.ndarray
     number: np.ndarray
 
-    def keys(self, ends: np.ndarray) -> np.ndarray:
-        """One number for both directions of a side."""
-        low, high = np.sort(ends, axis=1).T
-        return low * len(self.number) + high
+    def keys(self, corners: np.ndarray) -> np.ndarray:
+        """One number for all ways of going around a side, of those that are asked for together."""
+        first, *others = np.sort(corners, axis=1).T
+        key = first
+        for column, following in enumerate(others):
+            key = key * len(self.number) + following
+            if column < len(others) - 1:
+                key = np.unique(key, return_inverse=True)[1]  # so that the next product fits
+        return key
 
-    def among(self, lines: np.ndarray) -> np.ndarray:
-        """Which edges are one of the lines, whose ends are nodes of the file."""
-        return np.isin(self.keys(self.ends), self.keys(self.number[lines]))
+    def among(self, members: np.ndarray) -> np.ndarray:
+        """Which sides are one of the members, whose corners are nodes of the file."""
+        keys = self.keys(np.concatenate([self.corners, self.number[members]]))
+        return np.isin(keys[: len(self.corners)], keys[len(self.corners) :])
 
     def boundary(self, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Edges around the kept cells.
+        """Sides around the kept cells.
 
         Parameters
         ----------
@@ -103,24 +128,25 @@ class Edges:
 
         Returns
         -------
-        edges : ndarray of int, shape (b,)
+        sides : ndarray of int, shape (b,)
             Their numbers.
         beyond : ndarray of int, shape (b,)
             The cell on the other side, which is not kept; -1 where there is none.
         """
         here, there = np.flatnonzero(kept[self.owners]), np.flatnonzero(~kept[self.owners])
-        keys, beside = self.keys(self.ends[here]), self.keys(self.ends[there])
+        every = self.keys(self.corners)
+        keys, beside = every[here], every[there]
         _, where, times = np.unique(keys, return_inverse=True, return_counts=True)
         outer = times[where] == 1
-        edges, keys = here[outer], keys[outer]
-        beyond = np.full(len(edges), -1)
+        sides, keys = here[outer], keys[outer]
+        beyond = np.full(len(sides), -1)
         order = np.argsort(beside)
         found = np.searchsorted(beside, keys, sorter=order)
         found[found == len(order)] = 0
         if len(order):
             found = order[found]
             beyond = np.where(beside[found] == keys, self.owners[there[found]], -1)
-        return edges, beyond
+        return sides, beyond
 
 
 def mesh_of(mesh: Mesh) -> MeshFile:
@@ -129,17 +155,18 @@ def mesh_of(mesh: Mesh) -> MeshFile:
     Raises
     ------
     ValueError
-        If there is no such file, it cannot be read, or is no flat mesh of triangles and quadrilaterals.
+        If there is no such file, it cannot be read, or is no flat mesh of triangles and quadrilaterals, or none of tetrahedra and
+        hexahedra, as the scene says.
     """
     path = Path(mesh.file)
     if not path.is_file():
         raise ValueError(f"body.file: there is no file {mesh.file}")
     state = path.stat()
-    return _read(mesh.file, state.st_mtime_ns, state.st_size)
+    return _read(mesh.file, mesh.dimension, state.st_mtime_ns, state.st_size)
 
 
 @lru_cache(maxsize=1)
-def _read(file: str, _changed: int, _size: int) -> MeshFile:
+def _read(file: str, dimension: int, _changed: int, _size: int) -> MeshFile:
     import meshio
 
     printed = io.StringIO()
@@ -152,21 +179,40 @@ def _read(file: str, _changed: int, _size: int) -> MeshFile:
     points = np.asarray(read.points, dtype=float)
     if not np.isfinite(points).all():
         raise ValueError(f"body.file: node {np.argwhere(~np.isfinite(points))[0, 0]} of {file} has a position that is not finite")
-    # Of points and edges meshes have those of their boundaries; other cells would leave holes where they are left out.
-    others = {block.type for block in read.cells} - {"triangle", "quad"}
-    refused = sorted(kind for kind in others if not kind.startswith(("vertex", "line")))
+    # Of points, edges and faces meshes have those of their boundaries; other cells would leave holes where they are left out.
+    kinds = {block.type for block in read.cells if len(block.data)}
+    refused = sorted(kind for kind in kinds - set(CELL_TYPES[dimension]) if not kind.startswith(BESIDE_CELLS[dimension]))
     if refused:
-        raise ValueError(f"body.file: {file} has cells of type {', '.join(refused)}; triangle and quad are taken")
-    if points.shape[1] == 3 and np.ptp(points[:, 2]) > 1e-9 * np.ptp(points[:, :2]):
+        advice = "; a body in space is asked for by dimension = 3" if dimension == 2 and kinds & set(CELL_TYPES[3]) else ""
+        raise ValueError(
+            f"body.file: {file} has cells of type {', '.join(refused)}; {' and '.join(CELL_TYPES[dimension])} are taken{advice}"
+        )
+    cells = tuple(block.data for block in read.cells if block.type in CELL_TYPES[dimension] and len(block.data))
+    if dimension == 2 and points.shape[1] == 3 and np.ptp(points[:, 2]) > 1e-9 * np.ptp(points[:, :2]):
         raise ValueError(f"body.file: {file} is not flat: its third coordinate varies")
-    cells = tuple(block.data for block in read.cells if block.type in ("triangle", "quad") and len(block.data))
     if not cells:
-        raise ValueError(f"body.file: {file} has no triangles or quadrilaterals")
-    return MeshFile(points[:, :2], cells, *_groups(read))
+        words, flat = ("triangles or quadrilaterals", False) if dimension == 2 else ("tetrahedra or hexahedra", kinds & set(CELL_TYPES[2]))
+        raise ValueError(f"body.file: {file} has no {words}" + ("; a body in the plane is asked for by dimension = 2" if flat else ""))
+    if dimension == 3:
+        for block in cells:
+            _check_solid_cells(file, points[block])
+    return MeshFile(points[:, :dimension], cells, *_groups(read, dimension))
 
 
-def _groups(read) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Physical groups of cells and of lines.
+def _check_solid_cells(file: str, cells: np.ndarray) -> None:
+    """Refuse tetrahedra and hexahedra, shape (n, corners, 3), that are inverted, flat, or folded at a corner."""
+    kind = CELL_TYPES[3][cells.shape[1] == 8]
+    edges = cells[:, BESIDE_CORNERS[cells.shape[1]]] - cells[:, : len(BESIDE_CORNERS[cells.shape[1]]), None]
+    turns = np.linalg.det(edges)  # volume that the three edges at each corner span
+    wrong = np.flatnonzero(~(turns > 1e-12 * np.linalg.norm(edges, axis=-1).max(axis=-1) ** 3).all(axis=1))
+    if len(wrong):
+        number = wrong[0]
+        what = "inverted: its volume is negative" if (turns[number] < 0).all() else "flat, or folded at a corner"
+        raise ValueError(f"body.file: {file} has {len(wrong)} broken cells; {kind} {number}, from 0 on, is {what}")
+
+
+def _groups(read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Physical groups of cells and of their sides.
 
     meshio has groups as sets of cells, block by block, or, of gmsh's files of version 2, by a number for each cell and a name for it.
     """
@@ -174,26 +220,30 @@ def _groups(read) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     numbers = read.cell_data.get("gmsh:physical")
     if numbers is not None:
         named = {name: entry for name, entry in read.field_data.items() if np.size(entry) == 2}
-        for name, (number, dimension) in named.items():
-            fitting = [block.dim == dimension for block in read.cells]
+        for name, (number, of_dimension) in named.items():
+            fitting = [block.dim == of_dimension for block in read.cells]
             members.setdefault(
                 name, [np.flatnonzero(of_block == number) if fits else [] for of_block, fits in zip(numbers, fitting, strict=True)]
             )
-    cell_groups, line_groups = {}, {}
+    cell_groups, side_groups = {}, {}
     for name, sets in members.items():
-        cells, lines, begin = [], [], 0
+        cells, sides, begin = [], [], 0
         for block, chosen in zip(read.cells, sets, strict=True):
             chosen = np.asarray(() if chosen is None else chosen, dtype=int)
-            if block.type in ("triangle", "quad"):
+            if block.type in CELL_TYPES[dimension]:
                 cells.append(begin + chosen)
                 begin += len(block.data)
-            elif block.type.startswith("line"):
-                lines.append(block.data[chosen][:, :2])
+            elif dimension == 2 and block.type.startswith("line"):
+                sides.append(block.data[chosen][:, :2])
+            elif dimension == 3 and block.type.startswith("triangle"):
+                sides.append(block.data[chosen][:, [0, 1, 2, 2]])
+            elif dimension == 3 and block.type.startswith("quad"):
+                sides.append(block.data[chosen][:, :4])
         if any(map(len, cells)):
             cell_groups[name] = np.concatenate(cells)
-        elif any(map(len, lines)):
-            line_groups[name] = np.concatenate(lines)
-    return cell_groups, line_groups
+        elif any(map(len, sides)):
+            side_groups[name] = np.concatenate(sides)
+    return cell_groups, side_groups
 
 
 def signed_areas(cells: np.ndarray) -> np.ndarray:
@@ -207,7 +257,9 @@ def _cross_products(cells: np.ndarray) -> np.ndarray:
 
 
 def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centroids and areas of polygons, shapes (n, 2) and (n,)."""
+    """Centroids and volumes of cells of the same kind, shape (n, corners, d): shapes (n, d) and (n,)."""
+    if cells.shape[2] == 3:
+        return _centroids_of_solids(cells)
     cross = _cross_products(cells)
     area = cross.sum(axis=1) / 2
     if (area == 0).any():
@@ -216,6 +268,51 @@ def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         raise ValueError("body.file: the sides of a quadrilateral cross each other; its corners must be in order around it")
     middles = ((cells + np.roll(cells, -1, axis=1)) * cross[..., None]).sum(axis=1) / (6 * area[:, None])
     return middles, np.abs(area)
+
+
+def _centroids_of_solids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of tetrahedra and hexahedra, divided as `tetrahedra_of` divides them."""
+    parts = tetrahedra_of(cells)
+    volumes = np.linalg.det(parts[:, :, 1:] - parts[:, :, :1]) / 6
+    volume = volumes.sum(axis=1)
+    return (volumes[..., None] * parts.mean(axis=2)).sum(axis=1) / volume[:, None], volume
+
+
+def tetrahedra_of(cells: np.ndarray) -> np.ndarray:
+    """The tetrahedra that each cell is made of, shape (n, parts, 4, 3).
+
+    A face of a hexahedron need not be flat: it is four triangles about the mean of its corners, whichever of two cells it is seen from.
+    """
+    if cells.shape[1] == 4:
+        return cells[:, None]
+    faces = cells[:, FACES_OF[8]]
+    middles = np.broadcast_to(faces.mean(axis=2, keepdims=True), faces.shape)
+    tops = np.broadcast_to(cells.mean(axis=1)[:, None, None], faces.shape)
+    # Faces run counter-clockwise as seen from outside: with the middle of the cell first, volumes are positive.
+    return np.stack([tops, faces, np.roll(faces, -1, axis=2), middles], axis=3).reshape(len(cells), -1, 4, 3)
+
+
+def section_area(cells: np.ndarray, axis: int, position: float) -> float:
+    """Area of the cut through tetrahedra or hexahedra on which a coordinate has the given value."""
+    heights = cells[..., axis] - position
+    parts = tetrahedra_of(cells[(heights.min(axis=1) <= 0) & (heights.max(axis=1) > 0)]).reshape(-1, 4, 3)
+    heights = parts[..., axis] - position
+    order = np.argsort(heights, axis=1)
+    parts, heights = np.take_along_axis(parts, order[..., None], axis=1), np.take_along_axis(heights, order, axis=1)
+    below = (heights <= 0).sum(axis=1)
+
+    def crossing(chosen: np.ndarray, one: int, other: int) -> np.ndarray:
+        low, high = heights[chosen, one], heights[chosen, other]
+        share = (low / (low - high))[:, None]
+        return parts[chosen, one] + share * (parts[chosen, other] - parts[chosen, one])
+
+    area = 0.0
+    for count, edges in ((1, ((0, 1), (0, 2), (0, 3))), (3, ((3, 0), (3, 1), (3, 2))), (2, ((0, 2), (0, 3), (1, 3), (1, 2)))):
+        chosen = np.flatnonzero(below == count)
+        first, *others = (crossing(chosen, *edge) for edge in edges)
+        twice = sum(np.cross(one - first, other - first) for one, other in pairwise(others))
+        area += float(np.linalg.norm(twice, axis=1).sum()) / 2
+    return area
 
 
 def _crossed(quadrilaterals: np.ndarray) -> np.ndarray:
@@ -229,9 +326,10 @@ def _crossed(quadrilaterals: np.ndarray) -> np.ndarray:
     return (sense(a, b, c) * sense(a, c, d) < 0) & (sense(a, b, d) * sense(b, c, d) < 0)
 
 
-def loops_of(ends: np.ndarray) -> np.ndarray:
-    """Number of the connected chain that each edge, shape (b, 2), belongs to."""
-    names, compact = np.unique(ends, return_inverse=True)
-    compact = compact.reshape(ends.shape)
-    graph = coo_array((np.ones(len(ends)), compact.T), shape=(len(names), len(names)))
+def loops_of(corners: np.ndarray) -> np.ndarray:
+    """Number of the connected chain or surface that each side, shape (b, corners), belongs to."""
+    names, compact = np.unique(corners, return_inverse=True)
+    compact = compact.reshape(corners.shape)
+    pairs = np.concatenate([compact[:, [0, other]] for other in range(1, corners.shape[1])])
+    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(names), len(names)))
     return connected_components(graph, directed=False)[1][compact[:, 0]]

@@ -15,7 +15,7 @@ from ..scenes import Box, Mesh, Rectangle, Scene, SceneError
 from ..scenes.model import EDGES
 from ..scenes.solids import Solid
 from ..solvers.planes import reflected_edges, reflection_planes
-from .meshes import centroids, mesh_of
+from .meshes import centroids, mesh_of, section_area
 
 RASTER = 16
 """Places along either side of a cell in the plane at which it is asked whether there is material: an area to some 1/1000 of a cell."""
@@ -96,6 +96,8 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
 
     def cut(axis: int, position: float) -> float:
         if cells is not None:
+            if scene.dimension == 3:
+                return sum(section_area(block, axis, position) for block in cells)
             return sum(float(_chords(block, axis, position).sum()) for block in cells)
         return _section_inside(scene, axis, position, lower, upper)
 

@@ -176,9 +176,9 @@ def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str
     hole = np.full(len(middles), -1)
     for number, shape in reversed(list(enumerate(scene.holes))):
         hole[shape.contains(middles)] = number
-    edges = mesh.edges()
+    edges = mesh.sides()
     sides, beyond = edges.boundary(hole < 0)
-    facets, owners = edges.ends[sides], edges.owners[sides]
+    facets, owners = edges.corners[sides], edges.owners[sides]
     parts = np.where(beyond < 0, "outline", np.char.add("holes.", hole[beyond].astype(str)))
     loop = loops_of(facets)
     first, second = mesh.nodes[facets].transpose(1, 0, 2)
@@ -188,5 +188,5 @@ def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str
     for number, chain in enumerate(inner, len(scene.holes)):
         parts = np.where((loop == chain) & (beyond < 0), f"holes.{number}", parts)
     groups = {name: np.flatnonzero(np.isin(owners, cells)) for name, cells in mesh.cell_groups.items()}
-    groups |= {name: np.flatnonzero(edges.among(lines)[sides]) for name, lines in mesh.line_groups.items()}
+    groups |= {name: np.flatnonzero(edges.among(lines)[sides]) for name, lines in mesh.side_groups.items()}
     return mesh.nodes, facets, parts, groups
