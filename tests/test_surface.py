@@ -90,9 +90,9 @@ def test_boundaries_are_closed_and_enclose_the_body(case):
     assert area_within(surface) == pytest.approx(area, abs=tolerance)
     assert body.volumes.sum() == pytest.approx(area, abs=0.01)
     check_affine(surface, body)
-    assert surface.lengths().max() < 0.15 + 1e-9
+    assert surface.areas().max() < 0.15 + 1e-9
     # The body is on the left of every facet.
-    normals = surface.normals() / surface.lengths()[:, None]
+    normals = surface.normals() / surface.areas()[:, None]
     assert surface.encloses(surface.midpoints() - 1e-4 * normals).all()
     assert not surface.encloses(surface.midpoints() + 1e-4 * normals).any()
 
@@ -110,7 +110,7 @@ def test_facets_of_a_rectangle_end_on_the_boundaries_of_cells():
         facets = np.flatnonzero(surface.parts == edge)
         assert len(facets) == count
         assert (surface.nodes[surface.facets[facets]][..., axis] == place).all()
-        np.testing.assert_allclose(surface.lengths()[facets], body.cell[1 - axis], rtol=1e-12)
+        np.testing.assert_allclose(surface.areas()[facets], body.cell[1 - axis], rtol=1e-12)
         np.testing.assert_allclose(surface.normals()[facets].sum(axis=0), np.array(normal) * (upper - lower)[1 - axis], atol=1e-12)
     assert set(surface.parts) == {"left", "right", "bottom", "top"}
 
@@ -128,8 +128,8 @@ def test_parts_are_named_where_they_lie():
     }
     # A notch through an edge is of the hole, and the edge is what is left of it.
     _, _, notched = bodied(SQUARE, [box((0.4, -0.15), (1.2, 0.15))])
-    assert notched.lengths()[notched.parts == "right"].sum() == pytest.approx(1.7)
-    assert notched.lengths()[notched.parts == "holes.0"].sum() == pytest.approx(0.3 + 2 * 0.6)
+    assert notched.areas()[notched.parts == "right"].sum() == pytest.approx(1.7)
+    assert notched.areas()[notched.parts == "holes.0"].sum() == pytest.approx(0.3 + 2 * 0.6)
     assert not (bodied(DISC)[2].parts != "outline").any()
 
 
@@ -143,12 +143,12 @@ def test_round_facets_are_of_second_order(shape):
         if shape["shape"] == "circle":
             assert area == pytest.approx(np.pi * 0.25, rel=1e-12)
             length, theta = np.pi, spacing / (2 * 0.5)
-            assert surface.lengths()[hole].sum() == pytest.approx(length, rel=theta**2 / 20)
+            assert surface.areas()[hole].sum() == pytest.approx(length, rel=theta**2 / 20)
             distance = np.linalg.norm(surface.nodes[surface.facets[hole]] - shape["centre"], axis=-1) / 0.5 - 1
             assert 0 < distance.min() <= distance.max() < theta**2 / 10
         else:
             assert area == pytest.approx(np.pi * 0.21, rel=1e-12)
-        assert surface.lengths()[hole].max() <= 0.51 * spacing
+        assert surface.areas()[hole].max() <= 0.51 * spacing
         middles = surface.midpoints()[hole] - shape["centre"]
         for mirror in ([-1, 1], [1, -1]):
             images = {tuple(place) for place in np.round(middles * mirror, 9) + 0.0}
@@ -236,7 +236,7 @@ def test_an_edge_under_a_uniform_traction_moves_as_the_theory_says(force, edge, 
     surface = surface_of(scene, body, np.zeros(2), np.ones(2))
     share = np.zeros(len(surface.nodes))
     right = surface.parts == "right"
-    np.add.at(share, surface.facets[right].ravel(), np.repeat(surface.lengths()[right] / 2, 2))
+    np.add.at(share, surface.facets[right].ravel(), np.repeat(surface.areas()[right] / 2, 2))
     loads = np.zeros((count**2, 2))
     loads[:, 0] = stress * (surface.interpolation.T @ share)
     error = (np.linalg.solve(tangent, loads.ravel()).reshape(-1, 2) - exact) / spacing
@@ -325,8 +325,8 @@ def test_holes_in_meshes_leave_out_whole_cells(tmp_path):
     check_closed(surface)
     assert area_within(surface) == pytest.approx(body.volumes.sum(), rel=1e-12)
     assert {*surface.parts} == {"left", "right", "bottom", "top", "holes.0", "holes.1", "holes.2"}
-    assert surface.lengths()[surface.parts == "holes.0"].sum() == pytest.approx(0.4)
-    assert surface.lengths()[surface.parts == "holes.2"].sum() == pytest.approx(1.6)
+    assert surface.areas()[surface.parts == "holes.0"].sum() == pytest.approx(0.4)
+    assert surface.areas()[surface.parts == "holes.2"].sum() == pytest.approx(1.6)
     for members in body.groups.values():
         assert members.max() < len(body)
     np.testing.assert_array_equal(np.sort(body.groups["soft"]), np.flatnonzero(body.points[:, 0] < 0.6))

@@ -86,7 +86,7 @@ def interpolation(
     if lost.any():
         raise ValueError(
             f"{_text(places[rest[lost.argmax()]])}: the points of the body beside it, as far as no hole or cut lies between, are fewer "
-            "than three or in one row, and tell no deformation; a smaller spacing has more of them"
+            f"than {too_few(body)}, and tell no deformation; a smaller spacing has more of them"
         )
     values, *gradients = (_filled(rows, others, rest) for rows, others in zip(quadratic, linear, strict=True))
     return values, tuple(gradients)
@@ -101,9 +101,9 @@ def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> sparse.
     Parameters
     ----------
     body : Body
-    nodes : ndarray, shape (k, 2)
-    normals : ndarray, shape (k, 2, 2)
-        Unit normals of the two facets that meet there.
+    nodes : ndarray, shape (k, d)
+    normals : ndarray, shape (k, sides, d)
+        Unit normals of the sides that meet there; rows of NaN where they are fewer.
 
     Returns
     -------
@@ -113,6 +113,11 @@ def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> sparse.
     rows = _Surroundings(body, nodes, normals).fit(1)[0]
     rest = np.flatnonzero(empty_rows(rows))
     return _filled(rows, _Surroundings(body, nodes[rest]).fit(1)[0], rest)
+
+
+def too_few(body: Body) -> str:
+    """How many points tell no deformation, in words."""
+    return "three or in one row" if body.dimension == 2 else "four or in one layer"
 
 
 def empty_rows(rows: sparse.csr_array) -> np.ndarray:
@@ -145,7 +150,7 @@ class _Surroundings:
             offsets = body.points[near["j"]] - places[near["i"]]
             depths = np.einsum("pd,pnd->pn", offsets, normals[near["i"]])
             beside = near["v"][:, None] ** 2 - depths**2
-            weights = ((1 - (depths / self.reach) ** 2) * np.exp(-beside / (ALONG * self.cell) ** 2)).sum(axis=1)
+            weights = np.nansum((1 - (depths / self.reach) ** 2) * np.exp(-beside / (ALONG * self.cell) ** 2), axis=1)
             near, weights = near[weights > LEAST_WEIGHT], weights[weights > LEAST_WEIGHT]
         if body.separates is not None and len(near):
             bound = ~body.separates(places[near["i"]], body.points[near["j"]])

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 @dataclass(frozen=True)
 class Surface:
-    """The boundary of a body in the plane: straight facets between nodes that lie on the boundary itself.
+    """The boundary of a body: facets between nodes that lie on the boundary itself, straight ones in the plane and triangles in space.
 
     The outermost points of a body lie half a cell inside its boundary.  A node moves as they and their deformation gradient say:
     y_s = sum_j N_sj y_j, with rows of N that are 1 in sum and have X_s as their first moment, so that every affine motion is followed
@@ -21,14 +21,15 @@ class Surface:
 
     Attributes
     ----------
-    nodes : ndarray, shape (k, 2)
+    nodes : ndarray, shape (k, d)
         Reference positions.
-    facets : ndarray of int, shape (f, 2)
-        First and second node of each facet, with the body on the left: the outward normal times the length is (t2, -t1) for t from the
-        first to the second.  Facets that meet share their node, so that the boundary is made of closed chains.
+    facets : ndarray of int, shape (f, d)
+        In the plane first and second node of each facet, with the body on the left: the outward normal times the length is (t2, -t1) for t
+        from the first to the second.  In space the three nodes of each, counter-clockwise as seen from outside.  Facets that meet share
+        their nodes, so that the boundary is made of closed chains or surfaces.
     parts : ndarray of str, shape (f,)
-        Where each facet lies: left, right, bottom or top on that edge of the bounding box, outline elsewhere on the outer boundary,
-        and holes.0, holes.1, ... around holes.
+        Where each facet lies: left, right, bottom, top, back or front on that side of the bounding box, outline elsewhere on the outer
+        boundary, and holes.0, holes.1, ... around holes.
     interpolation : scipy.sparse.csr_array, shape (k, n)
         N.  The row of a node that its surroundings cannot tell the motion of is empty, see `followed`.
     groups : mapping of str to ndarray of int
@@ -42,16 +43,19 @@ class Surface:
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def midpoints(self) -> np.ndarray:
-        """Reference positions of the middles of the facets, shape (f, 2)."""
+        """Reference positions of the middles of the facets, shape (f, d)."""
         return self.nodes[self.facets].mean(axis=1)
 
     def normals(self) -> np.ndarray:
-        """Outward normals times lengths in the reference state, shape (f, 2)."""
+        """Outward normals times areas, in the plane times lengths, in the reference state, shape (f, d)."""
+        if self.nodes.shape[1] == 3:
+            first, second, third = self.nodes[self.facets].transpose(1, 0, 2)
+            return np.cross(second - first, third - first) / 2
         first, second = self.nodes[self.facets].transpose(1, 0, 2)
         return np.stack([second[:, 1] - first[:, 1], first[:, 0] - second[:, 0]], axis=1)
 
-    def lengths(self) -> np.ndarray:
-        """Lengths of the facets in the reference state, shape (f,)."""
+    def areas(self) -> np.ndarray:
+        """Areas of the facets in the reference state, in the plane their lengths, shape (f,)."""
         return np.linalg.norm(self.normals(), axis=1)
 
     def followed(self) -> np.ndarray:
@@ -59,21 +63,24 @@ class Surface:
         return np.diff(self.interpolation.indptr) > 0
 
     def encloses(self, places: np.ndarray) -> np.ndarray:
-        """Which of the places (m, 2) lie in the body."""
+        """Which of the places (m, d) lie in the body."""
+        if self.nodes.shape[1] == 3:
+            return _encloses_in_space(places, self.nodes[self.facets])
         first, second = self.nodes[self.facets].transpose(1, 0, 2)
         return encloses(places, first, second)
 
     def distances(self, places: np.ndarray, reach: float, chosen: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Distance of each place (m, 2) to the nearest of the chosen facets, shape (m,); infinite beyond the reach."""
-        first, second = self.nodes[self.facets[chosen]].transpose(1, 0, 2)
+        """Distance of each place (m, d) to the nearest of the chosen facets, shape (m,); infinite beyond the reach."""
+        corners = self.nodes[self.facets[chosen]]
         nearest = np.full(len(places), np.inf)
-        if not len(first):
+        if not len(corners):
             return nearest
-        # A facet reaches half its length from its middle.
-        longest = np.linalg.norm(second - first, axis=1).max()
-        near = cKDTree(places).sparse_distance_matrix(cKDTree((first + second) / 2), reach + longest / 2, output_type="ndarray")
+        middles = corners.mean(axis=1)
+        extent = np.linalg.norm(corners - middles[:, None], axis=2).max()
+        near = cKDTree(places).sparse_distance_matrix(cKDTree(middles), reach + extent, output_type="ndarray")
         place, facet = near["i"], near["j"]
-        np.minimum.at(nearest, place, _distances_to_segments(places[place], first[facet], second[facet]))
+        distances = _distances_to_segments if corners.shape[1] == 2 else _distances_to_triangles
+        np.minimum.at(nearest, place, distances(places[place], *corners[facet].transpose(1, 0, 2)))
         return np.where(nearest <= reach, nearest, np.inf)
 
 
@@ -96,3 +103,30 @@ def _distances_to_segments(places: np.ndarray, starts: np.ndarray, ends: np.ndar
     along = ends - starts
     share = np.clip(((places - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0, 1)
     return np.linalg.norm(places - starts - share[:, None] * along, axis=1)
+
+
+def _distances_to_triangles(places: np.ndarray, first: np.ndarray, second: np.ndarray, third: np.ndarray) -> np.ndarray:
+    """Distance of each place to the triangle of the same number: to its plane where it lies above it, else to its sides."""
+    one, other, offset = second - first, third - first, places - first
+    normal = np.cross(one, other)
+    square = (normal**2).sum(axis=1)
+    shares = [(np.cross(a, b) * normal).sum(axis=1) / square for a, b in ((offset, other), (one, offset))]
+    above = (shares[0] >= 0) & (shares[1] >= 0) & (shares[0] + shares[1] <= 1)
+    sides = [_distances_to_segments(places, *side) for side in ((first, second), (second, third), (third, first))]
+    return np.where(above, np.abs((offset * normal).sum(axis=1)) / np.sqrt(square), np.min(sides, axis=0))
+
+
+def _encloses_in_space(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Which of the places (m, 3) lie within closed surfaces of triangles (f, 3, 3): where these subtend the full solid angle.
+
+    Angles by Van Oosterom and Strackee (1983).
+    """
+    inside = np.zeros(len(places), dtype=bool)
+    for number, place in enumerate(places):
+        a, b, c = (triangles - place).transpose(1, 0, 2)
+        lengths = [np.linalg.norm(corner, axis=1) for corner in (a, b, c)]
+        volume = (a * np.cross(b, c)).sum(axis=1)
+        pairs = zip((a, b, c), (b, c, a), (lengths[2], lengths[0], lengths[1]), strict=True)
+        base = lengths[0] * lengths[1] * lengths[2] + sum((one * other).sum(axis=1) * length for one, other, length in pairs)
+        inside[number] = np.arctan2(volume, base).sum() > np.pi  # half of 4 pi inside, of 0 outside; each angle is twice this
+    return inside

@@ -106,6 +106,9 @@ class Sides:
 
     def keys(self, corners: np.ndarray) -> np.ndarray:
         """One number for all ways of going around a side, of those that are asked for together."""
+        corners = np.sort(corners, axis=1)
+        # Of a triangle it is the greatest that counts twice, whichever the last one was.
+        corners[:, 1:-1] = np.where(corners[:, 1:-1] == corners[:, :-2], corners[:, -1:], corners[:, 1:-1])
         first, *others = np.sort(corners, axis=1).T
         key = first
         for column, following in enumerate(others):

@@ -1,53 +1,57 @@
 """From the description of a scene to the boundary of its body.
 
-The outline and the holes become closed chains of facets.  Where chains meet they are cut at the same places, and of the pieces between
-those the ones are kept that have material on one side alone.
+In the plane the outline and the holes become closed chains of facets, see `chains`; in space closed surfaces, see `solid_surfaces`.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from ..body import Body, Surface, encloses
+from ..body import Body, Surface
 from ..body.local_fit import boundary_rows
 from ..scenes import Mesh, Scene
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
+from .chains import BESIDE, ROUNDING, between_material_and_none, pieces
 from .meshes import centroids, loops_of, mesh_of
-from .places import same_places
+from .solid_surfaces import boundary_of_solids, quarters
 
-ROUNDING = 1e-9
-"""Of the extent of a body: places nearer to each other than this are one."""
-
-BESIDE = 1e-6
-"""Of the extent of a body: how far beside a facet it is looked whether there is material."""
+EDGE = 0.8
+"""Cosine of the angle between the normals of facets in space beyond which they are of one side of a body, and not beyond its edge."""
 
 
 def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -> Surface:
     """The boundary of the body of a scene.
 
     Straight sides have facets of about a cell, ending at corners; of a rectangle, on the boundaries of cells.  Circles and ellipses have
-    facets of about half a cell or shorter, see `pdsurrogate.scenes.Circle.boundary`.  A mesh has the sides of its cells.
+    facets of about half a cell or shorter, see `pdsurrogate.scenes.Circle.boundary`.  In space facets are triangles of about a cell, see
+    `boundary_of_solids`.  A mesh has the sides of its cells, quadrilaterals as four triangles about their middle.
 
     Parameters
     ----------
     scene : Scene
     body : Body
         Its points, as discretised.
-    lower, upper : ndarray, shape (2,)
+    lower, upper : ndarray, shape (d,)
         Corners of its bounding box.
+
+    Raises
+    ------
+    ValueError
+        If holes in space meet each other or the outline in a way that `boundary_of_solids` does not know.
     """
     extent = float((upper - lower).max())
     groups = {}
     if isinstance(scene.body, Mesh):
         nodes, facets, parts, groups = _of_mesh(scene)
+    elif scene.dimension == 3:
+        nodes, facets, parts = boundary_of_solids(scene, body.cell, lower, upper)
     else:
-        nodes, facets, curves = _pieces([shape.boundary(body.cell) for shape in (scene.body, *scene.holes)], ROUNDING * extent)
-        facets, curves = _between_material_and_none(nodes, facets, curves, BESIDE * extent)
+        nodes, facets, curves = pieces([shape.boundary(body.cell) for shape in (scene.body, *scene.holes)], ROUNDING * extent)
+        facets, curves = between_material_and_none(nodes, facets, curves, BESIDE * extent)
         parts = np.where(curves == 0, "outline", np.char.add("holes.", (curves - 1).astype(str)))
     used, facets = np.unique(facets, return_inverse=True)
-    nodes, facets = nodes[used], facets.reshape(-1, 2)
+    nodes, facets = nodes[used], facets.reshape(-1, scene.dimension)
     for edge in edge_names(scene.dimension):
         axis, side = EDGES[edge]
         there = np.abs(nodes[facets][..., axis] - (lower, upper)[side > 0][axis]) <= ROUNDING * extent
@@ -56,7 +60,13 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
 
 
 def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """Unit normals of the facets before and after each node, shape (k, 2, 2)."""
+    """Unit normals of the boundary on the sides of each node, shape (k, d, d).
+
+    In the plane they are those of the facets before and after it; in space the means of those of the facets around it that differ by less
+    than `EDGE`, as many as there are, and beyond those rows of NaN.
+    """
+    if nodes.shape[1] == 3:
+        return _normals_of_sides(nodes, facets)
     along = nodes[facets[:, 1]] - nodes[facets[:, 0]]
     along /= np.linalg.norm(along, axis=1)[:, None]
     normals = np.empty((len(nodes), 2, 2))
@@ -64,112 +74,34 @@ def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
     return normals
 
 
-def _pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Closed chains of nodes, cut where they meet each other or themselves.
-
-    Returns
-    -------
-    nodes : ndarray, shape (k, 2)
-    facets : ndarray of int, shape (f, 2)
-        Chain by chain, in order around each.
-    curves : ndarray of int, shape (f, 2)
-        For each facet its chain, and the run of it: facets between two places where chains meet.
-    """
-    starts = np.concatenate(chains)
-    ends = np.concatenate([np.roll(chain, -1, axis=0) for chain in chains])
-    chain = np.repeat(np.arange(len(chains)), [len(nodes) for nodes in chains])
-    facet, share, place = _meetings(starts, ends, chain, tolerance)
-    order = np.lexsort((np.concatenate([np.zeros(len(starts)), share]), np.concatenate([np.arange(len(starts)), facet])))
-    nodes = np.concatenate([starts, place])
-    number = same_places(nodes, 4 * tolerance)
-    meets = np.zeros(len(nodes), dtype=bool)
-    meets[number[len(starts) :]] = True
-    first, chain = number[order], np.concatenate([chain, chain[facet]])[order]
-    facets, curves = [], []
-    for of_chain in range(len(chains)):
-        around = first[chain == of_chain]
-        around = around[around != np.roll(around, -1)]  # of nodes that coincide the last one is left
-        runs = np.cumsum(meets[around])
-        runs[runs == 0] = runs[-1] if len(runs) else 0  # a chain goes on at its beginning
-        facets.append(np.stack([around, np.roll(around, -1)], axis=1))
-        curves.append(np.stack([np.full(len(around), of_chain), runs], axis=1))
-    return nodes, np.concatenate(facets), np.concatenate(curves)
-
-
-def _meetings(starts: np.ndarray, ends: np.ndarray, chain: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where facets cross or touch others that are not the next in their chain: facet, share of its length, and place."""
-    along = ends - starts
-    lengths = np.linalg.norm(along, axis=1)
-    pairs = cKDTree((starts + ends) / 2).query_pairs(lengths.max() + tolerance, output_type="ndarray")
-    first, second = pairs.T
-    neighbours = (ends[first] == starts[second]).all(axis=1) | (ends[second] == starts[first]).all(axis=1)
-    neighbours &= chain[first] == chain[second]
-    one, other = pairs[~neighbours & (lengths[pairs] > tolerance).all(axis=1)].T
-
-    def touching(facet: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        share = ((places - starts[facet]) * along[facet]).sum(axis=1) / lengths[facet] ** 2
-        share = np.clip(share, 0, 1)
-        return share, np.linalg.norm(starts[facet] + share[:, None] * along[facet] - places, axis=1) <= tolerance
-
-    facets, shares, places = [], [], []
-    touched = np.zeros(len(one), dtype=bool)
-    for facet, partner in ((one, other), (other, one)):
-        for end, at_end in ((starts, 0.0), (ends, 1.0)):
-            share, there = touching(facet, end[partner])
-            touched |= there
-            facets += [facet[there], partner[there]]
-            shares += [share[there], np.full(there.sum(), at_end)]
-            places += [end[partner][there]] * 2
-    one, other = one[~touched], other[~touched]
-    between = starts[other] - starts[one]
-
-    def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turn = cross(along[one], along[other])
-        share, of_other = cross(between, along[other]) / turn, cross(between, along[one]) / turn
-    crossing = (share > 0) & (share < 1) & (of_other > 0) & (of_other < 1)
-    one, other, share, of_other = one[crossing], other[crossing], share[crossing], of_other[crossing]
-    crossed = starts[one] + share[:, None] * along[one]
-    return np.concatenate([*facets, one, other]), np.concatenate([*shares, share, of_other]), np.concatenate([*places, crossed, crossed])
-
-
-def _between_material_and_none(nodes: np.ndarray, facets: np.ndarray, curves: np.ndarray, beside: float) -> tuple[np.ndarray, np.ndarray]:
-    """The facets that have material on one side alone, turned so that it is on their left, each once; and their chains.
-
-    What is on either side changes only where chains meet: one facet of each run is asked.
-    """
-    runs, run = np.unique(curves, axis=0, return_inverse=True)
-    run = run.ravel()
-    first, second = nodes[facets].transpose(1, 0, 2)
-    along = second - first
-    lengths = np.linalg.norm(along, axis=1)
-    order = np.lexsort((-lengths, run))
-    asked = order[np.searchsorted(run[order], np.arange(len(runs)))]  # the longest
-    middles = (first + second)[asked] / 2
-    left = beside * np.stack([-along[asked, 1], along[asked, 0]], axis=1) / lengths[asked, None]
-
-    def material(places: np.ndarray) -> np.ndarray:
-        inside = encloses(places, first[curves[:, 0] == 0], second[curves[:, 0] == 0])
-        for hole in range(1, int(curves[:, 0].max()) + 1):
-            inside &= ~encloses(places, first[curves[:, 0] == hole], second[curves[:, 0] == hole])
-        return inside
-
-    there, beyond = material(middles + left)[run], material(middles - left)[run]
-    facets = np.where(there[:, None], facets, facets[:, ::-1])
-    kept = np.flatnonzero(there != beyond)
-    # Where the boundaries of two run together, it is that of the first.
-    _, once = np.unique(facets[kept], axis=0, return_index=True)
-    kept = kept[np.sort(once)]
-    return facets[kept], curves[kept, 0]
+def _normals_of_sides(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    corners = nodes[facets]
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    node, areas = facets.ravel(), np.repeat(areas, 3, axis=0)
+    size = np.linalg.norm(areas, axis=1)
+    normals = areas / size[:, None]
+    chosen = np.full((len(nodes), 3, 3), np.nan)
+    alike = np.full(len(node), -1.0)  # cosine of the angle to the nearest normal that was chosen
+    side = np.zeros(len(node), dtype=int)
+    for number in range(3):
+        order = np.lexsort((-size, alike > EDGE, node))
+        first = order[np.searchsorted(node[order], np.arange(len(nodes)))]  # the largest of the facets of another side
+        first = first[alike[first] <= EDGE]
+        chosen[node[first], number] = normals[first]
+        cosine = (normals * chosen[node, number]).sum(axis=1)
+        nearer = cosine > alike
+        side[nearer], alike[nearer] = number, cosine[nearer]
+    means = np.zeros_like(chosen)
+    np.add.at(means, (node, side), areas)
+    with np.errstate(invalid="ignore"):
+        return means / np.linalg.norm(means, axis=2, keepdims=True)
 
 
 def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Nodes, facets, their parts, and the groups of a mesh, whose cells with centroids in holes are left out.
 
-    A chain around no material that no hole of the scene made is a hole of the mesh; those are numbered after the scene's, from left to
-    right.
+    A chain or surface around no material that no hole of the scene made is a hole of the mesh; those are numbered after the scene's, from
+    left to right.
     """
     mesh = mesh_of(scene.body)
     middles = np.concatenate([centroids(block)[0] for block in mesh.corners()])
@@ -181,12 +113,26 @@ def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str
     facets, owners = edges.corners[sides], edges.owners[sides]
     parts = np.where(beyond < 0, "outline", np.char.add("holes.", hole[beyond].astype(str)))
     loop = loops_of(facets)
-    first, second = mesh.nodes[facets].transpose(1, 0, 2)
-    areas = np.bincount(loop, first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-    inner = [number for number in np.flatnonzero(areas < 0) if ((loop == number) & (beyond < 0)).any()]
+    first = mesh.nodes[facets[:, 0]]
+    if scene.dimension == 2:
+        second = mesh.nodes[facets[:, 1]]
+        within = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    else:
+        within = np.linalg.det(quarters(mesh.nodes[facets])).reshape(len(facets), -1).sum(axis=1)
+    within = np.bincount(loop, within)
+    inner = [number for number in np.flatnonzero(within < 0) if ((loop == number) & (beyond < 0)).any()]
     inner.sort(key=lambda number: tuple(first[loop == number].min(axis=0)))
     for number, chain in enumerate(inner, len(scene.holes)):
         parts = np.where((loop == chain) & (beyond < 0), f"holes.{number}", parts)
     groups = {name: np.flatnonzero(np.isin(owners, cells)) for name, cells in mesh.cell_groups.items()}
     groups |= {name: np.flatnonzero(edges.among(lines)[sides]) for name, lines in mesh.side_groups.items()}
-    return mesh.nodes, facets, parts, groups
+    if scene.dimension == 2:
+        return mesh.nodes, facets, parts, groups
+    triangles = facets[:, 2] == facets[:, 3]
+    middles = len(mesh.nodes) + np.arange(np.count_nonzero(~triangles))
+    nodes = np.concatenate([mesh.nodes, mesh.nodes[facets[~triangles]].mean(axis=1)])
+    around = facets[~triangles]
+    four = np.stack([around, np.roll(around, -1, axis=1), np.broadcast_to(middles[:, None], around.shape)], axis=2).reshape(-1, 3)
+    face = np.concatenate([np.flatnonzero(triangles), np.repeat(np.flatnonzero(~triangles), 4)])
+    groups = {name: np.flatnonzero(np.isin(face, members)) for name, members in groups.items()}
+    return nodes, np.concatenate([facets[triangles, :3], four]), parts[face], groups

@@ -199,7 +199,7 @@ class Loads:
         if load.kind == "traction":
             facets, surface = self._facets(number, load, regions), regions.surface()
             first, second = _end_rows(surface, facets)
-            lengths = (first + second).T @ surface.lengths()[facets] / 2
+            lengths = (first + second).T @ surface.areas()[facets] / 2
             points = np.flatnonzero(lengths)
             return _DeadForces(points, lengths[points, None] * np.array(load.traction))
         if load.kind == "force" and regions.edge(load.region) in map(_edge_of, self.body.planes):

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..body import Body, Surface
+from ..body.local_fit import too_few
 from ..scenes import Region, Scene
 from ..scenes.model import EDGES
 from ..scenes.problems import suggestion
@@ -213,8 +214,8 @@ class BodyRegions:
         lost = surface.facets[found][~surface.followed()[surface.facets[found]]]
         if len(lost):
             raise ValueError(
-                f"{self._key(reference)}: the body is too thin at {_text(surface.nodes[lost[0]])}, where the boundary has fewer than three "
-                "points beside it, or one row of them, to move with; take a smaller spacing"
+                f"{self._key(reference)}: the body is too thin at {_text(surface.nodes[lost[0]])}, where the points beside the boundary, "
+                f"with which it moves, are fewer than {too_few(self._body)}; take a smaller spacing"
             )
         return found
 

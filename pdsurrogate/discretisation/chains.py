@@ -1,0 +1,116 @@
+"""Closed chains of straight facets in the plane: cut where they meet, and the pieces kept that have material on one side alone."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..body import encloses
+from .places import same_places
+
+ROUNDING = 1e-9
+"""Of the extent of a body: places nearer to each other than this are one."""
+
+BESIDE = 1e-6
+"""Of the extent of a body: how far beside a facet it is looked whether there is material."""
+
+
+def pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Closed chains of nodes, cut where they meet each other or themselves.
+
+    Returns
+    -------
+    nodes : ndarray, shape (k, 2)
+    facets : ndarray of int, shape (f, 2)
+        Chain by chain, in order around each.
+    curves : ndarray of int, shape (f, 2)
+        For each facet its chain, and the run of it: facets between two places where chains meet.
+    """
+    starts = np.concatenate(chains)
+    ends = np.concatenate([np.roll(chain, -1, axis=0) for chain in chains])
+    chain = np.repeat(np.arange(len(chains)), [len(nodes) for nodes in chains])
+    facet, share, place = _meetings(starts, ends, chain, tolerance)
+    order = np.lexsort((np.concatenate([np.zeros(len(starts)), share]), np.concatenate([np.arange(len(starts)), facet])))
+    nodes = np.concatenate([starts, place])
+    number = same_places(nodes, 4 * tolerance)
+    meets = np.zeros(len(nodes), dtype=bool)
+    meets[number[len(starts) :]] = True
+    first, chain = number[order], np.concatenate([chain, chain[facet]])[order]
+    facets, curves = [], []
+    for of_chain in range(len(chains)):
+        around = first[chain == of_chain]
+        around = around[around != np.roll(around, -1)]  # of nodes that coincide the last one is left
+        runs = np.cumsum(meets[around])
+        runs[runs == 0] = runs[-1] if len(runs) else 0  # a chain goes on at its beginning
+        facets.append(np.stack([around, np.roll(around, -1)], axis=1))
+        curves.append(np.stack([np.full(len(around), of_chain), runs], axis=1))
+    return nodes, np.concatenate(facets), np.concatenate(curves)
+
+
+def _meetings(starts: np.ndarray, ends: np.ndarray, chain: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where facets cross or touch others that are not the next in their chain: facet, share of its length, and place."""
+    along = ends - starts
+    lengths = np.linalg.norm(along, axis=1)
+    pairs = cKDTree((starts + ends) / 2).query_pairs(lengths.max() + tolerance, output_type="ndarray")
+    first, second = pairs.T
+    neighbours = (ends[first] == starts[second]).all(axis=1) | (ends[second] == starts[first]).all(axis=1)
+    neighbours &= chain[first] == chain[second]
+    one, other = pairs[~neighbours & (lengths[pairs] > tolerance).all(axis=1)].T
+
+    def touching(facet: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        share = ((places - starts[facet]) * along[facet]).sum(axis=1) / lengths[facet] ** 2
+        share = np.clip(share, 0, 1)
+        return share, np.linalg.norm(starts[facet] + share[:, None] * along[facet] - places, axis=1) <= tolerance
+
+    facets, shares, places = [], [], []
+    touched = np.zeros(len(one), dtype=bool)
+    for facet, partner in ((one, other), (other, one)):
+        for end, at_end in ((starts, 0.0), (ends, 1.0)):
+            share, there = touching(facet, end[partner])
+            touched |= there
+            facets += [facet[there], partner[there]]
+            shares += [share[there], np.full(there.sum(), at_end)]
+            places += [end[partner][there]] * 2
+    one, other = one[~touched], other[~touched]
+    between = starts[other] - starts[one]
+
+    def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = cross(along[one], along[other])
+        share, of_other = cross(between, along[other]) / turn, cross(between, along[one]) / turn
+    crossing = (share > 0) & (share < 1) & (of_other > 0) & (of_other < 1)
+    one, other, share, of_other = one[crossing], other[crossing], share[crossing], of_other[crossing]
+    crossed = starts[one] + share[:, None] * along[one]
+    return np.concatenate([*facets, one, other]), np.concatenate([*shares, share, of_other]), np.concatenate([*places, crossed, crossed])
+
+
+def between_material_and_none(nodes: np.ndarray, facets: np.ndarray, curves: np.ndarray, beside: float) -> tuple[np.ndarray, np.ndarray]:
+    """The facets that have material on one side alone, turned so that it is on their left, each once; and their chains.
+
+    What is on either side changes only where chains meet: one facet of each run is asked.
+    """
+    runs, run = np.unique(curves, axis=0, return_inverse=True)
+    run = run.ravel()
+    first, second = nodes[facets].transpose(1, 0, 2)
+    along = second - first
+    lengths = np.linalg.norm(along, axis=1)
+    order = np.lexsort((-lengths, run))
+    asked = order[np.searchsorted(run[order], np.arange(len(runs)))]  # the longest
+    middles = (first + second)[asked] / 2
+    left = beside * np.stack([-along[asked, 1], along[asked, 0]], axis=1) / lengths[asked, None]
+
+    def material(places: np.ndarray) -> np.ndarray:
+        inside = encloses(places, first[curves[:, 0] == 0], second[curves[:, 0] == 0])
+        for hole in range(1, int(curves[:, 0].max()) + 1):
+            inside &= ~encloses(places, first[curves[:, 0] == hole], second[curves[:, 0] == hole])
+        return inside
+
+    there, beyond = material(middles + left)[run], material(middles - left)[run]
+    facets = np.where(there[:, None], facets, facets[:, ::-1])
+    kept = np.flatnonzero(there != beyond)
+    # Where the boundaries of two run together, it is that of the first.
+    _, once = np.unique(facets[kept], axis=0, return_index=True)
+    kept = kept[np.sort(once)]
+    return facets[kept], curves[kept, 0]

@@ -1,0 +1,252 @@
+"""The boundary of a body in space that is made of shapes, as triangles.
+
+Of a prism, such as a box, a cylinder or an extrusion, it is the boundary of its section, as `surfaces` has it in the plane, times its
+length, and a cap on either end.  Holes that go all the way through along its axis are part of the section.  Other holes have a closed
+boundary of their own, and lie inside the body.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import Delaunay
+
+from ..body import Surface, encloses
+from ..scenes import Box, Circle, Ellipse, Rectangle, Scene, Sphere
+from ..scenes.shapes import Outline
+from ..scenes.solids import Prism, Solid
+from .chains import BESIDE, ROUNDING, between_material_and_none, pieces
+from .places import same_places
+
+AWAY = 0.6
+"""Cells from the boundary of a section within which its cap has no nodes but those of the boundary."""
+
+MOST_ROUNDS = 20
+"""Times that the sides of a section are halved until they are sides of its triangles; two or three are enough, but for acute corners."""
+
+
+class _Straight(NamedTuple):
+    """A prism along an axis: its section, the bores in that, and the coordinates of its ends."""
+
+    section: Outline
+    bores: tuple[Outline, ...]
+    span: tuple[float, float]
+
+
+def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes, triangles, and the part that each is of: outline, holes.0, ...
+
+    Facets are about a cell long; those on flat rectangles are quarters of a cell, which are symmetric about its middle.
+
+    Raises
+    ------
+    ValueError
+        If the boundary of a hole meets that of the body or of another hole, and does not go all the way through along the axis of the body.
+    """
+    tolerance = ROUNDING * float((upper - lower).max())
+    problem = None
+    for axis in _axes_of(scene.body):
+        body = _along(scene.body, axis)
+        through = [number for number, hole in enumerate(scene.holes) if _goes_through(_along(hole, axis), body, tolerance)]
+        parts = {number: _closed(hole, cell, tolerance)[:, ::-1] for number, hole in enumerate(scene.holes) if number not in through}
+        problem = _meeting(scene, parts)
+        if problem is None:
+            break
+    if problem is not None:
+        raise ValueError(
+            f"holes.{problem}: its boundary meets another; loads and probes take holes that lie inside the body, or go all the way through "
+            "a box, cylinder, tube or extrusion along its axis"
+        )
+    if body is None:
+        triangles, names = [_closed(scene.body, cell, tolerance)], ["outline"]
+    else:
+        holes = {f"holes.{number}": _along(scene.holes[number], axis).section for number in through}
+        holes |= {f"holes.{number}": bore for number, bore in enumerate(body.bores, len(scene.holes))}
+        found = _prism(body, axis, cell, tolerance, tuple(holes.values()))
+        triangles, names = found, ["outline", *holes]
+    for number, of_hole in parts.items():
+        triangles.append(of_hole)
+        names.append(f"holes.{number}")
+    nodes = np.concatenate(triangles).reshape(-1, 3)
+    facets = same_places(nodes, 4 * tolerance).reshape(-1, 3)
+    return nodes, facets, np.repeat(names, [len(of_part) for of_part in triangles])
+
+
+def _axes_of(body: Solid) -> tuple[int, ...]:
+    """Axes that a body is a prism along; of a sphere any one, which it is not."""
+    return (2, 0, 1) if isinstance(body, Box) else (body.along,) if isinstance(body, Prism) else (2,)
+
+
+def _along(shape: Solid, axis: int) -> _Straight | None:
+    """A shape as a prism along an axis, if it is one."""
+    if isinstance(shape, Box):
+        across = [(axis + 1) % 3, (axis + 2) % 3]
+        rectangle = Rectangle(size=tuple(shape.size[other] for other in across), lower=tuple(shape.lower[other] for other in across))
+        return _Straight(rectangle, (), (shape.lower[axis], shape.lower[axis] + shape.size[axis]))
+    if isinstance(shape, Prism) and shape.along == axis:
+        return _Straight(shape.section, shape.bores, shape.span)
+    return None
+
+
+def _goes_through(hole: _Straight | None, body: _Straight | None, tolerance: float) -> bool:
+    if hole is None or body is None or hole.bores:
+        return False
+    return hole.span[0] <= body.span[0] + tolerance and hole.span[1] >= body.span[1] - tolerance
+
+
+def _meeting(scene: Scene, closed: dict[int, np.ndarray]) -> int | None:
+    """The first of the holes with a closed boundary of their own that does not lie in the body and apart from all other holes."""
+    for number, triangles in closed.items():
+        nodes = triangles.reshape(-1, 3)
+        inside = scene.body.contains(nodes)
+        for other, hole in enumerate(scene.holes):
+            if other != number:
+                inside &= ~hole.contains(nodes)
+                if other in closed:
+                    inside &= ~scene.holes[number].contains(closed[other].reshape(-1, 3)).any()
+        if not inside.all():
+            return number
+    return None
+
+
+def _closed(shape: Solid, cell: np.ndarray, tolerance: float) -> np.ndarray:
+    """Triangles of a shape by itself, shape (f, 3, 3), counter-clockwise as seen from outside."""
+    if isinstance(shape, Sphere):
+        return _sphere(shape, cell)
+    axis = shape.along
+    straight = _along(shape, axis)
+    return np.concatenate(_prism(straight, axis, cell, tolerance, straight.bores))
+
+
+def _sphere(sphere: Sphere, cell: np.ndarray) -> np.ndarray:
+    """An icosahedron whose faces are divided evenly, of the volume of the sphere.
+
+    Nodes lie beyond the sphere by as little as the middles of facets within it: the work of a pressure in an affine motion is exact.
+    """
+    golden = (1 + math.sqrt(5)) / 2
+    corners = np.array([np.roll([0.0, one, golden * other], turn) for turn in range(3) for one in (-1, 1) for other in (-1, 1)])
+    # Faces are the triples of corners that are two apart from each other.
+    near = np.abs(np.linalg.norm(corners[:, None] - corners, axis=2) - 2) < 0.1
+    faces = [(a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]]
+    faces = corners[np.array(faces)]
+    inward = np.linalg.det(faces) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    # The greatest of the projected sides is 1.3 times the even division of the arc, and the arc 1.107 radii.
+    count = max(3, math.ceil(1.25 * sphere.radius / cell.min()))
+    triangles = []
+    for row in range(count):
+        for column in range(count - row):
+            corner = np.array([[row, column], [row + 1, column], [row, column + 1]])
+            triangles.append(corner)
+            if column < count - row - 1:
+                triangles.append(np.array([[row + 1, column], [row + 1, column + 1], [row, column + 1]]))
+    shares = np.array(triangles) / count
+    weights = np.concatenate([1 - shares.sum(axis=2, keepdims=True), shares], axis=2)  # of the corners of a face
+    found = np.einsum("tnc,fcd->ftnd", weights, faces).reshape(-1, 3, 3)
+    found /= np.linalg.norm(found, axis=2, keepdims=True)
+    volume = np.linalg.det(found).sum() / 6
+    return np.array(sphere.centre) + sphere.radius * np.cbrt(4 * np.pi / 3 / volume) * found
+
+
+def _prism(straight: _Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]) -> list[np.ndarray]:
+    """Triangles of the outline of a prism with its caps, and of each hole through it, arrays of shape (f, 3, 3)."""
+    across = [(axis + 1) % 3, (axis + 2) % 3]
+    beside = cell[across]
+    low, high = straight.span
+    layers = max(1, round((high - low) / cell[axis]))
+    levels = low + (high - low) * np.arange(layers + 1) / layers
+    shapes = (straight.section, *holes)
+
+    if isinstance(straight.section, Rectangle) and not holes:
+        nodes = straight.section.boundary(beside)
+        sides, chain = np.stack([np.arange(len(nodes)), np.roll(np.arange(len(nodes)), -1)], axis=1), np.zeros(len(nodes), dtype=int)
+        cap = _tiles(nodes)
+    else:
+        nodes, sides, curves = pieces([shape.boundary(beside * (1 + isinstance(shape, Circle | Ellipse))) for shape in shapes], tolerance)
+        sides, chain = between_material_and_none(nodes, sides, curves, BESIDE / ROUNDING * tolerance)
+        nodes, sides, chain, cap = _triangulated(nodes, sides, chain, beside)
+
+    def placed(places: np.ndarray, level: np.ndarray | float) -> np.ndarray:
+        found = np.empty((*places.shape[:-1], 3))
+        found[..., across], found[..., axis] = places, level
+        return found
+
+    found = []
+    for number in range(len(shapes)):
+        first, second = nodes[sides[chain == number]].transpose(1, 0, 2)[:, None]
+        below, above = levels[:-1, None], levels[1:, None]
+        quadrilaterals = np.stack(
+            [
+                placed(np.broadcast_to(end, (layers, *end.shape[1:])), level)
+                for end, level in ((first, below), (second, below), (second, above), (first, above))
+            ],
+            axis=2,
+        )
+        found.append(quarters(quadrilaterals.reshape(-1, 4, 3)))
+    found[0] = np.concatenate([found[0], placed(cap, high), placed(cap, low)[:, ::-1]])
+    return found
+
+
+def quarters(quadrilaterals: np.ndarray) -> np.ndarray:
+    """Each quadrilateral, shape (q, 4, d), as four triangles about the mean of its corners."""
+    middles = np.broadcast_to(quadrilaterals.mean(axis=1, keepdims=True), quadrilaterals.shape)
+    triangles = np.stack([quadrilaterals, np.roll(quadrilaterals, -1, axis=1), middles], axis=2)
+    return triangles.reshape(-1, *triangles.shape[2:])
+
+
+def _tiles(nodes: np.ndarray) -> np.ndarray:
+    """A rectangle as quarters of the tiles between the nodes around it."""
+    x1, x2 = (np.unique(nodes[np.isclose(nodes[:, 1 - axis], nodes[:, 1 - axis].min()), axis]) for axis in (0, 1))
+    corners = np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1)
+    tiles = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]], axis=2)
+    return quarters(tiles.reshape(-1, 4, 2))
+
+
+def _triangulated(
+    nodes: np.ndarray, sides: np.ndarray, chain: np.ndarray, cell: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The material within closed chains as triangles about a cell long.
+
+    Delaunay's triangles of nodes on the chains and of a lattice within; sides of the chains that are sides of no triangle are halved.
+
+    Returns
+    -------
+    nodes, sides, chain
+        With the sides that were halved.
+    triangles : ndarray, shape (t, 3, 2)
+        Counter-clockwise.
+    """
+    used, sides = np.unique(sides, return_inverse=True)
+    nodes, sides = nodes[used] / cell, sides.reshape(-1, 2)
+    outline = Surface(nodes, sides, np.array([]), None)
+    lower, upper = nodes.min(axis=0), nodes.max(axis=0)
+    count = np.ceil((upper - lower) / 2 / [1, math.sqrt(0.75)]).astype(int) + 1
+    column, row = np.meshgrid(np.arange(-count[0], count[0] + 1), np.arange(-count[1], count[1] + 1), indexing="ij")
+    lattice = (lower + upper) / 2 + np.stack([column + row % 2 / 2, math.sqrt(0.75) * row], axis=-1).reshape(-1, 2)
+    lattice = lattice[outline.encloses(lattice)]
+    lattice = lattice[~np.isfinite(outline.distances(lattice, AWAY))]
+    for _ in range(MOST_ROUNDS):
+        places = np.concatenate([nodes, lattice])
+        found = Delaunay(places).simplices
+        edges = np.sort(np.concatenate([found[:, [0, 1]], found[:, [1, 2]], found[:, [2, 0]]]), axis=1)
+        ends = np.sort(sides, axis=1)
+        missing = np.flatnonzero(~np.isin(ends[:, 0] * len(places) + ends[:, 1], edges[:, 0] * len(places) + edges[:, 1]))
+        if not len(missing):
+            break
+        middles = len(nodes) + np.arange(len(missing))
+        nodes = np.concatenate([nodes, nodes[sides[missing]].mean(axis=1)])
+        sides = np.concatenate([sides, np.stack([middles, sides[missing, 1]], axis=1)])
+        sides[missing, 1] = middles
+        chain = np.concatenate([chain, chain[missing]])
+    first, second = nodes[sides].transpose(1, 0, 2)
+    triangles = places[found]
+    triangles = triangles[encloses(triangles.mean(axis=1), first, second)]
+    areas = np.linalg.det(triangles[:, 1:] - triangles[:, :1]) / 2
+    triangles[areas < 0] = triangles[areas < 0][:, ::-1]
+    triangles = triangles[np.abs(areas) > 1e-12]
+    area = (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum() / 2
+    if len(missing) or abs(np.abs(areas).sum() - area) > 1e-9 * area:
+        raise ValueError("body: its section has corners too sharp to be divided into triangles; loads and probes on it are not possible")
+    return nodes * cell, sides, chain, triangles * cell
