@@ -165,6 +165,20 @@ def test_a_failure_says_how_far_the_loading_came():
     assert any("failure" in row for row in caught.value.result.history)
 
 
+def test_a_load_beyond_its_maximum_ends_in_a_clear_failure():
+    """The pressure in a ring of this material has a maximum, 0.716 by the radial equation of equilibrium; on points 0.2 apart, less."""
+    with pytest.raises(SimulationFailed, match=r"loads carry the body away.*followed to t = 0\..*loads\.0 to pressure = 0\.") as caught:
+        simulate(pd.load_scene("ring-pressure", spacing=0.2, steps=(0.3, 1.0)), "neo-hookean")
+    assert "prescribe displacements in its place" in str(caught.value)
+    result = caught.value.result
+    assert [level["step"] for level in result.levels] == [0, 1]
+    assert 0.6 < result.levels[-1]["t"] < 0.72
+    assert result.levels[-1]["residual"] < 1e-6
+    assert len(result.states) == 2
+    # A try beyond the maximum takes some ten evaluations; there were tens of thousands.
+    assert result.summary["n_force_evaluations"] < 5000
+
+
 def test_a_bond_that_would_break_hands_over_to_dynamics():
     """In equilibrium up to the output before; then the next step in dynamics, or an error that asks for one."""
     fracture = {"critical_stretch": 1.5}

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
 from ..forces import InvalidState
 from ..scenes import SceneError
-from ..solvers import SOLVERS, Diverging, Equilibrium, EquilibriumSolver, Increments, NotConverged, TooFar, Unstable
+from ..solvers import SOLVERS, Diverging, Equilibrium, EquilibriumSolver, Increments, NotConverged, RanAway, TooFar, Unstable
 from ..solvers.branch import Branch
 from .programme import Stage
 from .rows import compare, force_columns, level_row, moment_columns, probe_columns
@@ -14,6 +16,18 @@ from .run import Run
 
 HARD = 2.0
 """Evaluations of an increment, over the mean of those before it in its stage, beyond which the next one is not made longer."""
+
+FARTHEST = 0.5
+"""Of the undeformed body's extent: how far loads may carry a point from the first guess of an increment.  Where there is no equilibrium a
+solver goes that far within some ten evaluations, and then takes thousands to fail; what comes to rest beyond is found with shorter
+increments too."""
+
+PATIENCE, LEAST_PATIENCE = 100, 2000
+"""Evaluations for all increments that follow one in which the body ran away, until one succeeds, over the mean of those that succeeded
+before; and at least.  Close below a greatest load the stiffness vanishes and solvers wander."""
+
+FAILURES = (NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable)
+"""What a shorter increment may mend."""
 
 
 def solver_of(run: Run) -> EquilibriumSolver:
@@ -63,14 +77,21 @@ def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, stage: Stage, ev
     """Follow the equilibrium to the run's target; None where a bond would break on the way."""
     largest = run.loading.largest_increment(run.positions, run.parameter, run.target, stage.largest_increment)
     increments, wasted = Increments(run.parameter, run.target, largest), 0
+    ran_away, patience = None, np.inf
     while not increments.finished:
         accepted, began = _Accepted(run, solver), run.force.evaluations
         try:
-            equilibrium = _follow(run, solver, branch, increments)
-        except (NotConverged, Diverging, InvalidState, TooFar, Unstable) as error:
-            wasted += run.force.evaluations - began
-            _take_back(run, solver, accepted, increments, error, wasted)
+            equilibrium = _follow(run, solver, branch, increments, patience)
+        except FAILURES as error:
+            taken = run.force.evaluations - began
+            wasted, patience = wasted + taken, patience - taken
+            if isinstance(error, RanAway) and ran_away is None:
+                # With short increments from close below a greatest load solvers fail in other ways.
+                ran_away, patience = error, max(LEAST_PATIENCE, PATIENCE * np.mean(evaluations or 0))
+            spent = min(run.scene.solver.most_evaluations - wasted, patience) <= 0
+            _take_back(run, solver, accepted, increments, error, ran_away or error, spent)
             continue
+        ran_away, patience = None, np.inf
         if run.loading.adaptive:
             run.earlier = accepted.parameter, accepted.positions
             _lengthen(run, increments, evaluations, run.force.evaluations - began)
@@ -106,15 +127,15 @@ class _Accepted:
         run.loading.apply(run.parameter, run.loaded, run.positions)
 
 
-def _follow(run: Run, solver: EquilibriumSolver, branch: Branch, increments: Increments) -> Equilibrium:
-    """Bring the run to equilibrium at the end of the present increment."""
+def _follow(run: Run, solver: EquilibriumSolver, branch: Branch, increments: Increments, patience: float) -> Equilibrium:
+    """Bring the run to equilibrium at the end of the present increment, within so many evaluations."""
     target, spec = increments.target, run.scene.solver
     guess = _best(run, run.loading.guesses(run.positions, run.parameter, target, run.earlier), target)
     # States on the way need not be exact: they only bring the next start near.
     tolerance = spec.tolerance if increments.ends else max(spec.tolerance, 1e-3)
     run.loading.apply(target, run.loaded, guess)
     run.positions[:] = guess
-    equilibrium = _solve(run, solver, target, tolerance)
+    equilibrium = _solve(run, solver, target, tolerance, guess, patience)
     branch.check(run.parameter, target, guess, run.positions)
     run.parameter = target
     return equilibrium
@@ -137,31 +158,45 @@ def _best(run: Run, guesses: list[np.ndarray], target: float) -> np.ndarray:
     return guesses[int(np.argmin(sizes))]
 
 
-def _take_back(run: Run, solver: EquilibriumSolver, accepted: _Accepted, increments: Increments, error: Exception, wasted: int) -> None:
-    """Go back to before an increment that failed, and shorten it.
+def _take_back(
+    run: Run, solver: EquilibriumSolver, accepted: _Accepted, increments: Increments, error: Exception, cause: Exception, spent: bool
+) -> None:
+    """Go back to before an increment that failed with an error, and shorten it unless all evaluations that failures may take are spent.
 
     Raises
     ------
-    NotConverged, Diverging, InvalidState, TooFar, Unstable
-        What failed, with how far the loading came, where the increment cannot be shorter, or the failures on the way to an output have
-        taken as many evaluations as a solution may.
+    NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable
+        The cause of the failure, with how far the loading came, where the increment is not shortened.
     """
     parameter = run.loading.parameter
     row = {parameter: run.target, "increment": increments.target, "evaluation": run.force.evaluations, "failure": str(error)}
     run.history.append(row)
     accepted.restore(run, solver)
     size, first = increments.size, increments.share == 1
-    if wasted < run.scene.solver.most_evaluations and increments.shorten():
+    if not spent and increments.shorten():
         return
     reached = run.loading.reached(run.parameter)
     if first and not reached:
-        raise error
+        raise cause
+    if run.loading.adaptive and run.parameter not in (run.begin, *(level["t"] for level in run.levels[-1:])):
+        _record_reached(run, solver)
     what = f"equilibrium was followed to {run.loading.at(run.parameter)}, and not further with increments down to {size:.2g}"
-    raise type(error)(f"{error}; {what} ({reached})" if reached else f"{error}; {what}") from error
+    raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
 
 
-def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float) -> Equilibrium:
+def _record_reached(run: Run, solver: EquilibriumSolver) -> None:
+    """Record the last equilibrium on the way to an output that is not reached, if it can be made as exact as an output."""
+    target, run.target = run.target, run.parameter
+    # What a coarse tolerance let pass close below a greatest load need not be an equilibrium.
+    with suppress(*FAILURES):
+        _record(run, _solve(run, solver, run.parameter, run.scene.solver.tolerance, run.positions.copy(), LEAST_PATIENCE))
+    run.target = target
+
+
+def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float, guess: np.ndarray, patience: float) -> Equilibrium:
+    """Equilibrium at a value of the parameter from a guess, at which the run is, within so many evaluations."""
     began = run.force.evaluations
+    farthest = FARTHEST * run.reductions.extent(run.body.points)
 
     def report(evaluations: int, residual: float) -> None:
         run.residual = residual
@@ -169,6 +204,12 @@ def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float)
         run.history.append(row | ({"energy": run.strain_energy()} if run.force.has_energy else {}))
         run.progress.residual(evaluations, residual, tolerance)
         run.interruption.check()
+        if evaluations > patience:
+            raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after the body had run away")
+        if run.loads is not None:
+            moved = run.reductions.greatest_of_parts(float(np.abs(run.positions - guess).max()))
+            if moved > farthest:
+                raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way")
 
     return solver.solve(run.loaded, run.positions, tolerance, report)
 

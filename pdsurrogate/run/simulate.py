@@ -18,7 +18,7 @@ from ..results import Result
 from ..results.checkpoint import CheckpointError
 from ..results.folder import check_room, make_room, occupied
 from ..scenes import Scene, load_scene
-from ..solvers import Diverging, NotConverged, TooFar, Unstable
+from ..solvers import Diverging, NotConverged, RanAway, TooFar, Unstable
 from .interruption import Interrupted
 from .levels import go_through, solver_of
 from .run import Progress, Run, Silent
@@ -46,6 +46,8 @@ ADVICE = {
     Diverging: "take another solver.method",
     TooFar: "take a smaller steps.largest_increment, or more outputs",
     Unstable: "push it less far, or follow it in dynamics",
+    RanAway: "a load may have a maximum, as the pressure in a balloon has: to go beyond it prescribe displacements in its place, or follow "
+    "it in dynamics",
     InvalidState: "take a finer spacing; or the material itself does not reach this far",
 }
 """What to change, by what went wrong between levels in equilibrium."""
@@ -138,7 +140,7 @@ def simulate(
         except Interrupted as error:
             message = f"{run.loading.at(run.parameter)}: {error}"
             raise SimulationInterrupted(message, _result(run, clock.seconds, began, message)) from None
-        except (NotConverged, Diverging, TooFar, Unstable, InvalidState, OutsideDomain) as error:
+        except (NotConverged, Diverging, RanAway, TooFar, Unstable, InvalidState, OutsideDomain) as error:
             inertia = run.stages[run.stage].inertia is not None and run.steps > 0
             advice = DYNAMICS_ADVICE if inertia else ADVICE.get(type(error))
             if isinstance(error, NotConverged | Unstable) and run.force.precision == "float32":

@@ -1,7 +1,7 @@
 """Solvers: they know forces by their protocol alone."""
 
 from .dynamics import ExplicitDynamics
-from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, TooFar, Unstable
+from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, RanAway, TooFar, Unstable
 from .increments import Increments
 from .minimiser import EnergyMinimiser
 from .quasi_newton import Automatic, QuasiNewton
@@ -24,6 +24,7 @@ __all__ = [
     "Increments",
     "NotConverged",
     "QuasiNewton",
+    "RanAway",
     "TooFar",
     "Unstable",
 ]

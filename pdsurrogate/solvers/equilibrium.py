@@ -36,6 +36,10 @@ class TooFar(RuntimeError):
     """An increment whose first guess strains the body more than a solver could put right."""
 
 
+class RanAway(RuntimeError):
+    """A body that loads carry far away within one increment, as they do beyond the greatest load that it bears."""
+
+
 @dataclass(frozen=True)
 class Equilibrium:
     """What a solver reached.
