@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from pdsurrogate.body import Body, ReflectionPlane
-from pdsurrogate.kernels import damage, gradient, nosb, reference_state, steps, sums
+from pdsurrogate.kernels import algebra3, damage, gradient, lanes, nosb, reference_state, steps, sums
 from pdsurrogate.kernels.ba_nosb import sum_bond_forces
 from pdsurrogate.kernels.block_arrays import BLOCK, SCRATCH_ROWS
+from pdsurrogate.kernels.compile import kernel
 from pdsurrogate.materials import NeoHookean, Ogden, solid
 
 COUNT, SPACING, CHUNKS = 7, 1 / 7, 2
@@ -400,3 +401,26 @@ print([name for name in sys.modules if name in ("pdsurrogate.kernels.algebra3", 
 def test_a_sheet_needs_nothing_of_space():
     done = subprocess.run([sys.executable, "-c", SHEET], capture_output=True, text=True, check=True)
     assert done.stdout.split("\n")[-2] == "[]"
+
+
+def test_records_of_nine_and_three_in_and_out(random):
+    """Pairs gathered into columns of rows, and written back as records."""
+    table, positions = random.standard_normal((20, 9)), random.standard_normal((20, 3))
+    first, second = random.integers(0, 20, (2, 8)).astype(np.uint32)
+    sums, differences = np.zeros((9, 8)), np.zeros((3, 8))
+    matrices, vectors = np.zeros((8, 9)), np.zeros((8, 3), dtype=np.float32)
+    put_vectors, put_matrices = algebra3.put_vectors, algebra3.put_matrices
+
+    @kernel
+    def both_ways(table, positions, first, second, sums, differences, matrices, vectors):
+        for k in range(0, 8, 4):
+            lanes.gather_pairs_in_space(table, positions, first, second, k, sums, differences, k)
+        for k in range(0, 8, 4):
+            put_matrices(sums, k, matrices, k)
+            put_vectors(differences, k, vectors, k)
+
+    both_ways(table, positions, first, second, sums, differences, matrices, vectors)
+    np.testing.assert_array_equal(sums, (table[first] + table[second]).T)
+    np.testing.assert_array_equal(differences, (positions[second] - positions[first]).T)
+    np.testing.assert_array_equal(matrices, sums.T)
+    np.testing.assert_array_equal(vectors, differences.T.astype(np.float32))

@@ -80,9 +80,8 @@ class BondEnergyForce(EnergySurrogate):
         return {**super().honours, "plane": tuple(PLANES)}
 
     def honoured(self, plane: str) -> Mapping[str, tuple]:
-        if plane == "stress":
-            return self.honours
-        return {**self.honours, "precision": ("float64",)}
+        # Of the selective energy single precision would be that of what the pairs hand to the points, for 4 per cent of its time.
+        return self.honours if plane == "stress" else {**self.honours, "precision": ("float64",)}
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
         if settings.plane == "stress":

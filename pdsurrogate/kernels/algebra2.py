@@ -8,7 +8,7 @@ import numpy as np
 
 from .block_arrays import rows_of
 from .compile import inlined
-from .lanes import gather_pairs, subtract_positions, sum_matrix_products, sum_outer_products, sum_signed_records
+from .lanes import gather_pairs, put_records, subtract_positions, sum_matrix_products, sum_outer_products, sum_signed_records
 from .lanes import sum_quad_records as sum_matrices
 
 DIMENSION, MATRIX, SYMMETRIC = 2, 4, 3
@@ -17,6 +17,7 @@ DIMENSION, MATRIX, SYMMETRIC = 2, 4, 3
 __all__ = ["gather_pairs", "subtract_positions", "sum_matrices", "sum_matrix_products", "sum_outer_products", "sum_signed_records"]
 
 vector_rows, symmetric_rows, matrix_rows = rows_of(DIMENSION), rows_of(SYMMETRIC), rows_of(MATRIX)
+put_vectors, put_matrices = put_records(DIMENSION), put_records(MATRIX)
 
 
 @inlined

@@ -7,11 +7,17 @@ import numpy as np
 
 from .block_arrays import rows_of
 from .compile import inlined
+from .lanes import gather_pairs_in_space as gather_pairs
+from .lanes import put_records
+from .lanes import sum_matrix_products_in_space as sum_matrix_products
 
 DIMENSION, MATRIX, SYMMETRIC = 3, 9, 6
 """Dimension, and reals of a matrix and of a symmetric matrix."""
 
+__all__ = ["gather_pairs", "sum_matrix_products"]
+
 vector_rows, symmetric_rows, matrix_rows = rows_of(DIMENSION), rows_of(SYMMETRIC), rows_of(MATRIX)
+put_vectors, put_matrices = put_records(DIMENSION), put_records(MATRIX)
 
 
 @inlined
@@ -285,33 +291,6 @@ def sum_outer_products(positions, neighbours, weights, start, stop, point, out):
 
 
 @inlined
-def sum_matrix_products(matrices, neighbours, vectors, start, stop, point, out):
-    """``out[point] = sum over b in start … stop of (matrices[point] + matrices[neighbours[b]]) vectors[b]``."""
-    t1 = t2 = t3 = 0.0
-    for b in range(start, stop):
-        j = neighbours[b]
-        v0 = np.float64(vectors[b, 0])
-        v1 = np.float64(vectors[b, 1])
-        v2 = np.float64(vectors[b, 2])
-        t1 += (
-            (matrices[point, 0] + matrices[j, 0]) * v0
-            + (matrices[point, 3] + matrices[j, 3]) * v1
-            + (matrices[point, 6] + matrices[j, 6]) * v2
-        )
-        t2 += (
-            (matrices[point, 1] + matrices[j, 1]) * v0
-            + (matrices[point, 4] + matrices[j, 4]) * v1
-            + (matrices[point, 7] + matrices[j, 7]) * v2
-        )
-        t3 += (
-            (matrices[point, 2] + matrices[j, 2]) * v0
-            + (matrices[point, 5] + matrices[j, 5]) * v1
-            + (matrices[point, 8] + matrices[j, 8]) * v2
-        )
-    put_vector(out, point, (t1, t2, t3))
-
-
-@inlined
 def sum_signed_records(records, start, stop, indices, first, last, factor, point, out):
     """``out[point] = factor * (sum of records[start … stop] - sum of records[indices[first … last]])``, summed in double."""
     s0 = s1 = s2 = 0.0
@@ -415,12 +394,3 @@ def add_outer_product(F, v, w):
         F[7] + v[1] * w[2],
         F[8] + v[2] * w[2],
     )
-
-
-@inlined
-def gather_pairs(matrices, positions, first, second, at, sums, differences, column):
-    """Sums of the matrices and differences of the positions of the ends of four pairs, a row for every component."""
-    subtract_positions(positions, first, second, at, differences, column)
-    for k in range(4):
-        for r in range(9):
-            sums[r, column + k] = matrices[first[at + k], r] + matrices[second[at + k], r]

@@ -78,6 +78,32 @@ pair_records, triple_records, quad_records = rows_of(2), rows_of(3), rows_of(4)
 
 
 @intrinsic
+def rows_from(typingctx, rows, start):
+    """The rows of a block from a given one on.
+
+    Of a slice LLVM does not know how far it is from its neighbours: the start is clipped to the length at run time.
+    """
+    signature = rows(rows, types.intp)
+
+    def codegen(context, builder, signature, arguments):
+        given = context.make_array(signature.args[0])(context, builder, arguments[0])
+        result = context.make_array(signature.return_type)(context, builder)
+        number, length = cgutils.unpack_tuple(builder, given.shape)
+        context.populate_array(
+            result,
+            data=builder.gep(given.data, [builder.mul(arguments[1], length)], inbounds=True),
+            shape=cgutils.pack_array(builder, [builder.sub(number, arguments[1]), length]),
+            strides=given.strides,
+            itemsize=given.itemsize,
+            meminfo=None,
+            parent=None,
+        )
+        return result._getvalue()
+
+    return signature, codegen
+
+
+@intrinsic
 def put_column(typingctx, rows, column, values):
     """``rows[q, column] = values[q]`` for every value of a tuple.
 

@@ -7,6 +7,8 @@ the passes built on them).  Records are transposed on the way into a block, so t
 ordinary loop over bonds.
 """
 
+from functools import cache
+
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -74,15 +76,98 @@ def gather_pairs(typingctx, records, positions, first, second, at, sums, differe
         table, places, left, right = (_data(context, builder, signature.args[n], arguments[n]) for n in range(4))
         pairs = _ends(builder, left, right, arguments[4])
         rows = [builder.fadd(*(_load(builder, _element(builder, table, end, 4), 4) for end in pair)) for pair in pairs]
-        low = [_shuffle(builder, rows[n], rows[n + 1], [0, 4, 1, 5]) for n in (0, 2)]
-        high = [_shuffle(builder, rows[n], rows[n + 1], [2, 6, 3, 7]) for n in (0, 2)]
-        columns = [_shuffle(builder, *pair, lanes) for pair in (low, high) for lanes in ([0, 1, 4, 5], [2, 3, 6, 7])]
+        columns = _transposed(builder, rows)
         vectors = _difference_columns(builder, places, pairs, _scalar_of(context, signature.args[6]))
         _store_rows(context, builder, signature.args[5], arguments[5], columns, arguments[7])
         _store_rows(context, builder, signature.args[6], arguments[6], vectors, arguments[7])
         return context.get_dummy_value()
 
     return signature, codegen
+
+
+@intrinsic
+def gather_pairs_in_space(typingctx, records, positions, first, second, at, sums, differences, column):
+    """The same of records of nine and positions of three, a row for every component."""
+    signature = types.void(records, positions, first, second, types.int64, sums, differences, types.int64)
+
+    def codegen(context, builder, signature, arguments):
+        table, places, left, right = (_data(context, builder, signature.args[n], arguments[n]) for n in range(4))
+        pairs = _ends(builder, left, right, arguments[4])
+        ends = [[_element(builder, table, end, 9) for end in pair] for pair in pairs]
+        columns = []
+        for offset in (0, 4):
+            rows = [builder.fadd(*(_load(builder, _element(builder, end, _constant(offset)), 4) for end in pair)) for pair in ends]
+            columns += _transposed(builder, rows)
+        columns.append(_vector(builder, [builder.fadd(*(_component(builder, end, 8) for end in pair)) for pair in ends]))
+        ends = [[_element(builder, places, end, 3) for end in pair] for pair in pairs]
+        rows = [builder.fsub(*(_load(builder, end, 2) for end in reversed(pair))) for pair in ends]
+        halves = [_shuffle(builder, rows[n], rows[n + 1], [0, 1, 2, 3]) for n in (0, 2)]
+        vectors = [_shuffle(builder, *halves, lanes) for lanes in ([0, 2, 4, 6], [1, 3, 5, 7])]
+        vectors.append(_vector(builder, [builder.fsub(*(_component(builder, end, 2) for end in reversed(pair))) for pair in ends]))
+        scalar = _scalar_of(context, signature.args[6])
+        _store_rows(context, builder, signature.args[5], arguments[5], columns, arguments[7])
+        _store_rows(context, builder, signature.args[6], arguments[6], [_as_real(builder, v, scalar) for v in vectors], arguments[7])
+        return context.get_dummy_value()
+
+    return signature, codegen
+
+
+@cache
+def put_records(length):
+    """An intrinsic that writes four records: ``records[at + k, r] = rows[r, column + k]`` for r below `length`, each for k in 0 … 3.
+
+    Left to itself LLVM scatters records that are not of two or four reals, one component at a time, at several times the cost.
+    """
+
+    @intrinsic
+    def put(typingctx, rows, column, records, at):
+        signature = types.void(rows, types.int64, records, types.int64)
+
+        def codegen(context, builder, signature, arguments):
+            source = context.make_array(signature.args[0])(context, builder, arguments[0])
+            target, scalar = _data(context, builder, signature.args[2], arguments[2]), _scalar_of(context, signature.args[2])
+            starts = [builder.mul(_constant(r), builder.extract_value(source.shape, 1)) for r in range(length)]
+            columns = [_load(builder, _element(builder, source.data, builder.add(start, arguments[1])), 4) for start in starts]
+            columns = [_as_real(builder, column, scalar) for column in columns]
+            places = [_element(builder, target, builder.add(arguments[3], _constant(k)), length) for k in range(4)]
+            start = 0
+            while start < length:
+                count = 4 if length - start >= 4 else 2 if length - start >= 2 else 1
+                part = columns[start : start + count]
+                if count == 4:
+                    pieces = _transposed(builder, part)
+                elif count == 2:
+                    pieces = [_shuffle(builder, *part, [k, 4 + k]) for k in range(4)]
+                else:
+                    pieces = [_shuffle(builder, part[0], part[0], [k]) for k in range(4)]
+                for place, piece in zip(places, pieces, strict=True):
+                    _store(builder, piece, _element(builder, place, _constant(start)))
+                start += count
+            return context.get_dummy_value()
+
+        return signature, codegen
+
+    return put
+
+
+def _transposed(builder, rows):
+    """The columns of four vectors of four."""
+    low = [_shuffle(builder, rows[n], rows[n + 1], [0, 4, 1, 5]) for n in (0, 2)]
+    high = [_shuffle(builder, rows[n], rows[n + 1], [2, 6, 3, 7]) for n in (0, 2)]
+    return [_shuffle(builder, *pair, lanes) for pair in (low, high) for lanes in ([0, 1, 4, 5], [2, 3, 6, 7])]
+
+
+def _component(builder, address, r):
+    """One real of a record."""
+    return builder.load(_element(builder, address, _constant(r)))
+
+
+def _vector(builder, values):
+    """A vector of so many reals."""
+    vector = ir.Constant(ir.VectorType(values[0].type, len(values)), ir.Undefined)
+    for k, value in enumerate(values):
+        vector = builder.insert_element(vector, value, ir.Constant(ir.IntType(32), k))
+    return vector
 
 
 @intrinsic
@@ -183,6 +268,42 @@ def sum_matrix_products(typingctx, matrices, neighbours, vectors, start, stop, p
         total = _accumulate(builder, arguments[3], arguments[4], add_bond, ir.VectorType(ir.DoubleType(), 4))
         total = builder.fadd(_shuffle(builder, total, total, [0, 1]), _shuffle(builder, total, total, [2, 3]))
         _store(builder, total, _element(builder, target, arguments[5], 2))
+        return context.get_dummy_value()
+
+    return signature, codegen
+
+
+@intrinsic
+def sum_matrix_products_in_space(typingctx, matrices, neighbours, vectors, start, stop, point, out):
+    """The same of records of nine and vectors of three."""
+    signature = types.void(matrices, neighbours, vectors, types.uint64, types.uint64, types.uint64, out)
+    double = ir.DoubleType()
+
+    def codegen(context, builder, signature, arguments):
+        source, indices, factors, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 1, 2, 6))
+
+        def columns(number):
+            """The three columns of a matrix, each with a fourth lane that nobody reads."""
+            base = _element(builder, source, number, 9)
+            loaded = [_load(builder, _element(builder, base, _constant(at)), 4) for at in (0, 3, 5)]
+            return [*loaded[:2], _shuffle(builder, loaded[2], loaded[2], [1, 2, 3, 3])]
+
+        own = columns(arguments[5])
+
+        def add_bond(position, accumulator):
+            others, total = columns(builder.load(_element(builder, indices, position))), builder.load(accumulator)
+            place = _element(builder, factors, position, 3)
+            for r, (mine, other) in enumerate(zip(own, others, strict=True)):
+                factor = _component(builder, place, r)
+                factor = factor if factor.type == double else builder.fpext(factor, double)
+                splat = _vector(builder, [factor] * 4)
+                total = builder.fadd(total, builder.fmul(builder.fadd(mine, other), splat, flags=_CONTRACT), flags=_CONTRACT)
+            builder.store(total, accumulator)
+
+        total = _accumulate(builder, arguments[3], arguments[4], add_bond, ir.VectorType(double, 4))
+        place = _element(builder, target, arguments[5], 3)
+        _store(builder, _shuffle(builder, total, total, [0, 1]), place)
+        builder.store(builder.extract_element(total, ir.Constant(ir.IntType(32), 2)), _element(builder, place, _constant(2)))
         return context.get_dummy_value()
 
     return signature, codegen

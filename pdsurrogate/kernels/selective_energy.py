@@ -4,7 +4,7 @@ Written once over an algebra.  The reference data of a pair are n, 1/l and the v
 carries nothing, or that pads a block, has none, and its state is replaced by rest.
 """
 
-from .block_arrays import BLOCK, block_rows, put_column
+from .block_arrays import BLOCK, block_rows, put_column, rows_from
 from .compile import call_block, inlined, widest_vectors
 from .passes import ByDimension, Pass, share_of
 
@@ -38,7 +38,7 @@ def _gradient_of_bond(algebra):
 def pair_volumes(algebra):
     """Det F_ij of every pair."""
     gradient_of_bond = _gradient_of_bond(algebra)
-    matrix, dimension = algebra.MATRIX, algebra.DIMENSION
+    matrix = algebra.MATRIX
 
     @Pass
     def pair_volumes(chunk, chunks, positions, gradients, first, second, geometry, buffers, volumes):
@@ -60,8 +60,8 @@ def pair_volumes(algebra):
         """
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-        sums = block_rows(buffers[chunk, 0:matrix])
-        bonds = block_rows(buffers[chunk, matrix : matrix + dimension])
+        sums = block_rows(buffers[chunk])
+        bonds = rows_from(sums, matrix)
         bad = 0
         for block in range(first_block, last_block):
             at = block * BLOCK
@@ -178,10 +178,10 @@ def pair_energies(algebra):
         """
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-        sums = block_rows(buffers[chunk, 0:matrix])
-        bonds = block_rows(buffers[chunk, matrix:state_rows])
-        states = block_rows(buffers[chunk, state_rows:result_rows])
-        result = block_rows(buffers[chunk, result_rows : result_rows + RESULT_ROWS])
+        sums = block_rows(buffers[chunk])
+        bonds = rows_from(sums, matrix)
+        states = rows_from(sums, state_rows)
+        result = rows_from(sums, result_rows)
         for block in range(first_block, last_block):
             at = block * BLOCK
             reference = block_rows(geometry[block])
@@ -196,8 +196,6 @@ def pair_energies(algebra):
             # The bonds are done with: their first row takes the pressures.
             for k in range(BLOCK):
                 bonds[0, k] = share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]
-            force = algebra.vector_rows(forces[at : at + BLOCK])
-            moment = algebra.matrix_rows(moments[at : at + BLOCK])
             total = 0.0
             for k in range(BLOCK):
                 n = algebra.column_at(reference, k)
@@ -207,10 +205,13 @@ def pair_energies(algebra):
                 P = algebra.first_piola(F, state, found, reference[volume, k])
                 P = algebra.plus_matrix(P, algebra.times_matrix(bonds[0, k], algebra.cofactor(F)))
                 traction = algebra.matrix_times_vector(P, n)
-                algebra.put_vector(force, k, algebra.times(reference[length, k], traction))
                 across = algebra.add_outer_product(P, algebra.times(-1.0, traction), n)
-                algebra.put_matrix(moment, k, algebra.times_matrix(0.5, across))
+                put_column(bonds, k, algebra.times(reference[length, k], traction))
+                put_column(sums, k, algebra.times_matrix(0.5, across))
                 total += reference[volume, k] * result[3, k]
+            for k in range(0, BLOCK, 4):
+                algebra.put_vectors(bonds, k, forces, at + k)
+                algebra.put_matrices(sums, k, moments, at + k)
             energies[block] = total
 
     return pair_energies
