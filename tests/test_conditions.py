@@ -167,14 +167,19 @@ def test_a_round_end_is_no_plane():
         Run(scene_of(CLAMPS, body=pd.Circle(radius=0.6)), pd.load_surrogate("analytic"), Silent())
 
 
+def extended(samples, positions):
+    gradient, shift = affine_extension(samples, positions)
+    return positions @ gradient.T + shift
+
+
 def test_what_single_lines_do_turns_the_body_and_what_they_do_not_tell_stays():
     line = np.array([[0.0, 0.0], [0.0, 0.5], [0.0, 1.0]])
     body = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])
     turned = line @ rotation(0.7).T + [0.1, 0.2]
     both = Samples(np.vstack([line, line]), np.repeat([0, 1], 3), turned.T.ravel())
-    np.testing.assert_allclose(affine_extension(both, body), body @ rotation(0.7).T + [0.1, 0.2], atol=1e-14)
+    np.testing.assert_allclose(extended(both, body), body @ rotation(0.7).T + [0.1, 0.2], atol=1e-14)
     one = Samples(line, np.zeros(3, dtype=int), line[:, 0] + 0.3)
-    np.testing.assert_allclose(affine_extension(one, body), body + np.array([0.3, 0.0]), atol=1e-14)
+    np.testing.assert_allclose(extended(one, body), body + np.array([0.3, 0.0]), atol=1e-14)
 
 
 @pytest.mark.parametrize("support", ["reflected", "points"])

@@ -59,6 +59,9 @@ class Ghosts:
         Displacement of each ghost by the displacement of each plane, component by component.
     volume_parity, volume_reflection : ndarray, shape (m, d)
         Parity and reflection of a deformation gradient that has the volume ratio of its source, see `keeping_volume`.
+    planes : tuple of ReflectionPlane
+    continues_oddly : bool
+        Whether gradients beyond a clamped plane are continued as displacements are; not so where they keep their volume.
     """
 
     source: np.ndarray
@@ -70,6 +73,8 @@ class Ghosts:
     lever: np.ndarray
     volume_parity: np.ndarray
     volume_reflection: np.ndarray
+    planes: tuple[ReflectionPlane, ...]
+    continues_oddly: bool = True
 
     @classmethod
     def reflected(cls, points: np.ndarray, planes: tuple[ReflectionPlane, ...], horizon: float) -> Ghosts:
@@ -116,6 +121,7 @@ class Ghosts:
             np.ascontiguousarray(lever[n:]),
             np.ascontiguousarray(volume_parity[n:]),
             np.ascontiguousarray(volume_reflection[n:]),
+            planes,
         )
 
     def __len__(self) -> int:
@@ -128,12 +134,51 @@ class Ghosts:
         the plane changes its sign and the one across does not: where the source has kept its volume, its image has not.  There the
         gradient of the source itself is taken, which is the same on the plane (theory (53)).
         """
-        return replace(self, parity=self.volume_parity, reflection=self.volume_reflection)
+        return replace(self, parity=self.volume_parity, reflection=self.volume_reflection, continues_oddly=False)
 
-    def shifts(self, points: np.ndarray, displacements: np.ndarray) -> np.ndarray:
-        """What `fill_positions` adds, shape (m, d), with the planes displaced by (planes, d); `points` are the body's own at rest."""
+    def shifts(self, points: np.ndarray, displacements: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
+        """What `fill_positions` adds, shape (m, d), with every plane displaced by u(X) = displacement + turn X.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, d)
+            The body's own at rest.
+        displacements : ndarray, shape (planes, d)
+        turns : ndarray, shape (planes, d, d), optional
+            Of planes that are odd in all components; a turn by Q has Q - I.
+        """
         at_rest = self.points - self.parity * points[self.source]
-        return at_rest + np.einsum("mpd,pd->md", self.lever, displacements)
+        return at_rest + self.moved_by_planes(points, displacements, turns)
+
+    def moved_by_planes(self, points: np.ndarray, displacements: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
+        """How far displaced planes take the ghosts, shape (m, d); see `shifts`."""
+        moved = np.einsum("mpd,pd->md", self.lever, displacements)
+        if turns is not None:
+            moved += np.einsum("mpr,prc,mpc->mr", self.lever, turns, self._feet(points))
+        return moved
+
+    def _feet(self, points: np.ndarray) -> np.ndarray:
+        """Where on every plane each ghost is reflected, shape (m, planes, d), read only of planes that it is an image in."""
+        feet = np.repeat(self.points[:, None], len(self.planes), axis=1)
+        for number, plane in enumerate(self.planes):
+            # Reflected in a later plane too, it was then where its source is along the axis of that.
+            for later, other in enumerate(self.planes[number + 1 :], number + 1):
+                again = (self.image >> later) & 1 == 1
+                feet[again, number, other.axis] = points[self.source[again], other.axis]
+            feet[:, number, plane.axis] = plane.position
+        return feet
+
+    def gradient_shifts(self, turns: np.ndarray) -> np.ndarray | None:
+        """What planes turned by (planes, d, d) add to the gradients of `fill_gradients`, by columns, shape (m, d d) (theory (25)).
+
+        Along a plane the body is stretched and turned as that is, which the image shares; None where gradients keep their volume, since
+        those beyond a clamped plane are then those of their sources.
+        """
+        if not self.continues_oddly:
+            return None
+        along = np.array([[axis != plane.axis for axis in range(turns.shape[1])] for plane in self.planes], dtype=float)
+        shifts = np.einsum("mpr,prc,pc,mc->mcr", self.lever, turns, along, self.reflection)
+        return np.ascontiguousarray(shifts.reshape(len(self), -1))
 
     def fill_positions(self, positions: np.ndarray, shifts: np.ndarray) -> None:
         """Place the ghosts: shift + P y_source."""

@@ -33,8 +33,8 @@ class Evaluation(InternalForce):
     def place(self, positions: np.ndarray) -> None:
         self._kinematics.place(positions)
 
-    def move_plane(self, plane: int, displacement) -> None:
-        self._kinematics.move_plane(plane, displacement)
+    def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
+        self._kinematics.move_plane(plane, displacement, turn)
 
     @property
     def positions(self) -> np.ndarray:

@@ -84,6 +84,8 @@ class Kinematics:
         self.positions = points.copy()
         self._formed = self._found = False
         self._plane_displacements = np.zeros((len(body.planes), dimension))
+        self._plane_turns: np.ndarray | None = None
+        self._gradient_shifts: np.ndarray | None = None
         self._shifts = body.ghosts.shifts(body.points, self._plane_displacements)
         self.gradients = aligned_rows((total, dimension * dimension))
         self.gradient_ghosts = body.ghosts if plane == "stress" else body.ghosts.keeping_volume()
@@ -160,10 +162,15 @@ class Kinematics:
         arrays = bonds.pointers, bonds.neighbours, self.weighted_bonds, self.inverse_shape
         return deformation_gradients[self.body.dimension].bind(positions, *arrays, unsupported, gradients, chunks=self.chunks)
 
-    def move_plane(self, plane: int, displacement) -> None:
-        """Displace a reflection plane: its images follow, odd components about the new place."""
+    def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
+        """Displace a reflection plane, and turn it: its images follow, odd components about the new place."""
         self._plane_displacements[plane] = displacement
-        self._shifts[:] = self.body.ghosts.shifts(self.body.points, self._plane_displacements)
+        if turn is not None:
+            if self._plane_turns is None:
+                self._plane_turns = np.zeros((len(self.body.planes), *turn.shape))
+            self._plane_turns[plane] = turn
+            self._gradient_shifts = self.gradient_ghosts.gradient_shifts(self._plane_turns)
+        self._shifts[:] = self.body.ghosts.shifts(self.body.points, self._plane_displacements, self._plane_turns)
 
     def place(self, positions: np.ndarray) -> None:
         """Take new positions of the body's points, and move the ghosts with them; gradients and states follow when they are asked for."""
@@ -178,6 +185,8 @@ class Kinematics:
             if self.interfaces is not None:
                 self.interfaces.correct(self.positions, self.gradients)
             self.gradient_ghosts.fill_gradients(self.gradients)
+            if self._gradient_shifts is not None:
+                self.gradients[len(self.body) :] += self._gradient_shifts
             self._formed = True
 
     def find_states(self) -> None:

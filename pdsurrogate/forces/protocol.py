@@ -198,8 +198,11 @@ class InternalForce(ABC):
         """Take positions (n, d) for what is asked about the points, without forces; ghosts follow."""
 
     @abstractmethod
-    def move_plane(self, plane: int, displacement) -> None:
-        """Displace a reflection plane of the body; its ghosts follow when positions are next given."""
+    def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
+        """Displace a reflection plane of the body by u(X) = displacement + turn X; its ghosts follow when positions are next given.
+
+        Only planes that are odd in all components are turned; once turned, a plane is given its turn every time.
+        """
 
     @property
     @abstractmethod

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def forces_by_name(run: Run, reactions: Reactions) -> dict[str, np.ndarray]:
-    """Force on the body of everything that holds or loads it, shape (2,), in the state last evaluated, per unit thickness."""
+    """Force on the body of everything that holds or loads it, shape (d,), in the state last evaluated; in the plane per unit thickness."""
     forces = dict(zip(run.loading.names, reactions.forces, strict=True))
     if run.loads is not None:
         for name, force in run.loads.by_name(run.positions, run.loaded.thickness()).items():
@@ -24,13 +24,13 @@ def forces_by_name(run: Run, reactions: Reactions) -> dict[str, np.ndarray]:
     return forces
 
 
-def moments_by_name(run: Run, reactions: Reactions) -> dict[str, float]:
-    """Moments of the same about the origin of the coordinates, counter-clockwise."""
+def moments_by_name(run: Run, reactions: Reactions) -> dict[str, list | float]:
+    """Moments of the same about the origin of the coordinates: in the plane counter-clockwise, in space three components."""
     moments = dict(zip(run.loading.names, run.loading.moments(run.loaded, reactions), strict=True))
     if run.loads is not None:
-        for name, moment in run.loads.moments(run.positions, np.zeros(2), run.loaded.thickness()).items():
+        for name, moment in run.loads.moments(run.positions, np.zeros(run.body.dimension), run.loaded.thickness()).items():
             moments[name] = moments.get(name, 0.0) + moment
-    return {name: float(moment) for name, moment in moments.items()}
+    return {name: moment.tolist() for name, moment in moments.items()}
 
 
 def force_columns(forces: dict[str, np.ndarray]) -> dict[str, float]:
@@ -38,9 +38,13 @@ def force_columns(forces: dict[str, np.ndarray]) -> dict[str, float]:
     return {f"force_{name}_{component}": float(value) for name, force in forces.items() for component, value in enumerate(force, 1)}
 
 
-def moment_columns(moments: dict[str, float]) -> dict[str, float]:
-    """Moments by name as columns of the history."""
-    return {f"moment_{name}": moment for name, moment in moments.items()}
+def moment_columns(moments: dict[str, list | float]) -> dict[str, float]:
+    """Moments by name as columns of the history; of a vector one for each component."""
+    columns = {}
+    for name, moment in moments.items():
+        parts = {f"_{component}": value for component, value in enumerate(moment, 1)} if isinstance(moment, list) else {"": moment}
+        columns |= {f"moment_{name}{which}": value for which, value in parts.items()}
+    return columns
 
 
 def output_row(run: Run, time: float | None = None) -> dict:

@@ -23,7 +23,7 @@ from ..results.probes import Probes
 from ..results.states import Moment, States, StatesInFiles, StatesInMemory
 from ..scenes import Scene, SceneError
 from ..scenes.model import EDGES
-from ..solvers.conditions import Loading
+from ..solvers.conditions import Loading, place_of
 from ..solvers.grips import GripLoading
 from ..solvers.loads import LoadedForce, Loads
 from ..solvers.prescribed import PrescribedLoading
@@ -93,7 +93,7 @@ class Run:
         Cross-section of the body at every grip or reflected edge.
     stress_grip : Grip or None
         The one whose force gives the nominal stress: that which travels further, of two that travel alike the right or top one.
-    positions : ndarray, shape (n, 2)
+    positions : ndarray, shape (n, d)
     parameter, target : float
         Loading parameter at the positions; and of the output that is under way.
     stages : tuple of Stage
@@ -106,7 +106,7 @@ class Run:
         Time that earlier stages in dynamics took.
     damage : Damage or None
         None where the scene has no fracture: then there is nothing of it here.
-    velocities : ndarray, shape (n, 2), or None
+    velocities : ndarray, shape (n, d), or None
         With which a stage in dynamics ended; None after equilibrium.
     earlier : tuple of float and ndarray, or None
         The equilibrium before the last: its parameter and positions; of a loading that is `adaptive`.
@@ -223,13 +223,15 @@ class Run:
         )
 
     def _check_support(self) -> None:
-        """Refuse points whose bonds lie on one line: only a crack may leave points without a deformation gradient."""
+        """Refuse points whose bonds lie on one line, or in one plane: only a crack may leave points without a deformation gradient."""
         alone = np.flatnonzero(~self.force.supported)
         if len(alone):
-            x1, x2 = self.body.points[alone[0]]
+            where = ("on one line", "two rows of points or more in either direction")
+            if self.body.dimension == 3:
+                where = ("in one plane", "two layers of points or more in every direction")
             raise ValueError(
-                f"body: the bonds of {len(alone)} of its points, the first at ({x1:.4g}, {x2:.4g}), lie on one line; the body needs two "
-                f"rows of points or more in either direction everywhere, {self.body.spacing:.4g} apart"
+                f"body: the bonds of {len(alone)} of its points, the first at {place_of(self.body, alone[0])}, lie {where[0]}; the body "
+                f"needs {where[1]} everywhere, {self.body.spacing:.4g} apart"
             )
 
     def warm_up(self) -> None:
@@ -246,7 +248,7 @@ class Run:
         return self.reductions.total_of_parts(int(np.count_nonzero(~self.force.supported)))
 
     def nominal_stress(self, forces: np.ndarray) -> float:
-        """Pull of one grip outwards along the loaded axis, over its own cross-section, by the forces (2, 2) of the grips."""
+        """Pull of one grip outwards along the loaded axis, over its own cross-section, by the forces (2, d) of the grips."""
         grip = self.stress_grip
         axis, side = EDGES[grip.edge]
         return float(side * forces[self.scene.grips.index(grip), axis] / self.grip_areas[grip.edge])

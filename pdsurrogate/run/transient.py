@@ -36,8 +36,8 @@ a body that is unloaded, and has given back nearly all it held, is off by a shar
 MOST_STEPS = 1e9
 """A run of more steps, weeks even on the smallest body, is a slip in the units of the density or of the rate."""
 
-LEAST_AREA_RATIO = 0.1
-"""det F in the plane below which a point that has lost bonds counts as failed: intact rubber in a tear stays above 0.5."""
+LEAST_RATIO = 0.1
+"""det F, of areas in the plane, below which a point that has lost bonds counts as failed: intact rubber in a tear stays above 0.5."""
 
 
 @dataclass
@@ -272,14 +272,14 @@ class Transient:
         """Intact pairs of points that have lost bonds and whose deformation gradient has collapsed.
 
         The few bonds that are left at a crack front or on a fragment need not make a deformation gradient that means
-        anything: a point that they turn inside out, or press to a tenth of its area, has lost its support, and its bonds are broken.
+        anything: a point that they turn inside out, or press to a tenth of its area or volume, has lost its support, and they are broken.
         A point with all its bonds is not touched; there det F <= 0 is an error.
         """
         run = self.run
         bonds, n, mirror = run.body.bonds, len(run.body), run.body.ghosts.source
         F = run.force.deformation_gradients()
-        area = F[:, 0, 0] * F[:, 1, 1] - F[:, 1, 0] * F[:, 0, 1]
-        collapsed, crushed = np.flatnonzero(~(area > LEAST_AREA_RATIO)), run.force.collapsed_pairs()
+        ratio = F[:, 0, 0] * F[:, 1, 1] - F[:, 1, 0] * F[:, 0, 1] if F.shape[1] == 2 else np.linalg.det(F)
+        collapsed, crushed = np.flatnonzero(~(ratio > LEAST_RATIO)), run.force.collapsed_pairs()
         if not len(collapsed) and not len(crushed):
             return collapsed
         broken = np.flatnonzero(self.damage.broken)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from .amplitudes import Amplitude
 from .regions import RegionReference
-from .strict_model import Finite, Positive, StrictModel, Vector, Whole
+from .strict_model import Finite, Positive, SpacePoint, StrictModel, Vector, Whole
 
 LoadName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
@@ -16,16 +17,19 @@ LoadName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 class Prescribed(StrictModel):
     """Displacements of a region, component by component: a value times an amplitude; components that are not named are free.
 
+    A rotation prescribes all components; what x1, x2 and x3 say is added to it.
+
     Attributes
     ----------
     region : str or Region
-    x1, x2 : float, optional
-        Displacement where the amplitude is 1; 0 holds the component.
+    x1, x2, x3 : float, optional
+        Displacement where the amplitude is 1; 0 holds the component.  Bodies in the plane have no x3.
     rotation : float, optional
-        Angle in degrees, counter-clockwise, by which the region is turned about a place; with it all components are prescribed, and x1 and
-        x2 are added.
+        Angle in degrees by which the region is turned, counter-clockwise seen from where the axis points to.
     about : point, optional
         Place that a rotation is about.
+    axis : point, optional
+        Direction of the axis of a rotation in space, of any length.
     amplitude : str or table
         How values follow the loading parameter t.
     name : str, optional
@@ -35,18 +39,37 @@ class Prescribed(StrictModel):
     region: RegionReference
     x1: Finite | None = None
     x2: Finite | None = None
+    x3: Finite | None = None
     rotation: Finite | None = None
     about: Vector | None = None
+    axis: SpacePoint | None = None
     amplitude: Amplitude = "ramp"
     name: LoadName | None = None
 
     @model_validator(mode="after")
     def _says_something(self) -> Prescribed:
-        if self.x1 is None and self.x2 is None and self.rotation is None:
-            raise ValueError("nothing is prescribed: give x1, x2 or a rotation; 0 holds a component")
+        if all(value is None for value in (*self.displacement, self.rotation)):
+            raise ValueError("nothing is prescribed: give x1, x2, in space x3, or a rotation; 0 holds a component")
         if (self.rotation is None) != (self.about is None):
             raise ValueError("a rotation needs the place that it is about, and only a rotation has one: give both or neither")
+        if self.axis is not None and (self.rotation is None or not math.hypot(*self.axis) > 0):
+            raise ValueError("axis is the direction of the axis of a rotation: not zero, and only a rotation has one")
         return self
+
+    @property
+    def displacement(self) -> tuple[float | None, float | None, float | None]:
+        """Values of x1, x2 and x3; None where they are not named."""
+        return self.x1, self.x2, self.x3
+
+    def misfit(self, dimension: int) -> tuple[str, str] | None:
+        """Key, and what is wrong with it in the plane or in space; None where nothing is."""
+        if dimension == 2:
+            for key in ("x3", "axis"):
+                if getattr(self, key) is not None:
+                    return key, "a body in the plane has x1 and x2, and turns about a place alone; leave it out"
+        elif self.rotation is not None and self.axis is None:
+            return "axis", "a rotation in space needs the direction of its axis, as axis=[1, 0, 0]"
+        return None
 
 
 class Load(StrictModel):
@@ -66,7 +89,7 @@ class Load(StrictModel):
     body_force : point, optional
         Force per undeformed volume.
     force : point, optional
-        Total force on the points of the region, per unit thickness, in equal parts.
+        Total force on the points of the region, in the plane per unit thickness, in equal parts.
     amplitude : str or table
         How the load follows the loading parameter t.
     name : str, optional

@@ -318,6 +318,10 @@ class Scene(StrictModel):
                 if part.dimension != self.dimension:
                     what = f"a {part.shape}" if key == "holes" else "this cut"
                     raise ValueError(f"{key}.{number}: {what} belongs to {there}, and the body, a {self.body.shape}, to {here}")
+        for number, entry in enumerate(self.prescribed):
+            misfit = entry.misfit(self.dimension)
+            if misfit:
+                raise ValueError(f"prescribed.{number}.{misfit[0]}: {misfit[1]}")
         for number, hold in enumerate(self.holds):
             if self.dimension == 2 and "x3" in (hold.components or ()):
                 raise ValueError(f"holds.{number}.components: a body in the plane has x1 and x2, and no x3")
@@ -397,8 +401,9 @@ class Scene(StrictModel):
     @model_validator(mode="after")
     def _thickness_of_pressures(self) -> Scene:
         for number, load in enumerate(self.loads):
-            if self.plane == "strain" and load.thickness is not None:
-                raise ValueError(f"loads.{number}.thickness: under plane strain the thickness does not change; leave it out")
+            if self.plane != "stress" and load.thickness is not None:
+                why = "a body in space has none" if self.dimension == 3 else "under plane strain the thickness does not change"
+                raise ValueError(f"loads.{number}.thickness: {why}; leave it out")
         return self
 
     @model_validator(mode="after")

@@ -33,7 +33,7 @@ class HeldPoints:
     points : ndarray of int, shape (k,)
     components : tuple of int
     displacement : callable
-        Displacement at a value of the parameter, shape (2,) or (k, 2); only held components are read.
+        Displacement at a value of the parameter, shape (d,) or (k, d); only held components are read.
     """
 
     name: str
@@ -56,37 +56,64 @@ class HeldPlane:
     components : tuple of int
         Held ones.
     displacement : callable
-        Displacement at a value of the parameter, shape (2,); 0 in free components.
+        Displacement at a value of the parameter, shape (d,); 0 in free components.
+    turn : callable, optional
+        Of a plane that turns, all components of which are held: Q - I at a value of the parameter, shape (d, d).  Then the place X of the
+        plane at rest is displaced by u(X) = displacement + turn X.
     """
 
     name: str
-    holders: tuple[int | None, int | None]
+    holders: tuple[int | None, ...]
     components: tuple[int, ...]
     displacement: Callable[[float], np.ndarray]
+    turn: Callable[[float], np.ndarray] | None = None
+
+    def motion(self, parameter: float) -> np.ndarray:
+        """Turn and displacement as columns of one array, shape (d, d + 1); see `displaced`."""
+        displacement = self.displacement(parameter)
+        motion = np.zeros((len(displacement), len(displacement) + 1))
+        motion[:, -1] = displacement
+        if self.turn is not None:
+            motion[:, :-1] = self.turn(parameter)
+        return motion
+
+
+def displaced(motion: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Displacement u(X), shape (k, d), of places (k, d) by the motion (d, d + 1) of a plane."""
+    return places @ motion[:, :-1].T + motion[:, -1]
 
 
 @dataclass(frozen=True)
 class Reactions:
-    """Forces on the body of all that holds it, per unit thickness, in the state last evaluated.
+    """Forces on the body of all that holds it, in the plane per unit thickness, in the state last evaluated.
 
     Attributes
     ----------
-    forces : ndarray, shape (holders, 2)
+    forces : ndarray, shape (holders, d)
         Of every holder.
-    on_planes : ndarray, shape (planes, 2)
-    at_points : ndarray, shape (n, 2), or None
+    on_planes : ndarray, shape (planes, d)
+    at_points : ndarray, shape (n, d), or None
         On held points, 0 in free components; None where no holder holds points.
+    levers : ndarray, shape (planes, d, d), or None
+        Of planes, sum of f (x) y with the place y that a force f acts at; None where no plane turns.
     """
 
     forces: np.ndarray
     on_planes: np.ndarray
     at_points: np.ndarray | None
+    levers: np.ndarray | None = None
 
 
 def place_of(body: Body, point: int) -> str:
     """Where a point is, for messages."""
-    x1, x2 = body.points[point]
-    return f"({x1:.4g}, {x2:.4g})"
+    return f"({', '.join(f'{coordinate:.4g}' for coordinate in body.points[point])})"
+
+
+def moment_of(levers: np.ndarray) -> np.ndarray:
+    """Moments, shape (k,) counter-clockwise in the plane and (k, 3) in space, of sums of f (x) y, shape (k, d, d)."""
+    if levers.shape[-1] == 2:
+        return levers[:, 1, 0] - levers[:, 0, 1]
+    return np.stack([levers[:, 2, 1] - levers[:, 1, 2], levers[:, 0, 2] - levers[:, 2, 0], levers[:, 1, 0] - levers[:, 0, 1]], axis=1)
 
 
 class Loading(ABC):
@@ -112,7 +139,7 @@ class Loading(ABC):
         Its value at rest.
     adaptive : bool
         Whether increments of the parameter are made longer only where they are easy, and begin from the best of several guesses.
-    free : ndarray, shape (n, 2)
+    free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
     names, loads
     """
@@ -132,14 +159,14 @@ class Loading(ABC):
     ) -> None:
         self.body, self.names, self.loads, self._reductions = body, names, loads, reductions
         self._planes, self._held = planes, held
-        self.free = np.ones((len(body), 2))
+        self.free = np.ones((len(body), body.dimension))
         for part in held:
             for component in part.components:
                 self.free[part.points, component] = 0
 
     def _check_agreement(self, held: tuple[HeldPoints, ...], samples: tuple[float, ...]) -> None:
         """Refuse two conditions that move a point differently at one of some values of the parameter: it would go with the later one."""
-        for component in range(2):
+        for component in range(self.body.dimension):
             for sample in samples:
                 travel, holder = np.zeros(len(self.body)), np.full(len(self.body), -1)
                 for number, part in enumerate(held):
@@ -159,8 +186,8 @@ class Loading(ABC):
         """Refuse planes that no bond crosses; `keys` name them."""
         for number, (key, plane) in enumerate(zip(keys, self._planes, strict=True)):
             if not (self._levers[1] == number).any():
-                edge = plane.name.split()[0]
-                raise ValueError(f"{key}: no bond of the body crosses its {edge} edge; do holes take all that is there?")
+                name, edge = plane.name.split()[0], "edge" if self.body.dimension == 2 else "face"
+                raise ValueError(f"{key}: no bond of the body crosses its {name} {edge}; do holes take all that is there?")
 
     def pieces(self, intact: np.ndarray | None = None) -> tuple[int, np.ndarray]:
         """Into how many pieces bonds within the body join its points, and the piece of every point.
@@ -191,7 +218,7 @@ class Loading(ABC):
             for component in part.components:
                 positions[part.points, component] = self.body.points[part.points, component] + displacement[..., component]
         for number, plane in enumerate(self._planes):
-            force.move_plane(number, plane.displacement(parameter))
+            force.move_plane(number, plane.displacement(parameter), None if plane.turn is None else plane.turn(parameter))
 
     def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Check that no point is on the far side of a plane in which the body is reflected, where its own image belongs.
@@ -205,8 +232,15 @@ class Loading(ABC):
         """
         supported = force.supported
         for plane, held in zip(self.body.planes, self._planes, strict=True):
-            place = plane.position + held.displacement(parameter)[plane.axis]
-            beyond = np.where(supported, plane.side * (positions[:, plane.axis] - place), 0.0)
+            motion = held.motion(parameter)
+            if held.turn is None:
+                beyond = positions[:, plane.axis] - (plane.position + motion[plane.axis, -1])
+            else:
+                normal, place = np.zeros((2, self.body.dimension))
+                normal[plane.axis], place[plane.axis] = 1.0, plane.position
+                place += displaced(motion, place[None])[0]
+                beyond = (positions - place) @ (normal + motion[:, :-1] @ normal)
+            beyond = np.where(supported, plane.side * beyond, 0.0)
             worst = int(beyond.argmax())
             if beyond[worst] > 1e-6 * self.body.spacing:
                 what = f"it lies {beyond[worst]:.3g} beyond the {held.name}, on the side of its own image"
@@ -222,15 +256,18 @@ class Loading(ABC):
         Parameters
         ----------
         force : InternalForce
-        on_points : ndarray, shape (n, 2), optional
+        on_points : ndarray, shape (n, d), optional
             Internal force and loads on every point in that state; found from all pairs where they are not given.
         """
         bonds, planes, shares = self._levers
-        crossing = force.pair_forces(bonds)
-        on_planes = np.zeros((len(self._planes), 2))
-        for component in (0, 1) if self._planes else ():
+        crossing, dimension = force.pair_forces(bonds), self.body.dimension
+        on_planes = np.zeros((len(self._planes), dimension))
+        for component in range(dimension) if self._planes else ():
             on_planes[:, component] = np.bincount(planes, crossing[:, component] * shares[:, component], len(self._planes))
-        forces, at_points = np.zeros((len(self.names), 2)), None
+        levers = None
+        if any(plane.turn is not None for plane in self._planes):
+            levers = self._reductions.total_of_parts(self._levers_on_planes(force, crossing))
+        forces, at_points = np.zeros((len(self.names), dimension)), None
         for number, plane in enumerate(self._planes):
             for component in plane.components:
                 forces[plane.holders[component], component] += on_planes[number, component]
@@ -239,39 +276,51 @@ class Loading(ABC):
             for part, owned in zip(self._held, self._owned, strict=True):
                 for component, points in owned.items():
                     forces[part.holder, component] += at_points[points, component].sum()
-        return Reactions(self._reductions.total_of_parts(forces), self._reductions.total_of_parts(on_planes), at_points)
+        return Reactions(self._reductions.total_of_parts(forces), self._reductions.total_of_parts(on_planes), at_points, levers)
 
     def moments(self, force: InternalForce, reactions: Reactions) -> np.ndarray:
-        """Moments of the holders' forces about the origin of the coordinates, counter-clockwise, per unit thickness, shape (holders,).
+        """Moments of the holders' forces about the origin of the coordinates.
 
         A bond that crosses a plane pulls at the middle between its ends.
+
+        Returns
+        -------
+        ndarray
+            In the plane counter-clockwise and per unit thickness, shape (holders,); in space vectors, shape (holders, 3).
         """
-        positions, moments = force.positions, np.zeros(len(self.names))
-        bonds, planes, shares = self._levers
-        if len(bonds):
-            pulls = force.pair_forces(bonds) * shares
-            middles = (positions[self.body.bonds.first[bonds]] + positions[self.body.bonds.second[bonds]]) / 2
-            for number, plane in enumerate(self._planes):
-                own = planes == number
+        positions, dimension = force.positions, self.body.dimension
+        levers = np.zeros((len(self.names), dimension, dimension))
+        if len(self._levers[0]):
+            on_planes = self._levers_on_planes(force, force.pair_forces(self._levers[0]))
+            for of_plane, plane in zip(on_planes, self._planes, strict=True):
                 for component in plane.components:
-                    arms = middles[own, 1 - component] * (1 if component == 1 else -1)
-                    moments[plane.holders[component]] += (arms * pulls[own, component]).sum()
+                    levers[plane.holders[component], component] += of_plane[component]
         if reactions.at_points is not None:
             for part, owned in zip(self._held, self._owned, strict=True):
                 for component, points in owned.items():
-                    arms = positions[points, 1 - component] * (1 if component == 1 else -1)
-                    moments[part.holder] += (arms * reactions.at_points[points, component]).sum()
-        return self._reductions.total_of_parts(moments)
+                    levers[part.holder, component] += reactions.at_points[points, component] @ positions[points]
+        return moment_of(self._reductions.total_of_parts(levers))
+
+    def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray) -> np.ndarray:
+        """Of every plane the sum of f (x) y, shape (planes, d, d), from the forces of the bonds that cross them, shape (k, d)."""
+        bonds, planes, shares = self._levers
+        pulls, ends = crossing * shares, self.body.bonds
+        middles = (force.positions[ends.first[bonds]] + force.positions[ends.second[bonds]]) / 2
+        levers = np.zeros((len(self._planes), self.body.dimension, self.body.dimension))
+        for number in range(len(self._planes)):
+            own = planes == number
+            levers[number] = np.einsum("kr,kc->rc", pulls[own], middles[own])
+        return levers
 
     def _on_points(self, force: InternalForce) -> np.ndarray:
-        """Internal force and loads on every point in the state last evaluated, shape (n, 2)."""
+        """Internal force and loads on every point in the state last evaluated, shape (n, d)."""
         n, bonds, pair_forces = len(self.body), self.body.bonds, force.pair_forces()
         within = bonds.second < n
         total = np.stack(
             [
                 np.bincount(bonds.first, pair_forces[:, component], n)
                 - np.bincount(bonds.second[within], pair_forces[within, component], n)
-                for component in (0, 1)
+                for component in range(self.body.dimension)
             ],
             axis=1,
         )
@@ -282,7 +331,7 @@ class Loading(ABC):
     @cached_property
     def _owned(self) -> list[dict[int, np.ndarray]]:
         """By condition and component, the points whose force counts with its holder; none where nobody asks."""
-        owner = np.full((len(self.body), 2), -1)
+        owner = np.full((len(self.body), self.body.dimension), -1)
         for number, part in enumerate(self._held):
             for component in part.components:
                 owner[part.points, component] = number
@@ -318,7 +367,7 @@ class Loading(ABC):
 
         Parameters
         ----------
-        positions : ndarray, shape (n, 2)
+        positions : ndarray, shape (n, d)
             In equilibrium at the start.
         start, end : float
         asked : float or None
@@ -331,7 +380,7 @@ class Loading(ABC):
 
         Parameters
         ----------
-        positions : ndarray, shape (n, 2)
+        positions : ndarray, shape (n, d)
             In equilibrium at the value `before` of the parameter.
         before, after : float
         earlier : tuple of float and ndarray, or None
@@ -345,11 +394,11 @@ class Loading(ABC):
 
     @abstractmethod
     def velocities(self, positions: np.ndarray, motion: Motion) -> np.ndarray:
-        """Velocities with which a body that has followed its conditions slowly goes on with them, shape (n, 2)."""
+        """Velocities with which a body that has followed its conditions slowly goes on with them, shape (n, d)."""
 
     @abstractmethod
     def power(self, reactions: Reactions, motion: Motion, time: float, step: float) -> float:
-        """Power of all that holds the body, per unit thickness, at the end of a time step."""
+        """Power of all that holds the body, in the plane per unit thickness, at the end of a time step."""
 
     @abstractmethod
     def greatest_speed(self, motion: Motion) -> float:

@@ -18,7 +18,7 @@ class Samples:
 
     Attributes
     ----------
-    places : ndarray, shape (k, 2)
+    places : ndarray, shape (k, d)
     components : ndarray of int, shape (k,)
         Which component of a place is held.
     goals : ndarray, shape (k,)
@@ -30,15 +30,27 @@ class Samples:
     goals: np.ndarray
 
 
-def affine_extension(samples: Samples, positions: np.ndarray) -> np.ndarray:
-    """Positions (n, 2) mapped as the samples are, by the affine map that is nearest to them.
+def affine_extension(samples: Samples, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The affine map that is nearest to what samples do: a gradient A and a shift b, of which positions y of the body go to A y + b.
 
-    Where samples do not tell the gradient along a direction it is taken to be that of the identity; where all of them lie on one line, as
-    those of a single clamped edge do, the direction across it turns with the line.
+    Where samples do not tell the gradient along a direction it is taken to be that of the identity; where all of them lie on one line, in
+    space on one plane, as those of a single clamped edge or face do, the direction across it turns with them.
+
+    Parameters
+    ----------
+    samples : Samples
+    positions : ndarray, shape (n, d)
+        Of the body, whose extent says what the samples tell.
+
+    Returns
+    -------
+    gradient : ndarray, shape (d, d)
+    shift : ndarray, shape (d,)
     """
-    gradient, told, lines = np.eye(2), [0, 0], [None, None]
-    shift = np.zeros(2)
-    for component in (0, 1):
+    dimension = positions.shape[1]
+    gradient, told = np.eye(dimension), [[] for _ in range(dimension)]
+    shift = np.zeros(dimension)
+    for component in range(dimension):
         own = samples.components == component
         if not own.any():
             continue
@@ -46,27 +58,31 @@ def affine_extension(samples: Samples, positions: np.ndarray) -> np.ndarray:
         middle = places.mean(axis=0)
         changes = goals - places[:, component]
         _, spreads, directions = np.linalg.svd(places - middle, full_matrices=False)
-        row = np.zeros(2)
+        row = np.zeros(dimension)
         for spread, direction in zip(spreads / np.sqrt(len(places)), directions, strict=True):
             along = positions @ direction
             if spread > LEAST_SPREAD * along.std() and spread > 0:
                 arms = (places - middle) @ direction
                 row += (arms @ changes) / (arms @ arms) * direction
-                told[component], lines[component] = told[component] + 1, direction
+                told[component].append(direction)
         gradient[component] += row
         shift[component] = middle[component] + changes.mean() - gradient[component] @ middle
-    if told == [1, 1] and abs(lines[0] @ lines[1]) > 0.99:
-        line = lines[0]
-        turned = gradient @ line
-        length = np.linalg.norm(turned)
-        if length > 0:
-            across, wanted = np.array([-line[1], line[0]]), np.array([-turned[1], turned[0]]) / length
-            change = np.outer(wanted - gradient @ across, across)
-            for component in (0, 1):
+    if all(len(directions) == dimension - 1 for directions in told):
+        normals = [_normal(np.array(directions)) for directions in told]
+        wanted = _normal(np.array(told[0]) @ gradient.T)
+        length = np.linalg.norm(wanted)
+        if all(abs(normals[0] @ normal) > 0.99 for normal in normals[1:]) and length > 0:
+            change = np.outer(wanted / length - gradient @ normals[0], normals[0])
+            for component in range(dimension):
                 middle = samples.places[samples.components == component].mean(axis=0)
                 shift[component] -= change[component] @ middle
             gradient += change
-    return positions @ gradient.T + shift
+    return gradient, shift
+
+
+def _normal(directions: np.ndarray) -> np.ndarray:
+    """Normal to a direction in the plane, shape (1, 2), or to two in space, shape (2, 3), on the side that a turn of them keeps."""
+    return np.array([-directions[0, 1], directions[0, 0]]) if directions.shape[1] == 2 else np.cross(*directions)
 
 
 def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
-from ..scenes.model import EDGES, Hold, Scene
+from ..scenes.model import EDGES, Grip, Hold, Scene
 from .conditions import HeldPlane, HeldPoints, Loading, Reactions, place_of
 from .motion import Motion
 from .reductions import LocalReductions
@@ -22,7 +22,7 @@ class GripLoading(Loading):
     ----------
     scene : Scene
     body : Body
-    lower, upper : ndarray, shape (2,)
+    lower, upper : ndarray, shape (d,)
         Bounding box of the body.
     reductions : LocalReductions
 
@@ -48,10 +48,10 @@ class GripLoading(Loading):
         planes = []
         for number, grip in enumerate(scene.grips):
             axis = EDGES[grip.edge][0]
-            components = (axis,) if grip.holds == "normal" else (0, 1)
+            components = (axis,) if grip.holds == "normal" else tuple(range(body.dimension))
             displacement = partial(self._moved, self._travel(grip))
             if scene.support == "reflected":
-                planes.append(HeldPlane(f"{grip.edge} grip", (number, number), components, displacement))
+                planes.append(HeldPlane(f"{grip.edge} grip", (number,) * body.dimension, components, displacement))
                 continue
             points = np.flatnonzero(along_edge(body, grip.edge, lower, upper).inside)
             if len(points) == 0:
@@ -90,10 +90,9 @@ class GripLoading(Loading):
         travel = np.zeros(body.dimension) if hold.travel is None else np.array(hold.travel)
         return HeldPoints(f"holds.{number}", None, points, components, partial(self._moved, travel))
 
-    @staticmethod
-    def _travel(grip) -> np.ndarray:
+    def _travel(self, grip: Grip) -> np.ndarray:
         axis, side = EDGES[grip.edge]
-        travel = np.zeros(2)
+        travel = np.zeros(self.scene.dimension)
         travel[axis] = side * grip.travel
         return travel
 
@@ -102,11 +101,11 @@ class GripLoading(Loading):
         return travel * ((stretch - 1) * self.length)
 
     def pull(self, reactions: Reactions) -> float:
-        """Force of the grips along the load per unit thickness; negative where they push."""
+        """Force of the grips along the load, in the plane per unit thickness; negative where they push."""
         return float((reactions.forces * self._travels()).sum())
 
     def _travels(self) -> np.ndarray:
-        """Displacement of every grip for a unit of elongation, shape (2, 2): grips, components."""
+        """Displacement of every grip for a unit of elongation, shape (2, d): grips, components."""
         return np.array([self._travel(grip) for grip in self.scene.grips])
 
     def largest_increment(self, positions, start, end, asked):

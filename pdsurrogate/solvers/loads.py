@@ -25,7 +25,7 @@ ON_A_PLANE = 1e-6
 
 @dataclass(frozen=True)
 class _DeadForces:
-    """A load whose forces keep their size and direction: where it acts, and with what where its amplitude is 1, shape (k, 2)."""
+    """A load whose forces keep their size and direction: where it acts, and with what where its amplitude is 1, shape (k, d)."""
 
     points: np.ndarray
     forces: np.ndarray
@@ -52,33 +52,35 @@ class _Pressures:
     """
 
     def __init__(self, surface: Surface, facets: np.ndarray, loads: np.ndarray, values: np.ndarray, deformed: np.ndarray) -> None:
-        first, second = _end_rows(surface, facets)
+        first, *others = _corner_rows(surface, facets)
         # Of the body's points only those that the facets hang on: what is done at every evaluation is as small as the boundary.
-        self._points = np.unique(np.concatenate([first.indices, second.indices]))
-        first, second = first[:, self._points], second[:, self._points]
-        self._middle, self._along = (first + second).tocsr() / 2, (second - first).tocsr()
+        self._points = np.unique(np.concatenate([rows.indices for rows in (first, *others)]))
+        first, *others = (rows[:, self._points] for rows in (first, *others))
+        self._middle = sum(others, first).tocsr() / (1 + len(others))
+        self._sides = [(other - first).tocsr() for other in others]
         self._spread = self._middle.T.tocsr()
         self.loads, self._values, self._undeformed = loads, values, ~deformed
         self.needs_thickness = bool(deformed.any())
         self._pressures = np.zeros(len(values))
-        # The area is measured about a place within the body, where least is lost to rounding.
+        # What facets enclose is measured about a place within the body, where least is lost to rounding.
         self._origin = surface.nodes.mean(axis=0)
         start = surface.nodes[surface.facets[facets]] - self._origin
-        self._areas_at_rest = _areas(start.mean(axis=1), start[:, 1] - start[:, 0])
+        self._enclosed_at_rest = _enclosed(start.mean(axis=1), [start[:, end] - start[:, 0] for end in range(1, start.shape[1])])
 
     def set(self, factors: np.ndarray) -> None:
         """Take the present amplitudes of all loads."""
         np.multiply(self._values, factors[self.loads], out=self._pressures)
 
     def on_facets(self, positions: np.ndarray, thickness: np.ndarray | None) -> np.ndarray:
-        """Force on every facet, shape (f, 2) (theory (44), (45)).
+        """Force on every facet, shape (f, d) (theory (44), (45)).
 
         Raises
         ------
         InvalidState
             Where there is none.
         """
-        along = self._along @ positions.take(self._points, axis=0)
+        places = positions.take(self._points, axis=0)
+        sides = [rows @ places for rows in self._sides]
         pull = self._pressures
         if self.needs_thickness:
             there = self._middle @ thickness[self._points]
@@ -86,26 +88,30 @@ class _Pressures:
             if not (there > 0).all():
                 raise InvalidState("the thickness of the sheet that a pressure acts on, continued to the boundary, is not positive there")
             pull = pull * there
-        forces = np.empty_like(along)
-        np.multiply(pull, along[:, 1], out=forces[:, 0])
-        np.multiply(pull, along[:, 0], out=forces[:, 1])
-        np.negative(forces[:, 0], out=forces[:, 0])
+        forces = np.empty_like(sides[0])
+        if len(sides) == 1:
+            np.multiply(pull, sides[0][:, 1], out=forces[:, 0])
+            np.multiply(pull, sides[0][:, 0], out=forces[:, 1])
+            np.negative(forces[:, 0], out=forces[:, 0])
+        else:
+            np.multiply(-0.5 * pull[:, None], np.cross(*sides), out=forces)
         if not np.isfinite(forces).all():
             raise InvalidState("the force of a pressure on the boundary is not finite")
         return forces
 
     def add(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
-        """Add the forces on the points to `out`, shape (n, 2)."""
+        """Add the forces on the points to `out`, shape (n, d)."""
         out[self._points] += self._spread @ self.on_facets(positions, thickness)
 
     def middles(self, vectors: np.ndarray) -> np.ndarray:
-        """What the middles of the facets do where the points have the given positions or velocities, shape (f, 2)."""
+        """What the middles of the facets do where the points have the given positions or velocities, shape (f, d)."""
         return self._middle @ vectors.take(self._points, axis=0)
 
     def potential(self, positions: np.ndarray) -> float:
-        """Pressure times the area that the facets have swept since rest (theory (46)); of pressures that have a potential."""
-        areas = _areas(self.middles(positions) - self._origin, self._along @ positions.take(self._points, axis=0))
-        return float((self._pressures * (areas - self._areas_at_rest)).sum())
+        """Pressure times the area or volume that the facets have swept since rest (theory (46)); of pressures that have a potential."""
+        places = positions.take(self._points, axis=0)
+        enclosed = _enclosed(self.middles(positions) - self._origin, [rows @ places for rows in self._sides])
+        return float((self._pressures * (enclosed - self._enclosed_at_rest)).sum())
 
 
 def _edge_of(plane: ReflectionPlane) -> str:
@@ -113,19 +119,30 @@ def _edge_of(plane: ReflectionPlane) -> str:
     return next(edge for edge, place in EDGES.items() if place == (plane.axis, plane.side))
 
 
-def _end_rows(surface: Surface, facets: np.ndarray) -> tuple[sparse.csr_array, sparse.csr_array]:
-    """Rows of N of the two ends of facets, shape (f, n) each."""
-    first, second = surface.facets[facets].T
-    return surface.interpolation[first], surface.interpolation[second]
+def _corner_rows(surface: Surface, facets: np.ndarray) -> list[sparse.csr_array]:
+    """Rows of N of the two ends, or three corners, of facets, shape (f, n) each."""
+    return [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
 
 
-def _areas(middles: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Area between each facet and the origin: in sum, what a closed chain of facets encloses."""
-    return 0.5 * _cross(middles, along)
+def _enclosed(middles: np.ndarray, sides: list[np.ndarray]) -> np.ndarray:
+    """Area or volume between each facet and the origin: in sum, what a closed chain or surface of facets encloses."""
+    if len(sides) == 1:
+        return 0.5 * _cross(middles, sides[0])
+    return (middles * np.cross(*sides)).sum(axis=1) / 6
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] if a.shape[1] == 2 else np.cross(a, b)
+
+
+def _closed(facets: np.ndarray) -> bool:
+    """Whether facets of the given nodes, shape (f, d), have no rim: all that bounds one of them bounds another the other way round."""
+    if facets.shape[1] == 2:
+        count = facets.max() + 1
+        return bool((np.bincount(facets[:, 0], minlength=count) == np.bincount(facets[:, 1], minlength=count)).all())
+    sides = np.concatenate([facets[:, [0, 1]], facets[:, [1, 2]], facets[:, [2, 0]]])
+    one, other = (np.unique(ends, axis=0, return_counts=True) for ends in (sides, sides[:, ::-1]))
+    return all(np.array_equal(mine, theirs) for mine, theirs in zip(one, other, strict=True))
 
 
 class Loads:
@@ -187,35 +204,39 @@ class Loads:
         for plane in self.body.planes:
             distance = np.abs(surface.nodes[surface.facets[facets]][..., plane.axis] - plane.position)
             if (distance < ON_A_PLANE * self.body.spacing).all(axis=1).any():
-                edge = _edge_of(plane)
+                edge = self._told(_edge_of(plane))
                 raise ValueError(
-                    f"loads.{number}.region: it takes in facets of the {edge} edge, which is held by reflection, so that a {load.kind} "
-                    f"there goes into what holds it; leave the {edge} edge out, or hold points (support=points)"
+                    f"loads.{number}.region: it takes in facets of the {edge}, which is held by reflection, so that a {load.kind} "
+                    f"there goes into what holds it; leave the {edge} out, or hold points (support=points)"
                 )
         return facets
+
+    def _told(self, edge: str) -> str:
+        """What messages call an edge or face."""
+        return f"{edge} {'edge' if self.body.dimension == 2 else 'face'}"
 
     def _dead_forces(self, number: int, load: Load, regions: BodyRegions) -> _DeadForces:
         """A dead load as forces on points (theory (43))."""
         if load.kind == "traction":
             facets, surface = self._facets(number, load, regions), regions.surface()
-            first, second = _end_rows(surface, facets)
-            lengths = (first + second).T @ surface.areas()[facets] / 2
-            points = np.flatnonzero(lengths)
-            return _DeadForces(points, lengths[points, None] * np.array(load.traction))
+            first, *others = _corner_rows(surface, facets)
+            sizes = sum(others, first).T @ surface.areas()[facets] / (1 + len(others))
+            points = np.flatnonzero(sizes)
+            return _DeadForces(points, sizes[points, None] * np.array(load.traction))
         if load.kind == "force" and regions.edge(load.region) in map(_edge_of, self.body.planes):
             # It would pull at points half a cell inside the edge, which are free.
             raise ValueError(
-                f"loads.{number}.region: the {regions.edge(load.region)} edge is held by reflection, so that a force there goes into what "
-                "holds it; give another region, or hold points (support=points)"
+                f"loads.{number}.region: the {self._told(regions.edge(load.region))} is held by reflection, so that a force there goes into "
+                "what holds it; give another region, or hold points (support=points)"
             )
         points = regions.points(load.region)
         if load.kind == "body_force":
             return _DeadForces(points, self.body.volumes[points, None] * np.array(load.body_force))
         return _DeadForces(points, np.tile(np.array(load.force) / len(points), (len(points), 1)))
 
-    def _note_potential(self, name: str, deformed: bool, ends: np.ndarray) -> None:
-        """Note why a pressure on facets of the given ends has no potential, if it has none."""
-        closed = (np.bincount(ends[:, 0], minlength=ends.max() + 1) == np.bincount(ends[:, 1], minlength=ends.max() + 1)).all()
+    def _note_potential(self, name: str, deformed: bool, facets: np.ndarray) -> None:
+        """Note why a pressure on facets of the given nodes has no potential, if it has none."""
+        closed = _closed(facets)
         if deformed:
             why = "acts on the deformed thickness; on the undeformed one (thickness=undeformed) a closed boundary would give it a potential"
         elif not closed:
@@ -253,14 +274,14 @@ class Loads:
                 raise InvalidState(f"loads: a force is not finite at t = {t:g}")
 
     def forces(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
-        """Add the forces of the loads on the points, per unit thickness of the undeformed body, to `out` (n, 2).
+        """Add the forces of the loads on the points, in the plane per unit thickness of the undeformed body, to `out` (n, d).
 
         Parameters
         ----------
-        positions : ndarray, shape (n, 2)
+        positions : ndarray, shape (n, d)
         thickness : ndarray, shape (n,), or None
             See `needs_thickness`.
-        out : ndarray, shape (n, 2)
+        out : ndarray, shape (n, d)
 
         Raises
         ------
@@ -290,7 +311,7 @@ class Loads:
         return potential
 
     def power(self, positions: np.ndarray, velocities: np.ndarray, thickness: np.ndarray | None = None) -> float:
-        """Power of the loads in a state in which the points have the given velocities (n, 2)."""
+        """Power of the loads in a state in which the points have the given velocities (n, d)."""
         power = 0.0
         if self._present is not None:
             power += float(np.einsum("nc,nc->", self._present, velocities))
@@ -299,21 +320,24 @@ class Loads:
         return power
 
     def by_name(self, positions: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        """Total force of the loads in a state, shape (2,), by name; loads of one name are summed."""
-        totals = {name: np.zeros(2) for name in self._names}
+        """Total force of the loads in a state, shape (d,), by name; loads of one name are summed."""
+        totals = {name: np.zeros(self.body.dimension) for name in self._names}
         for name, _, forces in self._actions(positions, thickness):
             totals[name] += forces.sum(axis=0)
         return totals
 
-    def moments(self, positions: np.ndarray, about: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, float]:
-        """Moment of the loads in a state about a place (2,), counter-clockwise, by name; loads of one name are summed."""
+    def moments(self, positions: np.ndarray, about: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
+        """Moment of the loads in a state about a place (d,), by name; loads of one name are summed.
+
+        In the plane counter-clockwise, shape (); in space vectors, shape (3,).
+        """
         totals = dict.fromkeys(self._names, 0.0)
         for name, places, forces in self._actions(positions, thickness):
-            totals[name] += float(_cross(places - about, forces).sum())
+            totals[name] = totals[name] + _cross(places - about, forces).sum(axis=0)
         return totals
 
     def _actions(self, positions: np.ndarray, thickness: np.ndarray | None) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-        """Name, places (k, 2) and forces (k, 2) of every load."""
+        """Name, places (k, d) and forces (k, d) of every load."""
         for number, dead in self._dead.items():
             yield self._names[number], positions[dead.points], self._factors[number] * dead.forces
         if self._pressures is not None:
@@ -379,7 +403,7 @@ class LoadedForce:
         return self.internal.stiffness_moduli
 
     def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        """Internal force and loads on every point per unit thickness at positions (n, 2), written to `out` (n, 2).
+        """Internal force and loads on every point at positions (n, d), in the plane per unit thickness, written to `out` (n, d).
 
         Raises
         ------
@@ -420,6 +444,6 @@ class LoadedForce:
         """See `InternalForce`; loads have none of their own."""
         return self.internal.state_arrays()
 
-    def move_plane(self, plane: int, displacement) -> None:
+    def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
         """See `InternalForce`."""
-        self.internal.move_plane(plane, displacement)
+        self.internal.move_plane(plane, displacement, turn)

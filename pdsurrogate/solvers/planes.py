@@ -20,18 +20,16 @@ def whole_edge(scene: Scene, region: RegionReference) -> str | None:
     return region.edge
 
 
-def prescribed_components(entry: Prescribed) -> tuple[int, ...]:
-    """Components that an entry of `prescribed` holds: 0 for x1, 1 for x2."""
-    if entry.rotation is not None:
-        return 0, 1
-    return tuple(component for component, value in enumerate((entry.x1, entry.x2)) if value is not None)
+def prescribed_components(entry: Prescribed, dimension: int) -> tuple[int, ...]:
+    """Components that an entry of `prescribed` holds, 0 for x1; of a rotation all."""
+    return tuple(component for component in range(dimension) if entry.rotation is not None or entry.displacement[component] is not None)
 
 
 def reflected_edges(scene: Scene) -> dict[str, tuple[int, ...]]:
     """Edges that are held by reflection, each with the numbers of the entries of `prescribed` that hold it.
 
-    An edge is, if it is named whole, its normal component is prescribed and nothing turns it: a mirror image has no other place to be.
-    All other edges hold their outermost points.
+    An edge is, if it is named whole and its normal component is prescribed, alone or as part of a rotation.  All other edges hold their
+    outermost points.
     """
     if scene.support != "reflected":
         return {}
@@ -43,8 +41,8 @@ def reflected_edges(scene: Scene) -> dict[str, tuple[int, ...]]:
     reflected = {}
     for edge, numbers in named.items():
         entries = [scene.prescribed[number] for number in numbers]
-        held = {component for entry in entries for component in prescribed_components(entry)}
-        if EDGES[edge][0] in held and all(entry.rotation is None for entry in entries):
+        held = {component for entry in entries for component in prescribed_components(entry, scene.dimension)}
+        if EDGES[edge][0] in held:
             reflected[edge] = tuple(numbers)
     return reflected
 
@@ -55,7 +53,8 @@ def reflection_planes(scene: Scene, lower, upper) -> tuple[ReflectionPlane, ...]
         return ()
     held = {grip.edge: (EDGES[grip.edge][0],) if grip.holds == "normal" else tuple(range(scene.dimension)) for grip in scene.grips}
     for edge, numbers in reflected_edges(scene).items():
-        held[edge] = tuple({component for number in numbers for component in prescribed_components(scene.prescribed[number])})
+        entries = [scene.prescribed[number] for number in numbers]
+        held[edge] = tuple({component for entry in entries for component in prescribed_components(entry, scene.dimension)})
     planes = []
     for edge, components in held.items():
         axis, side = EDGES[edge]

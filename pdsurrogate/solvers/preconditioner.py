@@ -77,7 +77,9 @@ class NearestBondStiffness:
             displacements[:, axis] -= displacements[:, axis].mean()
         return displacements
 
-    def response(self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray) -> np.ndarray:
+    def response(
+        self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
+    ) -> np.ndarray:
         """Displacements of the body, shape (n, 2), where held components and planes of reflection are displaced.
 
         Parameters
@@ -89,10 +91,12 @@ class NearestBondStiffness:
             Displacements in held components, 0 in free ones.
         planes : ndarray, shape (planes, 2)
             Displacements of the planes.
+        turns : ndarray, shape (planes, 2, 2), optional
+            Of planes that turn too, see `pdsurrogate.body.Ghosts.shifts`.
         """
         n, ghosts = len(body), body.ghosts
         first, second, blocks = _springs(body, shear_moduli)
-        moved = np.vstack([held, held[ghosts.source] * ghosts.parity + np.einsum("mpd,pd->md", ghosts.lever, planes)])
+        moved = np.vstack([held, held[ghosts.source] * ghosts.parity + ghosts.moved_by_planes(body.points, planes, turns)])
         pulls, within = np.einsum("bij,bj->bi", blocks, moved[second] - moved[first]), second < n
         forces = np.stack(
             [np.bincount(first, pulls[:, axis], n) - np.bincount(second[within], pulls[within, axis], n) for axis in (0, 1)], axis=1

@@ -15,7 +15,7 @@ from ..forces import InternalForce, InvalidState
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.loading import Prescribed
 from ..scenes.model import Scene
-from .conditions import HeldPlane, HeldPoints, Loading, Reactions, place_of
+from .conditions import HeldPlane, HeldPoints, Loading, Reactions, displaced, place_of
 from .equilibrium import TooFar
 from .extension import Samples, affine_extension, greatest_bond_strain
 from .motion import Motion
@@ -43,7 +43,7 @@ class PrescribedLoading(Loading):
     ----------
     scene : Scene
     body : Body
-    lower, upper : ndarray, shape (2,)
+    lower, upper : ndarray, shape (d,)
         Bounding box of the body.
     regions : BodyRegions
     loads : Loads or None
@@ -71,6 +71,7 @@ class PrescribedLoading(Loading):
         shear_modulus: float,
         reductions: LocalReductions,
     ) -> None:
+        self.body, self._amplitudes = body, [amplitude_of(entry.amplitude) for entry in scene.prescribed]
         self._entries, self._loads, self._shear_modulus = scene.prescribed, scene.loads, shear_modulus
         # A hair more, so that increments of just that strain are taken.
         self._largest_strain = scene.solver.largest_increment * (1 + 1e-6)
@@ -83,20 +84,24 @@ class PrescribedLoading(Loading):
         planes, held, along_planes = [], [], []
         for edge, numbers in edges.items():
             points = np.flatnonzero(along_edge(body, edge, lower, upper).inside)
-            by_component: list[int | None] = [None, None]
+            by_component: list[int | None] = [None] * body.dimension
+            turned = None
             for number in numbers:
                 entry = scene.prescribed[number]
-                components = prescribed_components(entry)
+                components = prescribed_components(entry, body.dimension)
                 # What the plane does is what the points beside it would do: two entries may not disagree on either.
-                along_planes.append(HeldPoints(f"prescribed.{number}", None, points, components, self._displacement(number, None)))
+                displacement = self._displacement(number, body.points[points])
+                along_planes.append(HeldPoints(f"prescribed.{number}", None, points, components, displacement))
                 for component in components:
                     by_component[component] = number
+                turned = turned if entry.rotation is None else number
             planes.append(
                 HeldPlane(
                     f"{edge} edge",
                     tuple(None if number is None else holders[number] for number in by_component),
-                    tuple(component for component in (0, 1) if by_component[component] is not None),
-                    partial(self._of_plane, tuple(by_component)),
+                    tuple(component for component in range(body.dimension) if by_component[component] is not None),
+                    partial(self._of_plane, tuple(by_component) if turned is None else (turned,) * body.dimension),
+                    None if turned is None else partial(self._turn, turned),
                 )
             )
         reflected = {number for numbers in edges.values() for number in numbers}
@@ -105,7 +110,8 @@ class PrescribedLoading(Loading):
                 continue
             points = regions.points(entry.region)
             displacement = self._displacement(number, body.points[points])
-            held.append(HeldPoints(f"prescribed.{number}", holders[number], points, prescribed_components(entry), displacement))
+            components = prescribed_components(entry, body.dimension)
+            held.append(HeldPoints(f"prescribed.{number}", holders[number], points, components, displacement))
         super().__init__(body, names, tuple(planes), tuple(held), loads, reductions)
         # Every t at which a programme turns, and places between: amplitudes that agree at all of these are the same.
         samples = np.unique(np.concatenate([np.linspace(a, b, 5) for a, b in pairwise(turning_points)]))
@@ -119,39 +125,55 @@ class PrescribedLoading(Loading):
         if any(step.dynamics is None for step in scene.steps):
             self._check_rigid_motions()
 
-    def _displacement(self, number: int, places: np.ndarray | None) -> Callable[[float], np.ndarray]:
-        """Displacement by an entry of points at reference places (k, 2), or of what is not turned, as a function of t."""
+    def _displacement(self, number: int, places: np.ndarray) -> Callable[[float], np.ndarray]:
+        """Displacement by an entry of points at reference places (k, d), as a function of t; (d,) where it is the same of all."""
         entry: Prescribed = self._entries[number]
-        amplitude, values = amplitude_of(entry.amplitude), np.array([entry.x1 or 0.0, entry.x2 or 0.0])
         arms = None if entry.rotation is None else places - np.array(entry.about)
 
         def displacement(t: float) -> np.ndarray:
-            try:
-                # Beyond its programme an amplitude need have no value; a retarded force looks a little ahead.
-                factor = amplitude(min(max(t, self._range[0]), self._range[1]))
-            except ValueError as error:
-                raise InvalidState(f"prescribed.{number}.amplitude: {error}") from None
-            moved = values * factor
-            if arms is None:
-                return moved
-            angle = math.radians(entry.rotation * factor)
-            cosine, sine = math.cos(angle), math.sin(angle)
-            return arms @ np.array([[cosine - 1, sine], [-sine, cosine - 1]]) + moved
+            moved = self._shift(number, t)
+            return moved if arms is None else arms @ self._turn(number, t).T + moved
 
         return displacement
 
-    def _of_plane(self, numbers: tuple[int | None, int | None], t: float) -> np.ndarray:
-        """Displacement of a plane whose components follow some entries."""
-        moved = np.zeros(2)
+    def _factor(self, number: int, t: float) -> float:
+        """Amplitude of an entry.
+
+        Raises
+        ------
+        InvalidState
+            Where it has no value.
+        """
+        try:
+            # Beyond its programme an amplitude need have no value; a retarded force looks a little ahead.
+            return self._amplitudes[number](min(max(t, self._range[0]), self._range[1]))
+        except ValueError as error:
+            raise InvalidState(f"prescribed.{number}.amplitude: {error}") from None
+
+    def _shift(self, number: int, t: float) -> np.ndarray:
+        """Displacement by an entry of what it does not turn, shape (d,)."""
+        values = [value or 0.0 for value in self._entries[number].displacement]
+        return np.array(values[: self.body.dimension]) * self._factor(number, t)
+
+    def _turn(self, number: int, t: float) -> np.ndarray:
+        """Q - I of an entry with a rotation, shape (d, d)."""
+        entry = self._entries[number]
+        angle = math.radians(entry.rotation * self._factor(number, t))
+        cosine, sine = math.cos(angle), math.sin(angle)
+        if self.body.dimension == 2:
+            return np.array([[cosine - 1, -sine], [sine, cosine - 1]])
+        a, b, c = np.array(entry.axis) / math.hypot(*entry.axis)
+        cross = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
+        return sine * cross + (1 - cosine) * (cross @ cross)
+
+    def _of_plane(self, numbers: tuple[int | None, ...], t: float) -> np.ndarray:
+        """Displacement of a plane whose components follow some entries; of one that turns, where its turn leaves the origin."""
+        moved = np.zeros(self.body.dimension)
         for component, number in enumerate(numbers):
             if number is not None:
-                moved[component] = self._unturned[number](t)[component]
-        return moved
-
-    @cached_property
-    def _unturned(self) -> list[Callable[[float], np.ndarray] | None]:
-        """Displacements by the entries that turn nothing."""
-        return [self._displacement(n, None) if entry.rotation is None else None for n, entry in enumerate(self._entries)]
+                moved[component] = self._shift(number, t)[component]
+        turned = next((number for number in numbers if number is not None and self._entries[number].rotation is not None), None)
+        return moved if turned is None else moved - self._turn(turned, t) @ np.array(self._entries[turned].about)
 
     def _check_rest(self, every: tuple[HeldPoints, ...]) -> None:
         for part in every:
@@ -163,24 +185,22 @@ class PrescribedLoading(Loading):
         count, piece = self.pieces()
         middle, extent = self.body.points.mean(axis=0), self._reductions.extent(self.body.points)
         places, components, owners = self._constraints()
-        rows = np.zeros((len(places), 3))
-        rows[np.arange(len(places)), components] = 1.0
-        arms = (places - middle) / extent
-        rows[:, 2] = np.where(components == 0, -arms[:, 1], arms[:, 0])
+        rows = _rigid_motions((places - middle) / extent, components)
         for number in range(count):
             own = rows[piece[owners] == number]
-            motions = _free_motions(own)
+            motions = _free_motions(own, self.body.dimension)
             if not motions:
                 continue
             loose = np.flatnonzero(piece == number)
+            ways = "x1 or x2" if self.body.dimension == 2 else "x1, x2 or x3"
             what = "the body" if count == 1 else f"a piece of {len(loose)} points of the body, at {place_of(self.body, loose[0])},"
             raise ValueError(
-                f"prescribed: nothing keeps {what} from {' or '.join(motions)}; hold x1 or x2 of a region by 0 against it, or let the "
-                "steps be in dynamics"
+                f"prescribed: nothing keeps {what} from {' or '.join(motions)}; hold {ways} of a region by 0 against it, or let "
+                "the steps be in dynamics"
             )
 
     def _constraints(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Places (k, 2) and components (k,) that are held at rest, and the point of the body that each belongs to."""
+        """Places (k, d) and components (k,) that are held at rest, and the point of the body that each belongs to."""
         places, components, owners = [], [], []
         for part in self._held:
             for component in part.components:
@@ -195,7 +215,7 @@ class PrescribedLoading(Loading):
                 components.append(np.full(len(sources), component))
                 owners.append(sources)
         if not places:
-            return np.zeros((0, 2)), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+            return np.zeros((0, self.body.dimension)), np.zeros(0, dtype=int), np.zeros(0, dtype=int)
         return np.concatenate(places), np.concatenate(components), np.concatenate(owners)
 
     def at(self, parameter: float) -> str:
@@ -206,7 +226,7 @@ class PrescribedLoading(Loading):
         largest = min(abs(end - start), asked or math.inf) or 1.0
         for _ in range(HALVINGS):
             share = min(1.0, largest / abs(end - start)) if end != start else 1.0
-            guess = self._extended(positions, self._plane_displacements(start), start + share * (end - start))
+            guess = self._extended(positions, self._plane_motions(start), start + share * (end - start))
             if greatest_bond_strain(self.body, positions, guess) <= self._largest_strain:
                 break
             largest /= 2
@@ -214,35 +234,38 @@ class PrescribedLoading(Loading):
 
     def guesses(self, positions, before, after, earlier):
         """What the held parts say of the body, starting from the last equilibrium and, where there are two, from their continuation."""
-        guess = self._extended(positions, self._plane_displacements(before), after)
+        guess = self._extended(positions, self._plane_motions(before), after)
         strain = greatest_bond_strain(self.body, positions, guess)
         if strain > self._largest_strain:
             raise TooFar(f"the first guess strains a bond by {strain:.2g}, more than solver.largest_increment = {self._largest_strain:.4g}")
         if earlier is None or earlier[0] == before or after == before:
             return [guess]
         ratio = (after - before) / (before - earlier[0])
-        planes = self._plane_displacements(before)
-        planes = planes + ratio * (planes - self._plane_displacements(earlier[0]))
+        planes = self._plane_motions(before)
+        planes = planes + ratio * (planes - self._plane_motions(earlier[0]))
         return [guess, self._extended(positions + ratio * (positions - earlier[1]), planes, after)]
 
-    def _plane_displacements(self, t: float) -> np.ndarray:
-        return np.array([plane.displacement(t) for plane in self._planes]).reshape(-1, 2)
+    def _plane_motions(self, t: float) -> np.ndarray:
+        """See `HeldPlane.motion`, shape (p, d, d + 1)."""
+        return np.array([plane.motion(t) for plane in self._planes]).reshape(-1, self.body.dimension, self.body.dimension + 1)
 
     def _extended(self, start: np.ndarray, planes: np.ndarray, t: float) -> np.ndarray:
-        """Positions from a start, with planes displaced by (p, 2), in which all that is held is where it is at t.
+        """Positions from a start, with planes moved by (p, d, d + 1), in which all that is held is where it is at t.
 
         First by the affine map nearest to what held parts do, which homogeneous deformations and turns of the whole body are found by; what
         is left of held displacements then spreads as through a network of springs.
         """
-        goal_planes = self._plane_displacements(t)
+        goal_planes = self._plane_motions(t)
         samples = self._samples(start, planes, goal_planes, t)
         if np.array_equal(samples.goals, samples.places[np.arange(len(samples.goals)), samples.components]):
             return start.copy()
-        guess = affine_extension(samples, start)
-        mapped = affine_extension(samples, samples.places)[np.arange(len(samples.goals)), samples.components]
+        gradient, shift = affine_extension(samples, start)
+        guess = start @ gradient.T + shift
+        mapped = (samples.places @ gradient.T + shift)[np.arange(len(samples.goals)), samples.components]
         left = samples.goals - mapped
         if np.abs(left).max() > 1e-6 * self.body.spacing:
-            moved, at, of_planes = np.zeros_like(start), 0, np.zeros_like(goal_planes)
+            moved, at, of_planes = np.zeros_like(start), 0, np.zeros(goal_planes.shape[:2])
+            turns = self._turns_left(planes, goal_planes, gradient)
             for part in self._held:
                 for component in part.components:
                     moved[part.points, component] = left[at : at + len(part.points)]
@@ -252,16 +275,27 @@ class PrescribedLoading(Loading):
                     # Along its plane the affine map need not follow every place alike.
                     of_planes[number, component] = left[at : at + len(sources)].mean()
                     at += len(sources)
-            guess += self._stiffness.response(self.body, self._shear_modulus, moved, of_planes)
+                if held.turn is not None:
+                    of_planes[number] = goal_planes[number, :, -1] - gradient @ planes[number, :, -1] - shift
+            guess += self._stiffness.response(self.body, self._shear_modulus, moved, of_planes, turns)
         for part in self._held:
             goal = part.displacement(t)
             for component in part.components:
                 guess[part.points, component] = self.body.points[part.points, component] + goal[..., component]
         return guess
 
+    def _turns_left(self, planes: np.ndarray, goal_planes: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
+        """What an affine map of a given gradient leaves of the turns of planes, as `Ghosts.shifts` has them; None where none turns."""
+        if all(plane.turn is None for plane in self._planes):
+            return None
+        identity = np.eye(self.body.dimension)
+        left = identity + goal_planes[:, :, :-1] - gradient @ (identity + planes[:, :, :-1])
+        left[[plane.turn is None for plane in self._planes]] = 0.0
+        return left
+
     def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> Samples:
         """What is held, where it is and where it goes: points, then planes, at the places beside which the body's points are."""
-        places, components, goals = [np.zeros((0, 2))], [np.zeros(0, dtype=int)], [np.zeros(0)]
+        places, components, goals = [np.zeros((0, self.body.dimension))], [np.zeros(0, dtype=int)], [np.zeros(0)]
 
         def add(there: np.ndarray, component: int, goal: np.ndarray) -> None:
             places.append(there)
@@ -273,12 +307,13 @@ class PrescribedLoading(Loading):
             for component in part.components:
                 add(start[part.points], component, self.body.points[part.points, component] + displacement[..., component])
         for number, (plane, held, sources) in enumerate(zip(self.body.planes, self._planes, self._beside_planes, strict=True)):
-            there = start[sources].copy()
+            there, at_rest = start[sources].copy(), self.body.points[sources].copy()
+            at_rest[:, plane.axis] = plane.position
+            now, then = displaced(planes[number], at_rest), displaced(goal_planes[number], at_rest)
             for component in held.components:
-                at_rest = plane.position if component == plane.axis else self.body.points[sources, component]
-                there[:, component] = at_rest + planes[number, component]
+                there[:, component] = at_rest[:, component] + now[:, component]
             for component in held.components:
-                add(there, component, there[:, component] + (goal_planes - planes)[number, component])
+                add(there, component, there[:, component] + (then - now)[:, component])
         return Samples(np.concatenate(places), np.concatenate(components), np.concatenate(goals))
 
     @cached_property
@@ -295,18 +330,25 @@ class PrescribedLoading(Loading):
         """Of the first guess: what is held moves at once, and all of the body with it, so that it sends no shock."""
         share = 1e-6
         ahead = motion.begin + share * (motion.end - motion.begin)
-        guess = self._extended(positions, self._plane_displacements(motion.begin), ahead)
+        guess = self._extended(positions, self._plane_motions(motion.begin), ahead)
         return (guess - positions) / (share * motion.duration)
 
     def power(self, reactions: Reactions, motion: Motion, time, step):
         """By the displacements over the last step; over the next one where there is none."""
         before, after = (motion.at(time - step), motion.at(time)) if time >= step else (motion.at(time), motion.at(time + step))
-        velocities = (self._plane_displacements(after) - self._plane_displacements(before)) / step
-        power = float((reactions.on_planes * velocities).sum())
+        old, new = self._plane_motions(before), self._plane_motions(after)
+        changes = new - old
+        if reactions.levers is None:
+            power = float((reactions.on_planes * (changes[:, :, -1] / step)).sum())
+        else:
+            # The place X of a plane is at y = X + u(X): the change of u is a linear function of y.
+            by_place = np.linalg.solve((np.eye(self.body.dimension) + old[:, :, :-1]).mT, changes[:, :, :-1].mT).mT
+            shifts = changes[:, :, -1] - np.einsum("prc,pc->pr", by_place, old[:, :, -1])
+            power = float((reactions.on_planes * shifts).sum() + (reactions.levers * by_place).sum()) / step
         if reactions.at_points is not None:
             moved = np.zeros_like(reactions.at_points)
             for part in self._held:
-                change = np.broadcast_to(part.displacement(after) - part.displacement(before), (len(part.points), 2))
+                change = np.broadcast_to(part.displacement(after) - part.displacement(before), (len(part.points), self.body.dimension))
                 for component in part.components:
                     moved[part.points, component] = change[:, component]
             power += self._reductions.total(reactions.at_points * moved) / step
@@ -316,9 +358,13 @@ class PrescribedLoading(Loading):
         times = np.linspace(0, motion.duration, 17)
         fastest = 0.0
         for begin, end in pairwise(times):
-            low, high = np.full(2, np.inf), np.full(2, -np.inf)
-            for part in (*self._held, *self._planes):
-                change = np.atleast_2d(part.displacement(motion.at(end)) - part.displacement(motion.at(begin)))
+            low, high = np.full(self.body.dimension, np.inf), np.full(self.body.dimension, -np.inf)
+            changes = [(part, part.displacement(motion.at(end)) - part.displacement(motion.at(begin))) for part in self._held]
+            for plane, sources in zip(self._planes, self._beside_planes, strict=True):
+                change = plane.motion(motion.at(end)) - plane.motion(motion.at(begin))
+                changes.append((plane, displaced(change, self.body.points[sources])))
+            for part, change in changes:
+                change = np.atleast_2d(change)
                 for component in part.components:
                     low[component] = min(low[component], change[:, component].min())
                     high[component] = max(high[component], change[:, component].max())
@@ -334,20 +380,20 @@ class PrescribedLoading(Loading):
         n, bonds, positions = len(self.body), self.body.bonds, force.positions
         arms, pulls = positions[bonds.second] - positions[bonds.first], force.pair_forces()
         within = bonds.second < n
-        stress = np.empty((n, 2, 2))
-        for i in (0, 1):
-            for j in (0, 1):
+        stress = np.empty((n, self.body.dimension, self.body.dimension))
+        for i in range(self.body.dimension):
+            for j in range(self.body.dimension):
                 product = (pulls[:, i] * arms[:, j] + pulls[:, j] * arms[:, i]) / 4
                 summed = np.bincount(bonds.first, product, n) + np.bincount(bonds.second[within], product[within], n)
                 stress[:, i, j] = summed / self.body.volumes
-        least, greatest = np.linalg.eigvalsh(stress).T
+        least, *_, greatest = np.linalg.eigvalsh(stress).T
         return bool(least.min() < -max(COMPRESSED * greatest.max(), 1e-4 * self._shear_modulus))
 
     def reached(self, parameter: float) -> str:
         told = []
         for number, entry in enumerate(self._entries):
             factor = amplitude_of(entry.amplitude)(parameter)
-            parts = [f"x{c + 1} = {value * factor:.4g}" for c, value in enumerate((entry.x1, entry.x2)) if value]
+            parts = [f"x{component} = {value * factor:.4g}" for component, value in enumerate(entry.displacement, 1) if value]
             if entry.rotation:
                 parts.append(f"rotation = {entry.rotation * factor:.4g}")
             if parts:
@@ -379,17 +425,28 @@ def _labels(scene: Scene, regions: BodyRegions) -> list[str]:
     return labels
 
 
-def _free_motions(rows: np.ndarray) -> list[str]:
-    """Words for the rigid motions (x1, x2, turn) that constraints, shape (k, 3), leave free."""
+def _rigid_motions(arms: np.ndarray, components: np.ndarray) -> np.ndarray:
+    """What rigid motions do in given components (k,) of places at given arms (k, d): d along the axes, then a turn or three of them."""
+    count, dimension = arms.shape
+    turns = [(0, 1)] if dimension == 2 else [(1, 2), (2, 0), (0, 1)]
+    rows = np.zeros((count, dimension + len(turns)))
+    rows[np.arange(count), components] = 1.0
+    for number, (a, b) in enumerate(turns, dimension):
+        rows[:, number] = np.where(components == a, -arms[:, b], np.where(components == b, arms[:, a], 0.0))
+    return rows
+
+
+def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
+    """Words for the rigid motions of `_rigid_motions` that constraints, shape (k, motions), leave free."""
     if len(rows) == 0:
-        return ["moving along x1", "moving along x2", "turning"]
+        return [*(f"moving along x{axis + 1}" for axis in range(dimension)), "turning"]
     _, sizes, directions = np.linalg.svd(rows / np.sqrt(len(rows)), full_matrices=True)
-    sizes = np.concatenate([sizes, np.zeros(3 - len(sizes))])
+    sizes = np.concatenate([sizes, np.zeros(rows.shape[1] - len(sizes))])
     # Less than what two points a thousandth of the body apart would give.
     free = directions[sizes < 1e-6]
     if not len(free):
         return []
-    words = [f"moving along x{axis + 1}" for axis in (0, 1) if not (np.abs(rows[:, axis]) > 0).any()]
+    words = [f"moving along x{axis + 1}" for axis in range(dimension) if not (np.abs(rows[:, axis]) > 0).any()]
     if len(free) > len(words):
         words.append("turning")
     return words
