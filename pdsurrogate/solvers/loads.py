@@ -225,9 +225,10 @@ class Loads:
             return _DeadForces(points, sizes[points, None] * np.array(load.traction))
         if load.kind == "force" and regions.edge(load.region) in map(_edge_of, self.body.planes):
             # It would pull at points half a cell inside the edge, which are free.
+            edge = self._told(regions.edge(load.region))
             raise ValueError(
-                f"loads.{number}.region: the {self._told(regions.edge(load.region))} is held by reflection, so that a force there goes into "
-                "what holds it; give another region, or hold points (support=points)"
+                f"loads.{number}.region: the {edge} is held by reflection, so that a force there goes into what holds it; give another "
+                "region, or hold points (support=points)"
             )
         points = regions.points(load.region)
         if load.kind == "body_force":
