@@ -40,8 +40,8 @@ ROOT_OF_CUBES = 1.2207440846057596
 MOST_PLACES = 1_000_000
 """Places on bonds, or in cells, looked at together, which bounds the memory for them."""
 
-MOST_STRIPS = 400
-"""Lines that the area of a cut in space is summed from: of a round one to some 1e-4 of it."""
+STRIPS = 1e-9
+"""Share of the area of a cut in space that a strip of it may be off by."""
 
 CUT_SHIFT = 1e-6
 """Distance inside a grip's plane, in extents of the body, of the cut whose area is taken: more than corners in single precision are off."""
@@ -114,40 +114,71 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
 
 
 def _section_inside(scene: Scene, axis: int, position: float, lower: np.ndarray, upper: np.ndarray) -> float:
-    """Length, or in space area, of the cut on which a coordinate has the given value that lies in material.
-
-    An area is the sum of lengths along lines at the middles of equal strips.
-    """
+    """Length, or in space area, of the cut on which a coordinate has the given value that lies in material."""
     others = [other for other in range(scene.dimension) if other != axis]
-    count = int(min(MOST_STRIPS, np.ceil(RASTER * (upper - lower)[others].max() / scene.spacing)))
-    if scene.dimension == 2:
-        strips, width = np.zeros((1, 0)), 1.0
-    else:
-        width = (upper - lower)[others[1]] / count
-        strips = lower[others[1]] + width * (np.arange(count) + 0.5)[:, None]
     if isinstance(scene.body, Rectangle | Box) and not scene.holes:
         return float(np.prod((upper - lower)[others]))
+    low, high = lower[others[0]], upper[others[0]]
+    count = int(np.ceil(RASTER * (high - low) / scene.spacing))
 
-    def inside(along: np.ndarray, strip: np.ndarray) -> np.ndarray:
-        places = np.empty((len(along), scene.dimension))
-        places[:, axis], places[:, others[0]], places[:, others[1:]] = position, along, strip
-        return _material(scene, places)
+    def lengths(strips: np.ndarray) -> np.ndarray:
+        """Along lines, one for each row of the last of the other coordinates."""
 
-    return width * sum(_length_inside(partial(inside, strip=strip), lower[others[0]], upper[others[0]], count) for strip in strips)
+        def inside(along: np.ndarray, line: np.ndarray) -> np.ndarray:
+            places = np.empty((len(along), scene.dimension))
+            places[:, axis], places[:, others[0]], places[:, others[1:]] = position, along, strips[line]
+            return _material(scene, places)
+
+        return _lengths_inside(inside, low, high, count, len(strips))
+
+    if scene.dimension == 2:
+        return float(lengths(np.zeros((1, 0)))[0])
+    return _integral(lambda strips: lengths(strips[:, None]), lower[others[1]], upper[others[1]])
 
 
-def _length_inside(inside, low: float, high: float, count: int) -> float:
-    """Length between two places on a line that lies in material."""
-    middles = low + (high - low) * (np.arange(count) + 0.5) / count
-    there = inside(middles)
-    ends = np.flatnonzero(there[1:] != there[:-1])
-    starts, stops, before = middles[ends], middles[ends + 1], there[ends]
+def _lengths_inside(inside, low: float, high: float, count: int, lines: int) -> np.ndarray:
+    """Length between two places on each of some lines that lies in material: `inside(along, line)` says where that is."""
+    asked = low + (high - low) * (np.arange(count) + 0.5) / count
+    if lines > 1:  # among them are some that a round body ends on between the last place and the end of its box
+        asked = np.concatenate([[low], asked, [high]])
+    there = inside(np.tile(asked, lines), np.repeat(np.arange(lines), len(asked))).reshape(lines, -1)
+    line, ends = np.nonzero(there[:, 1:] != there[:, :-1])
+    starts, stops, before = asked[ends], asked[ends + 1], there[line, ends]
     for _ in range(50):  # bisection, to rounding
         halves = (starts + stops) / 2
-        same = inside(halves) == before
+        same = inside(halves, line) == before
         starts, stops = np.where(same, halves, starts), np.where(same, stops, halves)
-    bounds = np.concatenate([[low], (starts + stops) / 2, [high]])
-    return float(np.diff(bounds)[np.concatenate([[there[0]], ~before])].sum())
+    found = np.empty(lines)
+    last = np.searchsorted(line, np.arange(1, lines))
+    for number, (bounds, ending) in enumerate(zip(np.split((starts + stops) / 2, last), np.split(before, last), strict=True)):
+        pieces = np.diff(np.concatenate([[low], bounds, [high]]))
+        found[number] = pieces[np.concatenate([[there[number, 0]], ~ending])].sum()
+    return found
+
+
+def _integral(values, low: float, high: float) -> float:
+    """Of a function with kinks and steps: intervals are halved until Gauss's three places tell no more of them, to `STRIPS`."""
+    places, weights = np.polynomial.legendre.leggauss(3)
+
+    def sums(starts: np.ndarray, widths: np.ndarray) -> np.ndarray:
+        at = starts[:, None] + widths[:, None] * (places + 1) / 2
+        return values(at.ravel()).reshape(at.shape) @ weights * widths / 2
+
+    starts, widths = low + (high - low) / 16 * np.arange(16), np.full(16, (high - low) / 16)
+    whole, total = sums(starts, widths), 0.0
+    least = STRIPS * np.abs(whole).sum()
+    for _ in range(40):
+        widths = np.repeat(widths / 2, 2)
+        starts = np.repeat(starts, 2)
+        starts[1::2] += widths[1::2]
+        halves = sums(starts, widths)
+        settled = np.abs(halves.reshape(-1, 2).sum(axis=1) - whole) <= least
+        total += halves.reshape(-1, 2)[settled].sum()
+        left = np.repeat(~settled, 2)
+        starts, widths, whole = starts[left], widths[left], halves[left]
+        if not len(whole):
+            break
+    return float(total + whole.sum())
 
 
 def _chords(cells: np.ndarray, axis: int, position: float) -> np.ndarray:

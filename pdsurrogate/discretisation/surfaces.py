@@ -108,9 +108,9 @@ def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str
     hole = np.full(len(middles), -1)
     for number, shape in reversed(list(enumerate(scene.holes))):
         hole[shape.contains(middles)] = number
-    edges = mesh.sides()
-    sides, beyond = edges.boundary(hole < 0)
-    facets, owners = edges.corners[sides], edges.owners[sides]
+    sides = mesh.sides()
+    outer, beyond = sides.boundary(hole < 0)
+    facets, owners = sides.corners[outer], sides.owners[outer]
     parts = np.where(beyond < 0, "outline", np.char.add("holes.", hole[beyond].astype(str)))
     loop = loops_of(facets)
     first = mesh.nodes[facets[:, 0]]
@@ -125,10 +125,16 @@ def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str
     for number, chain in enumerate(inner, len(scene.holes)):
         parts = np.where((loop == chain) & (beyond < 0), f"holes.{number}", parts)
     groups = {name: np.flatnonzero(np.isin(owners, cells)) for name, cells in mesh.cell_groups.items()}
-    groups |= {name: np.flatnonzero(edges.among(lines)[sides]) for name, lines in mesh.side_groups.items()}
+    groups |= {name: np.flatnonzero(sides.among(lines)[outer]) for name, lines in mesh.side_groups.items()}
     if scene.dimension == 2:
         return mesh.nodes, facets, parts, groups
     triangles = facets[:, 2] == facets[:, 3]
+    three = facets[~triangles][:, [[0, 1, 2, 2], [0, 1, 3, 3], [0, 2, 3, 3], [1, 2, 3, 3]]].reshape(-1, 4)
+    keys = sides.keys(np.concatenate([facets[triangles], three]))
+    if np.isin(keys[: triangles.sum()], keys[triangles.sum() :]).any():
+        raise ValueError(
+            "body.file: faces of tetrahedra lie on those of hexahedra and halve them; loads and probes take cells that share whole faces"
+        )
     middles = len(mesh.nodes) + np.arange(np.count_nonzero(~triangles))
     nodes = np.concatenate([mesh.nodes, mesh.nodes[facets[~triangles]].mean(axis=1)])
     around = facets[~triangles]
