@@ -21,11 +21,11 @@ from ..materials import PLANES, SHEETS, Law, plane_stress
 from .energy_density import EnergyDerivatives, blended, domain_constants
 from .evaluation import DomainWatch, Evaluation, usual_precision
 from .kinematics import Kinematics, at_point, locate, matrices
-from .portions import EvaluationOfPortions, common_precision
 from .protocol import CompiledBondForce, Domain, ForceModel, InvalidState, Portion, Release
-from .settings import OUTSIDE, OUTSIDE_POLICIES, PRECISIONS, WHERE, ForceSettings
+from .settings import OUTSIDE, OUTSIDE_POLICIES, PRECISIONS, ForceSettings
 
 if TYPE_CHECKING:
+    from .energy_of_portions import EnergyOfPortions
     from .tangent import Tangent
 
 
@@ -52,7 +52,9 @@ class EnergySurrogate(ForceModel):
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
         return BondEnergyEvaluation(self, body, law, settings)
 
-    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> BondEnergyOfPortions:
+    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> EnergyOfPortions:
+        from .energy_of_portions import BondEnergyOfPortions  # which stands on this module
+
         return BondEnergyOfPortions(body, portions, settings)
 
     @abstractmethod
@@ -90,11 +92,12 @@ class BondEnergyForce(EnergySurrogate):
 
         return SelectiveEnergyEvaluation(self, body, law, settings)
 
-    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> BondEnergyOfPortions:
-        if settings.plane != "stress":
-            advice = "; force=analytic takes several" if settings.plane == "strain" else ""
-            raise ValueError(f"{self.name} takes a body of one material{WHERE[settings.plane]}{advice}")
-        return BondEnergyOfPortions(body, portions, settings)
+    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> EnergyOfPortions:
+        if settings.plane == "stress":
+            return super().evaluation_of_portions(body, portions, settings)
+        from .energy_of_portions import SelectiveEnergyOfPortions  # which stands on this module
+
+        return SelectiveEnergyOfPortions(body, portions, settings)
 
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
         return EnergyDerivatives(*plane_stress.energy_derivatives(law, trace, area_ratio))
@@ -118,6 +121,9 @@ class PlainBondEnergyForce(BondEnergyForce):
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
         return BondEnergyEvaluation(self, body, law, settings)
+
+    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> EnergyOfPortions:
+        return EnergySurrogate.evaluation_of_portions(self, body, portions, settings)
 
 
 def pair_geometry(body: Body, pairs: np.ndarray | slice, weights: np.ndarray, precision: str) -> np.ndarray:
@@ -603,64 +609,3 @@ class BondEnergyEvaluation(EnergyOfPairs):
         self._kinematics.form_gradients()
         _, invalid, _ = self.pass_bonds(out)
         return np.nan if invalid else self.energy()
-
-
-class BondEnergyOfPortions(EnergyOfPairs, EvaluationOfPortions):
-    """Energies of several materials on one body, theory (56): of a pair across an interface every end has its share, by its own law.
-
-    Either material sees the bond and its ends as if the other moved as itself (`Interfaces`), so that a pair across an interface has one
-    gradient for each; what the energy says about the jump between them is a force on the points that the jump is found from.
-    """
-
-    def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
-        super().__init__(body, portions, common_precision(portions, settings), "none", settings)
-        self.unit = 1.0
-        self._prepare()
-        bonds, kinematics, outside = body.bonds, self._kinematics, settings.outside or OUTSIDE
-        owners = np.repeat(self.portion_of[: len(body)], np.diff(bonds.pointers).astype(np.int64))
-        self._parts, self._watches = [], []
-        for number, portion in enumerate(portions):
-            weights = np.bincount(bonds.pair_of, self.bond_shares * (owners == number), self._n_pairs)
-            pairs = np.flatnonzero(weights)
-            weights = weights[pairs]
-            geometry = pair_geometry(body, pairs, weights, self.precision)
-            states = self._add_states(pairs)
-            view = states.view
-            arrays = view.positions, view.gradients, view.first, view.second, geometry
-            part = PairEnergies(portion.model, portion.law, self.precision, outside, kinematics, states.response, *arrays)
-            across = np.stack([self.portion_of[end[pairs]] != number for end in (bonds.first, bonds.second)])
-            seen = [(np.flatnonzero(other), end[pairs][other]) for other, end in zip(across, (bonds.first, bonds.second), strict=True)]
-            self._parts.append((part, pairs, seen, portion.law.shear_modulus))
-            self._watches.append(DomainWatch(portion.model, len(pairs), outside, "energy", "energy"))
-        self._forces = aligned_rows((self._n_pairs, 2), self.precision)
-        self._moments = aligned_rows((self._n_pairs, 4), self.precision)
-        self._seen_forces, self._seen_moments = np.zeros((len(body.all_points), 2)), np.zeros((len(body.all_points), 4))
-        self._own_sums = self.sums_of(self._forces, self._moments, self._on_jumps)
-
-    def _form(self) -> None:
-        self.form_views()
-
-    def _on_jumps(self, moments: np.ndarray) -> np.ndarray:
-        """Forces on the points from what the energy says about the jumps at interfaces."""
-        return self._kinematics.interfaces.hand_on(self._seen_forces, self._seen_moments, moments)
-
-    def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
-        self._forces[:] = self._moments[:] = 0.0
-        self._seen_forces[:] = self._seen_moments[:] = 0.0
-        self._energy, outside = 0.0, []
-        for part, pairs, seen, unit in self._parts:
-            outside.append(part())
-            self._energy += unit * part.energy
-            self._forces[pairs] += unit * part.forces[: len(pairs)]
-            self._moments[pairs] += unit * part.moments[: len(pairs)]
-            for sign, (some, others) in zip((1.0, -1.0), seen, strict=True):
-                np.add.at(self._seen_forces, others, sign * unit * part.forces[some])
-                np.add.at(self._seen_moments, others, unit * part.moments[some])
-        return outside, sum(part.invalid for part, *_ in self._parts), self._own_sums(out)
-
-    @property
-    def pairs_evaluated(self) -> int:
-        return sum(len(pairs) for _, pairs, *_ in self._parts)
-
-    def _laws_of(self, pair: int) -> list[Law]:
-        return [part.law for part, pairs, *_ in self._parts if pair in pairs]

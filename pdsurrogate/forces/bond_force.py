@@ -16,7 +16,7 @@ from ..materials import SHEETS, Law
 from .evaluation import DomainWatch, Evaluation, usual_precision
 from .kinematics import Kinematics, at_point, locate
 from .plane_strain import in_plane_strain
-from .portions import EvaluationOfPortions, PointStates, common_precision
+from .portions import EvaluationOfPortions, PointStates, common_precision, refuse_in_plane_strain
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel, InvalidState, Portion
 from .settings import OUTSIDE, OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, ForceSettings
 from .surrogate_thickness import SurrogateThickness
@@ -54,6 +54,7 @@ class ForceSurrogate(ForceModel):
         return BondForceEvaluation(self, body, law, settings)
 
     def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> BondForceOfPortions:
+        refuse_in_plane_strain(self.name, settings)
         return BondForceOfPortions(body, portions, settings)
 
     @abstractmethod

@@ -13,23 +13,25 @@ CENTRINGS = 3
 """Times that the straight interface beside a point is fitted, each time about the place found before."""
 
 REACH = 2
-"""Horizons about a place on an interface within which the slopes of either side are fitted.
+"""Horizons about a place on an interface within which the motion of either side is fitted, the farther points counting less.
 
 With one alone the fit hangs on the three nearest rows, and points are seen where they would not move with their own displacement: beside a
 material thirty times as stiff that leaves bond forces without equilibrium.  With two, `bimaterial` is as good, and a hundred times goes.
 """
+
+WORST_CONDITION = 1e6
+"""Condition number up to which a fit is taken; lengths are in units of its reach.  A layer of two rows has one of 1e3."""
 
 
 class Interfaces:
     """Interfaces between the materials of a body, as far as they are straight within a horizon.
 
     Of two materials that are bonded F jumps by c (x) N across the interface, N its normal: the displacement is continuous, its slope
-    along N is not.  Beside every point at an interface the jump c is the difference of two linear fits to the positions of either side,
-    theory (54), a linear function of the positions.  It carries the motion of a material on beyond the interface: there the points of the
-    other are seen where they would be if their side moved as this one.
+    along N is not.  Beside every point at an interface the jump c is that of the function which fits the positions best of those that are
+    continuous, and linear or quadratic on either side, theory (54): a linear function of the positions.  It carries the motion of a
+    material on beyond the interface: there the points of the other are seen where they would be if their side moved as this one.
 
-    A point that sees more than two materials, or no straight interface, has none: c = 0 there, and its own place is seen by all.  In plane
-    strain no point has one: errors of c make errors of det F, and K times those of the pressure.
+    A point that sees more than two materials, or no straight interface, has none: c = 0 there, and its own place is seen by all.
 
     Parameters
     ----------
@@ -38,22 +40,26 @@ class Interfaces:
         Of the body.
     portion_of : ndarray of int, shape (n + m,)
         Material of every point and image.
+    quadratic : bool
+        What the motion on either side is fitted with.  Linear fits leave an error of first order in c, which plane strain feels K times;
+        quadratic ones weigh single points more, and bond forces, which are no gradient, find no equilibrium beside a material a hundred
+        times as stiff.
 
     Attributes
     ----------
     depths : ndarray, shape (n + m,)
         Distance of the points from their interface; 0 of those that have none.
-    normals : ndarray, shape (n + m, 2)
+    normals : ndarray, shape (n, d)
         From every point towards its interface.
     """
 
-    def __init__(self, body: Body, kinematics: Kinematics, portion_of: np.ndarray) -> None:
+    def __init__(self, body: Body, kinematics: Kinematics, portion_of: np.ndarray, quadratic: bool) -> None:
         self._body = body
         n, total, bonds = len(body), len(body.all_points), body.bonds
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbours])
-        self.depths, self.normals = np.zeros(total), np.zeros((total, 2))
-        near = np.unique(np.concatenate([owners[across], _sources(body)[bonds.neighbours[across]]])) if kinematics.plane == "stress" else []
+        self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
+        near = np.unique(np.concatenate([owners[across], _sources(body)[bonds.neighbours[across]]]))
         rows, columns, values = [], [], []
         tree, everywhere = cKDTree(body.points), cKDTree(body.all_points)
         for i in near:
@@ -61,69 +67,77 @@ class Interfaces:
             if found is None:
                 continue
             depth, normal, other = found
-            around = np.array(tree.query_ball_point(body.points[i] + depth * normal, REACH * body.horizon * (1 + 1e-9)))
-            sides = [around[portion_of[around] == number] for number in (portion_of[i], other)]
-            slopes = [_slope(body.points[side], body.volumes[side], normal) for side in sides]
-            if slopes[0] is None or slopes[1] is None:
+            place, reach = body.points[i] + depth * normal, REACH * body.horizon
+            around = np.array(tree.query_ball_point(place, reach * (1 + 1e-9)), dtype=np.int64)
+            around = around[(portion_of[around] == portion_of[i]) | (portion_of[around] == other)]
+            x, beyond = (body.points[around] - place) / reach, portion_of[around] == other
+            jump = _jump_of_slopes(x, body.volumes[around], beyond, normal, quadratic)
+            if jump is None:
                 continue
             self.depths[i], self.normals[i] = depth, normal
-            for side, slope, sign in zip(sides, slopes, (-1, 1), strict=True):
-                rows.append(np.full(len(side), i))
-                columns.append(side)
-                values.append(sign * slope)
+            rows.append(np.full(len(around), i))
+            columns.append(around)
+            values.append(jump / reach)
         empty = [np.empty(0, dtype=np.int64)]
         entries = np.concatenate(values or [np.empty(0)]), (np.concatenate(rows or empty), np.concatenate(columns or empty))
         self._jump = sparse.csr_array(entries, shape=(n, n))
         self._jump_back = self._jump.T.tocsr()
-        ghosts = body.ghosts
         body.ghosts.fill(self.depths)
-        if len(ghosts):
-            self.normals[n:] = ghosts.reflection * self.normals[ghosts.source]
         weights = kinematics.gradient_weights()[across] * self.depths[bonds.neighbours[across], None]
         shape = (n, total)
-        self._corrections = [sparse.csr_array((weights[:, b], (owners[across], bonds.neighbours[across])), shape=shape) for b in (0, 1)]
+        d, entries = body.dimension, (owners[across], bonds.neighbours[across])
+        self._corrections = [sparse.csr_array((weights[:, b], entries), shape=shape) for b in range(d)]
         self._corrections_back = [matrix.T.tocsr() for matrix in self._corrections]
-        self.jumps = np.zeros((total, 2))
-        self.seen_positions, self.seen_gradients = np.zeros((total, 2)), np.zeros((total, 4))
+        self._gradient_ghosts = kinematics.gradient_ghosts
+        self.jumps, self.seen_positions = np.zeros((2, total, d))
+        self.seen_gradients, self._changes = np.zeros((2, total, d * d))
 
     def correct(self, positions: np.ndarray, gradients: np.ndarray) -> None:
         """Find the jumps, and take from the points' gradients what they have of the other side.
 
         Parameters
         ----------
-        positions : ndarray, shape (n + m, 2)
-        gradients : ndarray, shape (n + m, 4)
-            Of the points, as (11, 21, 12, 22), changed in place.
+        positions : ndarray, shape (n + m, d)
+        gradients : ndarray, shape (n + m, d d)
+            Of the points, by columns, changed in place.
         """
         n, ghosts = len(self._body), self._body.ghosts
         self.jumps[:n] = self._jump @ positions[:n]
         if len(ghosts):
             self.jumps[n:] = ghosts.parity * self.jumps[ghosts.source]
         for b, matrix in enumerate(self._corrections):
-            gradients[:n, 2 * b : 2 * b + 2] -= matrix @ self.jumps
+            self._column(gradients, b)[:n] -= matrix @ self.jumps
 
     def see(self, positions: np.ndarray, gradients: np.ndarray) -> None:
         """Find places and gradients of all points as the other material sees them."""
         self.seen_positions[:] = positions - self.depths[:, None] * self.jumps
-        self.seen_gradients[:] = gradients
-        for b in (0, 1):
-            self.seen_gradients[:, 2 * b : 2 * b + 2] += self.jumps * self.normals[:, b, None]
+        n = len(self._body)
+        for b in range(self._body.dimension):
+            self._column(self._changes, b)[:n] = self.jumps[:n] * self.normals[:, b, None]
+        self._gradient_ghosts.fill_changes(self._changes)
+        np.add(gradients, self._changes, out=self.seen_gradients)
+
+    def _column(self, gradients: np.ndarray, b: int) -> np.ndarray:
+        """Column b of the gradients."""
+        d = self._body.dimension
+        return gradients[:, d * b : d * b + d]
 
     def hand_on(self, forces: np.ndarray, moments: np.ndarray, own_moments: np.ndarray) -> np.ndarray:
-        """Forces on the points from what an energy says about the jumps, shape (n, 2): the transpose of `correct` and `see`.
+        """Forces on the points from what an energy says about the jumps, shape (n, d): the transpose of `correct` and `see`.
 
         Parameters
         ----------
-        forces, moments : ndarray, shapes (n + m, 2) and (n + m, 4)
-            Minus the derivative by the seen positions, and the derivative by the seen gradients.
-        own_moments : ndarray, shape (n, 4)
+        forces, moments : ndarray, shapes (n + m, d) and (n + m, d d)
+            Minus the derivative by the seen positions, and the derivative by the seen gradients; the latter are changed.
+        own_moments : ndarray, shape (n, d d)
             Derivative by the points' own gradients.
         """
         n, ghosts = len(self._body), self._body.ghosts
         on_jumps = -self.depths[:, None] * forces
+        self._gradient_ghosts.fold_moments(moments)
         for b, matrix in enumerate(self._corrections_back):
-            on_jumps -= moments[:, 2 * b : 2 * b + 2] * self.normals[:, b, None]
-            on_jumps += matrix @ own_moments[:, 2 * b : 2 * b + 2]
+            on_jumps[:n] -= self._column(moments, b)[:n] * self.normals[:, b, None]
+            on_jumps += matrix @ self._column(own_moments, b)
         own = on_jumps[:n]
         if len(ghosts):
             np.add.at(own, ghosts.source, ghosts.parity * on_jumps[n:])
@@ -147,7 +161,7 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
         V = volumes[around]
         x = points[around] - V @ points[around] / V.sum()
         second = np.einsum("k,ka,kb->ab", V, x, x)
-        if np.linalg.det(second) < 1e-3 * np.trace(second) ** 2:
+        if np.linalg.eigvalsh(second)[0] < 1e-3 * np.trace(second):
             return None
         normal = np.linalg.solve(second, (V * (others - V @ others / V.sum())) @ x)
         normal /= np.linalg.norm(normal)
@@ -162,10 +176,33 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
     return (float(depth), normal, int(kinds[0])) if depth > 0 else None
 
 
-def _slope(points: np.ndarray, volumes: np.ndarray, normal: np.ndarray) -> np.ndarray | None:
-    """Weights of values at points in the slope along a direction of the linear function that fits them best; None if there is none."""
-    x = points - volumes @ points / volumes.sum()
-    second = np.einsum("k,ka,kb->ab", volumes, x, x)
-    if np.linalg.det(second) < 1e-3 * np.trace(second) ** 2:
-        return None
-    return volumes * (x @ np.linalg.solve(second, normal))
+def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, normal: np.ndarray, quadratic: bool) -> np.ndarray | None:
+    """Weights of the values at points in the jump of the slope along a normal, from this side of an interface to the other.
+
+    Of the function that fits them best of those that are continuous, and on either side quadratic where that is asked for and the points
+    say it, or else linear; None, where they do not say that.
+
+    Parameters
+    ----------
+    x : ndarray, shape (k, d)
+        The points from a place on the interface, in units of the reach of the fit.
+    volumes : ndarray, shape (k,)
+    beyond : ndarray of bool, shape (k,)
+        Which of the points are on the other side.
+    normal : ndarray, shape (d,)
+    quadratic : bool
+    """
+    across = x @ normal
+    along = x @ np.linalg.svd(normal[None])[2][1:].T
+    sides = across * ~beyond, across * beyond
+    even, d = np.ones(len(x)), len(normal)
+    linear = [*sides, even, *along.T]
+    curved = [along[:, a] * along[:, b] for a in range(d - 1) for b in range(a + 1)]
+    curved += [side * other for side in sides for other in (across, *along.T)]
+    weights = volumes * np.maximum(1 - (x * x).sum(axis=1), 0.0)
+    for functions in ([*linear, *curved], linear) if quadratic else (linear,):
+        values = np.stack(functions, axis=1)
+        second = values.T @ (weights[:, None] * values) / weights.sum()
+        if np.linalg.cond(second) < WORST_CONDITION:
+            return weights * (values @ np.linalg.solve(second, np.eye(len(functions))[1] - np.eye(len(functions))[0])) / weights.sum()
+    return None

@@ -13,7 +13,7 @@ from ..kernels.block_arrays import aligned_rows
 from ..materials import PLANES, Law
 from .evaluation import Evaluation
 from .kinematics import locate, matrices
-from .portions import EvaluationOfPortions
+from .portions import EvaluationOfPortions, refuse_in_plane_strain
 from .protocol import ForceModel, InvalidState, Portion
 from .settings import ForceSettings
 
@@ -29,6 +29,7 @@ class NOSBForce(ForceModel):
         return NOSBEvaluation(body, law, settings)
 
     def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> NOSBOfPortions:
+        refuse_in_plane_strain(self.name, settings)
         return NOSBOfPortions(body, portions, settings)
 
 

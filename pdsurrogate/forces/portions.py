@@ -51,8 +51,6 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     merged = _merged(portions)
     if len(merged) == 1:
         return merged[0].model.bind(body, merged[0].law, settings)
-    if settings.plane == "space":
-        raise ValueError("several materials are taken in the plane only; in space a body is of one material")
     honoured = {key for portion in merged for key in portion.model.honoured(settings.plane)}
     for portion in merged:
         # Of models beside one that has a domain, those that hold everywhere have no use for `outside`.
@@ -85,6 +83,24 @@ def common_precision(portions: Sequence[Portion], settings: ForceSettings) -> st
     return max(usual_precision(portion.model, settings) for portion in portions)
 
 
+def refuse_in_plane_strain(name: str, settings: ForceSettings) -> None:
+    """Refuse several materials to a force whose pressure is that of det F at single points (theory, section 16).
+
+    What the other material sees of a point would have to keep its volume as well as what its own sees, and no equilibrium is found; with
+    one gradient for both, states that are homogeneous on either side are not in equilibrium.
+
+    Raises
+    ------
+    ValueError
+        Where the volume is held.
+    """
+    if settings.plane != "stress":
+        raise ValueError(
+            f"{name} takes several materials with plane=stress only: where the volume is held its pressure is wrong beside an interface; "
+            "force=bond-energy takes them everywhere"
+        )
+
+
 class View:
     """The points of a material, and those of others that it is bonded to where and as it sees them (`Interfaces`).
 
@@ -102,7 +118,7 @@ class View:
         Of the points and images in the body, rising.
     first, second : ndarray of uint32
         Ends of the pairs by their places in `numbers`, filled up to whole blocks.
-    positions, gradients : ndarray, shapes (k, 2) and (k, 4)
+    positions, gradients : ndarray, shapes (k, d) and (k, d d)
     """
 
     def __init__(self, kinematics: Kinematics, own: np.ndarray, pairs: np.ndarray) -> None:
@@ -113,7 +129,8 @@ class View:
             seen[end] = True
         self.numbers, place = np.flatnonzero(seen), np.cumsum(seen) - 1
         self.first, self.second = (np.pad(place[end], (0, -len(end) % BLOCK)).astype(np.uint32) for end in ends)
-        self.positions, self.gradients = aligned_rows((len(self.numbers), 2)), aligned_rows((len(self.numbers), 4))
+        size, d = len(self.numbers), kinematics.body.dimension
+        self.positions, self.gradients = aligned_rows((size, d)), aligned_rows((size, d * d))
         self._others = np.flatnonzero(~own[self.numbers])
         self._numbers_of_others = self.numbers[self._others]
 
@@ -142,7 +159,7 @@ class PointStates:
     ----------
     view
     volume_ratios, records : ndarray, shapes (k,) and (k, 4)
-        As those of `Kinematics`.
+        As those of `Kinematics`; no records in space.
     response, parameters, scratch
         Of the law, for passes over these points.
     surrogate_thickness : SurrogateThickness or None
@@ -153,7 +170,7 @@ class PointStates:
         self._kinematics, self.law, self.view = kinematics, law, view
         self.response, self.parameters, self.scratch = PLANES[kinematics.plane].response.block(law), law.parameters, kinematics.scratch
         self.volume_ratios = np.ones(len(view.numbers))
-        self.records = aligned_rows((len(view.numbers), 4), precision)
+        self.records = aligned_rows((len(view.numbers) if kinematics.body.dimension == 2 else 0, 4), precision)
         self.surrogate_thickness: SurrogateThickness | None = None
         turn = ROTATIONS[rotation or ROTATION]
         self._turn = turn and turn.bind(view.gradients, self.records, chunks=kinematics.chunks)
@@ -177,6 +194,8 @@ class PointStates:
 
     def _bound(self) -> BoundPass:
         law, chunks = (self.response.address, self.parameters), self._kinematics.chunks
+        if self._kinematics.plane == "space":
+            return node_state.volume_ratios[3].bind(self.view.gradients, self.volume_ratios, chunks=chunks)
         if self._kinematics.plane == "strain":
             return node_state.held_states.bind(self.view.gradients, self.volume_ratios, self.records, chunks=chunks)
         if self.surrogate_thickness is not None:
@@ -215,7 +234,7 @@ class EvaluationOfPortions(Evaluation):
         for number, portion in enumerate(portions):
             self.portion_of[portion.points] = number
         body.ghosts.fill(self.portion_of)
-        self._kinematics.interfaces = Interfaces(body, self._kinematics, self.portion_of)
+        self._kinematics.interfaces = Interfaces(body, self._kinematics, self.portion_of, self.has_energy)
         self.states: list[PointStates] = []
         moduli, n, bonds = np.array([portion.law.shear_modulus for portion in portions])[self.portion_of], len(body), body.bonds
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))

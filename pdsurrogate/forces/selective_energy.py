@@ -15,9 +15,10 @@ from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.bond_energy import COLLAPSED
 from ..kernels.elementary import sum_in_order
 from ..kernels.passes import BoundPass
-from ..materials import PLANES
+from ..materials import PLANES, Law
 from ..materials.response import volume_energy_block
 from .bond_energy import BondEnergyEvaluation
+from .kinematics import Kinematics
 from .protocol import InvalidState
 
 SLAB = 4_000_000
@@ -33,23 +34,17 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
 
     def _bind_energies(self) -> None:
         body, kinematics, chunks = self.body, self._kinematics, self._kinematics.chunks
-        bonds, n, total, dimension = body.bonds, len(body), len(body.all_points), body.dimension
+        bonds, n = body.bonds, len(body)
         first, second = bonds.ends_in_blocks(BLOCK)
-        size = len(first)
         self._smoothing = Smoothing(body, self._carrying(), self.breakable)
-        self._pair_volumes, self._dilatations, self._smoothed, self._slopes = np.ones(size), np.ones(n), np.ones(n), np.zeros(n)
+        self._pair_volumes, self._dilatations, self._smoothed, self._slopes = np.ones(len(first)), np.ones(n), np.ones(n), np.zeros(n)
         # Ghosts' volumes lie beyond the body: they have no pressure, and no share.
-        self._pressures = np.zeros(total)
-        self._end_shares = aligned_rows((size // BLOCK, 2, BLOCK))
+        self._pressures = np.zeros(len(body.all_points))
+        places = kinematics.positions, kinematics.gradients, self._pressures
+        self._pairs = SelectivePairs(self.law, kinematics, *places, first, second, self.geometry, self._pair_volumes)
         self._share_ends(np.arange(self._n_pairs))
-        self._buffers = aligned_rows((chunks, selective_energy.buffer_rows(dimension), BLOCK), value=1)
-        pairs = first, second, self.geometry
-        self._energies, self._volume_energies = np.zeros(len(self.geometry)), np.zeros(-(-n // BLOCK))
-        self._forces, self._moments = aligned_rows((size, dimension)), aligned_rows((size, dimension**2))
-        places = kinematics.positions, kinematics.gradients
-        self._find_volumes = selective_energy.pair_volumes[dimension].bind(
-            *places, *pairs, self._buffers, self._pair_volumes, chunks=chunks
-        )
+        self._volume_energies = np.zeros(-(-n // BLOCK))
+        self._forces, self._moments = self._pairs.forces, self._pairs.moments
         self._find_dilatations = selective_energy.mean_dilatations.bind(
             bonds.pointers, bonds.pair_of, self.bond_shares, self._pair_volumes, self._dilatations, chunks=chunks
         )
@@ -60,27 +55,13 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
             body.volumes,
             self._volumetric.address,
             kinematics.parameters,
-            self._buffers,
+            self._pairs.buffers,
             self._volume_energies,
             self._slopes,
             chunks=chunks,
         )
         # What the bonds of the points feel of U' is the transpose of the smoothing, and V_i W_ij is symmetric.
         self._spread_slopes = self._smoothing.bind(self._slopes, self._pressures, chunks)
-        self._response = PLANES[self.plane].isochoric_response.block(self.law)
-        self._find_energies = selective_energy.pair_energies[dimension].bind(
-            *places,
-            self._pressures,
-            *pairs,
-            self._end_shares,
-            self._response.address,
-            kinematics.parameters,
-            self._buffers,
-            self._energies,
-            self._forces,
-            self._moments,
-            chunks=chunks,
-        )
 
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
         """Passes over pairs and points, and sums, with the deformation gradients last formed; see `BondEnergyEvaluation.pass_bonds`."""
@@ -89,13 +70,13 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
             return [0], invalid, 0
         self._find_volume_energies()
         self._spread_slopes()
-        self._find_energies()
-        self._energy = float(sum_in_order(self._energies) + sum_in_order(self._volume_energies))
+        self._pairs.find_energies()
+        self._energy = self._pairs.energy + float(sum_in_order(self._volume_energies))
         return [0], 0, self._own_sums(out)
 
     def _form_volumes(self) -> int:
         """Bring the smoothed dilatations up to date with the gradients last formed; the number of pairs turned inside out."""
-        invalid = self._find_volumes()
+        invalid = self._pairs.find_volumes()
         self._find_dilatations()
         self._smooth_dilatations()
         return invalid
@@ -119,12 +100,8 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         self._smoothing.renew(self._carrying(), pairs)
 
     def _share_ends(self, pairs: np.ndarray) -> None:
-        """Bring the shares that given pairs have of the volumes of their ends up to date; a ghost's volume has none."""
-        entries, starts = self._kinematics.pair_entries
-        within = self.body.bonds.second[pairs] < len(self.body)
-        self._end_shares[pairs // BLOCK, 0, pairs % BLOCK] = self.bond_shares[entries[starts[pairs]]]
-        pairs = pairs[within]
-        self._end_shares[pairs // BLOCK, 1, pairs % BLOCK] = self.bond_shares[entries[starts[pairs + 1] - 1]]
+        """Bring the shares that given pairs have of the volumes of their ends up to date."""
+        self._pairs.share(pairs, self._kinematics, pairs, self.bond_shares)
 
     def _carrying(self) -> np.ndarray:
         """Which pairs carry anything; of one with a ghost, whose mirrored pair does as well: else V_i W_ij would not be symmetric."""
@@ -133,6 +110,91 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
             outer, mirrored = self._mirrored_pairs
             carries[outer] &= carries[mirrored]
         return carries
+
+
+class SelectivePairs:
+    """The passes of the selective energy over some pairs of a body, bound to their arrays.
+
+    Parameters
+    ----------
+    law : Law
+    kinematics : Kinematics
+        Of the body.
+    positions, gradients : ndarray, shapes (k, d) and (k, d d)
+        Of the points and images that pairs are made of.
+    pressures : ndarray, shape (k,)
+        Of the same, in units of mu: what a share of a point's volume weighs the change of det F_ij with.
+    first, second : ndarray of uint32
+        Ends of the pairs, filled up to whole blocks.
+    geometry : ndarray
+        See `pair_geometry`.
+    volumes : ndarray, shape (n_blocks * BLOCK,)
+        For det F_ij.
+
+    Attributes
+    ----------
+    forces, moments, buffers
+        As those of `PairEnergies`.
+    find_volumes, find_energies : BoundPass
+        Of which the first returns the number of pairs turned inside out.
+    """
+
+    def __init__(
+        self,
+        law: Law,
+        kinematics: Kinematics,
+        positions: np.ndarray,
+        gradients: np.ndarray,
+        pressures: np.ndarray,
+        first: np.ndarray,
+        second: np.ndarray,
+        geometry: np.ndarray,
+        volumes: np.ndarray,
+    ) -> None:
+        dimension, chunks = positions.shape[1], kinematics.chunks
+        self._response = PLANES[kinematics.plane].isochoric_response.block(law)
+        self._end_shares, self._energies = aligned_rows((len(geometry), 2, BLOCK)), np.zeros(len(geometry))
+        self.buffers = aligned_rows((chunks, selective_energy.buffer_rows(dimension), BLOCK), value=1)
+        self.forces, self.moments = aligned_rows((len(first), dimension)), aligned_rows((len(first), dimension**2))
+        places, pairs = (positions, gradients), (first, second, geometry)
+        self.find_volumes = selective_energy.pair_volumes[dimension].bind(*places, *pairs, self.buffers, volumes, chunks=chunks)
+        self.find_energies = selective_energy.pair_energies[dimension].bind(
+            *places,
+            pressures,
+            *pairs,
+            self._end_shares,
+            self._response.address,
+            law.parameters,
+            self.buffers,
+            self._energies,
+            self.forces,
+            self.moments,
+            chunks=chunks,
+        )
+
+    @property
+    def energy(self) -> float:
+        """Isochoric energy of the pairs as last found, over the shear modulus."""
+        return float(sum_in_order(self._energies))
+
+    def share(self, places: np.ndarray, kinematics: Kinematics, pairs: np.ndarray, bond_shares: np.ndarray) -> None:
+        """Bring the shares of the volumes of both ends up to date; a ghost's volume has none.
+
+        Parameters
+        ----------
+        places : ndarray of int
+            Of pairs among these.
+        kinematics : Kinematics
+        pairs : ndarray of int
+            The same pairs by their numbers in the body.
+        bond_shares : ndarray, shape (n_bonds,)
+            Volume of its point that every directed bond stands for.
+        """
+        entries, starts = kinematics.pair_entries
+        self._end_shares[places // BLOCK, 0, places % BLOCK] = bond_shares[entries[starts[pairs]]]
+        within = kinematics.body.bonds.second[pairs] < len(kinematics.body)
+        places, pairs = places[within], pairs[within]
+        self._end_shares[places // BLOCK, 1, places % BLOCK] = bond_shares[entries[starts[pairs + 1] - 1]]
 
 
 class Smoothing:

@@ -338,12 +338,6 @@ class Scene(StrictModel):
         return self
 
     @model_validator(mode="after")
-    def _materials_in_plane_stress(self) -> Scene:
-        if self.materials and self.plane == "strain":
-            raise ValueError("several materials take plane=stress: in plane strain the forces beside an interface are not accurate yet")
-        return self
-
-    @model_validator(mode="after")
     def _one_way_of_loading(self) -> Scene:
         general = [key for key in ("prescribed", "loads", "steps") if getattr(self, key)]
         short = [key for key in ("grips", "stretches", "holds", "dynamics") if getattr(self, key)]

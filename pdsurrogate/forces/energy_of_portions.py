@@ -1,0 +1,189 @@
+"""Energies of several materials on one body (theory (56), (57)): of a pair across an interface every end has its share, by its own law."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from ..body import Body
+from ..kernels import selective_energy
+from ..kernels.block_arrays import aligned_rows
+from ..kernels.elementary import sum_in_order
+from ..materials import Law
+from .bond_energy import EnergyOfPairs, PairEnergies, pair_geometry
+from .evaluation import DomainWatch
+from .portions import EvaluationOfPortions, common_precision
+from .protocol import InvalidState, Portion
+from .selective_energy import SelectivePairs, Smoothing
+from .settings import OUTSIDE, ForceSettings
+
+
+class EnergyOfSomePairs(Protocol):
+    """What a part of the energy is asked for: `PairEnergies` or `SelectivePairs`."""
+
+    energy: float
+    forces: np.ndarray
+    moments: np.ndarray
+
+
+class EnergyOfPortions(EnergyOfPairs, EvaluationOfPortions):
+    """An energy of several materials.
+
+    Either material sees the bond and its ends as if the other moved as itself (`Interfaces`), so that a pair across an interface has one
+    gradient for each; what the energy says about the jump between them is a force on the points that the jump is found from.
+    """
+
+    def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
+        super().__init__(body, portions, common_precision(portions, settings), "none", settings)
+        self.unit, self._outside = 1.0, settings.outside or OUTSIDE
+        self._prepare()
+        bonds, self._watches = body.bonds, []
+        owners = self.portion_of[np.repeat(np.arange(len(body)), np.diff(bonds.pointers).astype(np.int64))]
+        self._pairs_of, self._seen, geometries = [], [], []
+        for number, portion in enumerate(portions):
+            weights = np.bincount(bonds.pair_of, self.bond_shares * (owners == number), self._n_pairs)
+            pairs = np.flatnonzero(weights)
+            self._pairs_of.append(pairs)
+            self._add_states(pairs)
+            geometries.append(pair_geometry(body, pairs, weights[pairs], self.precision))
+            self._watches.append(DomainWatch(portion.model, len(pairs), self._outside, "energy", "energy"))
+            ends = bonds.first[pairs], bonds.second[pairs]
+            across = [np.flatnonzero(self.portion_of[end] != number) for end in ends]
+            self._seen.append([(other, end[other]) for other, end in zip(across, ends, strict=True)])
+        self._parts = self._bind_parts(owners, geometries)
+        total, d = len(body.all_points), body.dimension
+        self._forces, self._moments = aligned_rows((self._n_pairs, d), self.precision), aligned_rows((self._n_pairs, d * d), self.precision)
+        self._seen_forces, self._seen_moments = np.zeros((total, d)), np.zeros((total, d * d))
+        self._own_sums = self.sums_of(self._forces, self._moments, self._on_jumps)
+
+    @abstractmethod
+    def _bind_parts(self, owners: np.ndarray, geometries: list[np.ndarray]) -> Sequence[EnergyOfSomePairs]:
+        """For every portion the pass over its pairs, bound to the points as it sees them.
+
+        Parameters
+        ----------
+        owners : ndarray of int, shape (n_bonds,)
+            Which of the portions the point of every directed bond is of.
+        geometries : list of ndarray
+            `pair_geometry` of the pairs of every portion.
+        """
+
+    def _form(self) -> None:
+        self.form_views()
+
+    def _on_jumps(self, moments: np.ndarray) -> np.ndarray:
+        """Forces on the points from what the energy says about the jumps at interfaces."""
+        return self._kinematics.interfaces.hand_on(self._seen_forces, self._seen_moments, moments)
+
+    def _add_parts(self, out: np.ndarray) -> int:
+        """Energy, and the sums of what the parts have last found to the points; the number of points without a force."""
+        self._forces[:] = self._moments[:] = 0.0
+        self._seen_forces[:] = self._seen_moments[:] = 0.0
+        self._energy = 0.0
+        for part, pairs, seen, portion in zip(self._parts, self._pairs_of, self._seen, self.portions, strict=True):
+            unit = portion.law.shear_modulus
+            self._energy += unit * part.energy
+            self._forces[pairs] += unit * part.forces[: len(pairs)]
+            self._moments[pairs] += unit * part.moments[: len(pairs)]
+            for sign, (some, others) in zip((1.0, -1.0), seen, strict=True):
+                np.add.at(self._seen_forces, others, sign * unit * part.forces[some])
+                np.add.at(self._seen_moments, others, unit * part.moments[some])
+        return self._own_sums(out)
+
+    @property
+    def pairs_evaluated(self) -> int:
+        return sum(len(pairs) for pairs in self._pairs_of)
+
+    def _laws_of(self, pair: int) -> list[Law]:
+        return [portion.law for portion, pairs in zip(self.portions, self._pairs_of, strict=True) if pair in pairs]
+
+
+class BondEnergyOfPortions(EnergyOfPortions):
+    """All of the energy at the bonds, theory (56)."""
+
+    def _bind_parts(self, owners: np.ndarray, geometries: list[np.ndarray]) -> list[PairEnergies]:
+        parts = []
+        for portion, states, geometry in zip(self.portions, self.states, geometries, strict=True):
+            view, how = states.view, (self.precision, self._outside, self._kinematics, states.response)
+            arrays = view.positions, view.gradients, view.first, view.second, geometry
+            parts.append(PairEnergies(portion.model, portion.law, *how, *arrays))
+        return parts
+
+    def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
+        outside = [part() for part in self._parts]
+        return outside, sum(part.invalid for part in self._parts), self._add_parts(out)
+
+
+class SelectiveEnergyOfPortions(EnergyOfPortions):
+    """The selective energy of several materials, theory (57): isochoric at the bonds, volumetric at the points.
+
+    A point's dilatation is the mean over its bonds as its own material sees them, smoothed among the points of that material: the pressure
+    jumps at an interface.
+    """
+
+    def _bind_parts(self, owners: np.ndarray, geometries: list[np.ndarray]) -> list[SelectivePairs]:
+        body, bonds, kinematics = self.body, self.body.bonds, self._kinematics
+        # The pressure jumps: a point's neighbours are those of its own material.
+        within = self.portion_of[bonds.first] == self.portion_of[bonds.second]
+        self._smoothing = Smoothing(body, (self.bond_weights > 0) & within)
+        self._dilatations, self._smoothed, self._slopes, self._pressures = np.ones((4, len(body)))
+        self._shown_pressures = []
+        # Det F_ij of all parts, and of every directed bond where among them its point's own material has it.
+        starts = np.cumsum([0, *(len(states.view.first) for states in self.states)])
+        volumes, places, parts = np.ones(starts[-1]), np.zeros(len(owners), dtype=np.uint32), []
+        of_portions = zip(self.portions, self._pairs_of, self.states, geometries, strict=True)
+        for number, (portion, pairs, states, geometry) in enumerate(of_portions):
+            own, place = owners == number, np.zeros(self._n_pairs, dtype=np.uint32)
+            place[pairs] = starts[number] + np.arange(len(pairs))
+            places[own] = place[bonds.pair_of[own]]
+            view, pressures = states.view, np.zeros(len(states.view.numbers))
+            # Of the points alone: other materials and images have no share.
+            shown = np.flatnonzero((self.portion_of[view.numbers] == number) & (view.numbers < len(body)))
+            self._shown_pressures.append((pressures, shown, view.numbers[shown]))
+            arrays = view.positions, view.gradients, pressures, view.first, view.second, geometry
+            part = SelectivePairs(portion.law, kinematics, *arrays, volumes[starts[number] : starts[number + 1]])
+            part.share(np.arange(len(pairs)), kinematics, pairs, self.bond_shares * own)
+            parts.append(part)
+        self._find_dilatations = selective_energy.mean_dilatations.bind(
+            bonds.pointers, places, self.bond_shares, volumes, self._dilatations, chunks=kinematics.chunks
+        )
+        self._smooth_dilatations = self._smoothing.bind(self._dilatations, self._smoothed, kinematics.chunks)
+        # As in `SelectiveEnergyEvaluation`; slopes may be in units of each material's own modulus, for none reach another.
+        self._spread_slopes = self._smoothing.bind(self._slopes, self._pressures, kinematics.chunks)
+        return parts
+
+    def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
+        invalid = self._form_volumes()
+        if invalid:
+            return [0] * len(self._parts), invalid, 0
+        energies = np.empty(len(self.body))
+        with np.errstate(all="ignore"):  # what is not finite shows in the energy
+            for law, points in self.laws:
+                U, self._slopes[points], _ = law.volumetric(self._smoothed[points], law.parameters)
+                energies[points] = law.shear_modulus * U
+        self._spread_slopes()
+        for part, (pressures, shown, numbers) in zip(self._parts, self._shown_pressures, strict=True):
+            pressures[shown] = self._pressures[numbers]
+            part.find_energies()
+        without_force = self._add_parts(out)
+        self._energy += float(sum_in_order(self.body.volumes * energies))
+        return [0] * len(self._parts), 0, without_force
+
+    def _form_volumes(self) -> int:
+        """Bring the smoothed dilatations up to date with the gradients last formed; the number of pairs turned inside out."""
+        invalid = sum(part.find_volumes() for part in self._parts)
+        self._find_dilatations()
+        self._smooth_dilatations()
+        return invalid
+
+    def bulk_stresses(self) -> np.ndarray:
+        return self._smoothing.matrix() @ super().bulk_stresses()
+
+    def volume_ratios(self) -> np.ndarray:
+        self.form_views()
+        if self._form_volumes():
+            raise InvalidState(self._diagnose())
+        return self._smoothed.copy()
