@@ -147,8 +147,8 @@ class SelectiveEnergyOfPortions(EnergyOfPortions):
             part = SelectivePairs(portion.law, kinematics, *arrays, volumes[starts[number] : starts[number + 1]])
             part.share(np.arange(len(pairs)), kinematics, pairs, self.bond_shares * own)
             parts.append(part)
-        self._find_dilatations = selective_energy.mean_dilatations.bind(
-            bonds.pointers, places, self.bond_shares, volumes, self._dilatations, chunks=kinematics.chunks
+        self._find_dilatations = selective_energy.means_over_bonds.bind(
+            bonds.pointers, places, self.bond_shares, volumes, 1.0, self._dilatations, chunks=kinematics.chunks
         )
         self._smooth_dilatations = self._smoothing.bind(self._dilatations, self._smoothed, kinematics.chunks)
         # As in `SelectiveEnergyEvaluation`; slopes may be in units of each material's own modulus, for none reach another.

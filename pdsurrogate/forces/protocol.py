@@ -148,6 +148,8 @@ class InternalForce(ABC):
         Whether the forces are minus the derivative of an energy, which `energy` gives.
     has_tangent : bool
         Whether `tangent` gives the second derivative of that energy.
+    nearly_incompressible : bool
+        Whether `linearised_dilatation` tells how the volume of the points changes with the positions, which costs the bulk modulus.
     learnt_thickness : bool
         Whether the points' J3 is found with a learnt force, and not by the law itself.
     evaluations : int
@@ -161,6 +163,7 @@ class InternalForce(ABC):
 
     has_energy = False
     has_tangent = False
+    nearly_incompressible = False
     learnt_thickness = False
 
     def __init__(self, body: Body, law: Law, precision: str, correction: str, breakable: bool, plane: str = "stress") -> None:
@@ -282,6 +285,10 @@ class InternalForce(ABC):
     def tangent(self, positions: np.ndarray):
         """Second derivative of the energy at positions of the points (`forces.tangent.Tangent`); of a force that `has_tangent`."""
         raise TypeError(f"{type(self).__name__} has no tangent")
+
+    def linearised_dilatation(self):
+        """How the points' volume changes with the positions (`forces.dilatation.LinearisedDilatation`); if `nearly_incompressible`."""
+        raise TypeError(f"{type(self).__name__} has no dilatation of its own")
 
     def break_bonds(self, pairs: np.ndarray) -> Release | None:
         """Take pairs out of everything: horizons, corrections and forces.

@@ -18,6 +18,7 @@ from ..kernels.passes import BoundPass
 from ..materials import PLANES, Law
 from ..materials.response import volume_energy_block
 from .bond_energy import BondEnergyEvaluation
+from .dilatation import LinearisedDilatation
 from .kinematics import Kinematics
 from .protocol import InvalidState
 
@@ -32,6 +33,8 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
     states, but its pressure is rough; det F_i alone leaves a pressure that changes sign from point to point.
     """
 
+    nearly_incompressible = True
+
     def _bind_energies(self) -> None:
         body, kinematics, chunks = self.body, self._kinematics, self._kinematics.chunks
         bonds, n = body.bonds, len(body)
@@ -45,8 +48,8 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         self._share_ends(np.arange(self._n_pairs))
         self._volume_energies = np.zeros(-(-n // BLOCK))
         self._forces, self._moments = self._pairs.forces, self._pairs.moments
-        self._find_dilatations = selective_energy.mean_dilatations.bind(
-            bonds.pointers, bonds.pair_of, self.bond_shares, self._pair_volumes, self._dilatations, chunks=chunks
+        self._find_dilatations = selective_energy.means_over_bonds.bind(
+            bonds.pointers, bonds.pair_of, self.bond_shares, self._pair_volumes, 1.0, self._dilatations, chunks=chunks
         )
         self._smooth_dilatations = self._smoothing.bind(self._dilatations, self._smoothed, chunks)
         self._volumetric = volume_energy_block(self.law)
@@ -80,6 +83,9 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         self._find_dilatations()
         self._smooth_dilatations()
         return invalid
+
+    def linearised_dilatation(self) -> LinearisedDilatation:
+        return LinearisedDilatation(self, self._kinematics, self._smoothing, self._smoothed, self._pairs)
 
     def bulk_stresses(self) -> np.ndarray:
         return self._smoothing.matrix() @ super().bulk_stresses()
@@ -135,6 +141,8 @@ class SelectivePairs:
     ----------
     forces, moments, buffers
         As those of `PairEnergies`.
+    end_shares : ndarray, shape (n_blocks, 2, BLOCK)
+        Of the volumes of both ends, see `share`.
     find_volumes, find_energies : BoundPass
         Of which the first returns the number of pairs turned inside out.
     """
@@ -153,7 +161,7 @@ class SelectivePairs:
     ) -> None:
         dimension, chunks = positions.shape[1], kinematics.chunks
         self._response = PLANES[kinematics.plane].isochoric_response.block(law)
-        self._end_shares, self._energies = aligned_rows((len(geometry), 2, BLOCK)), np.zeros(len(geometry))
+        self.end_shares, self._energies = aligned_rows((len(geometry), 2, BLOCK)), np.zeros(len(geometry))
         self.buffers = aligned_rows((chunks, selective_energy.buffer_rows(dimension), BLOCK), value=1)
         self.forces, self.moments = aligned_rows((len(first), dimension)), aligned_rows((len(first), dimension**2))
         places, pairs = (positions, gradients), (first, second, geometry)
@@ -162,7 +170,7 @@ class SelectivePairs:
             *places,
             pressures,
             *pairs,
-            self._end_shares,
+            self.end_shares,
             self._response.address,
             law.parameters,
             self.buffers,
@@ -191,10 +199,10 @@ class SelectivePairs:
             Volume of its point that every directed bond stands for.
         """
         entries, starts = kinematics.pair_entries
-        self._end_shares[places // BLOCK, 0, places % BLOCK] = bond_shares[entries[starts[pairs]]]
+        self.end_shares[places // BLOCK, 0, places % BLOCK] = bond_shares[entries[starts[pairs]]]
         within = kinematics.body.bonds.second[pairs] < len(kinematics.body)
         places, pairs = places[within], pairs[within]
-        self._end_shares[places // BLOCK, 1, places % BLOCK] = bond_shares[entries[starts[pairs + 1] - 1]]
+        self.end_shares[places // BLOCK, 1, places % BLOCK] = bond_shares[entries[starts[pairs + 1] - 1]]
 
 
 class Smoothing:

@@ -167,6 +167,12 @@ def squared_norm(F):
 
 
 @inlined
+def double_dot(F, G):
+    """F : G."""
+    return F[0] * G[0] + F[1] * G[1] + F[2] * G[2] + F[3] * G[3]
+
+
+@inlined
 def times_symmetric(F, Z):
     """F Z."""
     return F[0] * Z[0] + F[2] * Z[1], F[1] * Z[0] + F[3] * Z[1], F[0] * Z[1] + F[2] * Z[2], F[1] * Z[1] + F[3] * Z[2]

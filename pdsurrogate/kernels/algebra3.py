@@ -206,6 +206,12 @@ def squared_norm(F):
 
 
 @inlined
+def double_dot(F, G):
+    """F : G."""
+    return F[0] * G[0] + F[1] * G[1] + F[2] * G[2] + F[3] * G[3] + F[4] * G[4] + F[5] * G[5] + F[6] * G[6] + F[7] * G[7] + F[8] * G[8]
+
+
+@inlined
 def times_symmetric(F, Z):
     """F Z."""
     return (

@@ -80,16 +80,16 @@ def pair_volumes(algebra):
 
 
 @Pass
-def mean_dilatations(chunk, chunks, pointers, pair_of, shares, volumes, means):
-    """Mean of det F_ij over every point's bonds by the shares of its volume; 1 where no bond has a share."""
+def means_over_bonds(chunk, chunks, pointers, pair_of, shares, values, otherwise, means):
+    """Mean of what pairs have over every point's bonds, by the shares of its volume; `otherwise` where no bond has a share."""
     start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
     for i in range(start, stop):
         total = 0.0
         whole = 0.0
         for b in range(pointers[i], pointers[i + 1]):
-            total += shares[b] * volumes[pair_of[b]]
+            total += shares[b] * values[pair_of[b]]
             whole += shares[b]
-        means[i] = total / whole if whole > 0.0 else 1.0
+        means[i] = total / whole if whole > 0.0 else otherwise
 
 
 @Pass
@@ -215,3 +215,111 @@ def pair_energies(algebra):
             energies[block] = total
 
     return pair_energies
+
+
+def change_rows(dimension: int) -> int:
+    """Rows that say how det F_ij changes: with the bond, and with the sum of the ends' gradients."""
+    return dimension + dimension * dimension
+
+
+@ByDimension
+def volume_derivatives(algebra):
+    """Derivatives of det F_ij of every pair."""
+    gradient_of_bond = _gradient_of_bond(algebra)
+    matrix, dimension = algebra.MATRIX, algebra.DIMENSION
+    length = dimension
+
+    @Pass
+    def volume_derivatives(chunk, chunks, positions, gradients, first, second, geometry, buffers, derivatives):
+        """Derivatives of det F_ij of every pair, by y and by F_i + F_j: cof F_ij n/l and cof F_ij (I - n (x) n)/2.
+
+        Parameters
+        ----------
+        positions, gradients, first, second, geometry, buffers : see `pair_volumes`.
+        derivatives : (n_blocks, `change_rows`, BLOCK) out, the second by columns.
+        """
+        widest_vectors()
+        first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
+        sums = block_rows(buffers[chunk, 0:matrix])
+        bonds = block_rows(buffers[chunk, matrix : matrix + dimension])
+        for block in range(first_block, last_block):
+            at = block * BLOCK
+            reference = block_rows(geometry[block])
+            by_bond = block_rows(derivatives[block, 0:dimension])
+            by_sum = block_rows(derivatives[block, dimension : dimension + matrix])
+            for k in range(0, BLOCK, 4):
+                algebra.gather_pairs(gradients, positions, first, second, at + k, sums, bonds, k)
+            for k in range(BLOCK):
+                n = algebra.column_at(reference, k)
+                G = algebra.cofactor(gradient_of_bond(sums, bonds, reference, k))
+                along = algebra.matrix_times_vector(G, n)
+                put_column(by_bond, k, algebra.times(reference[length, k], along))
+                put_column(by_sum, k, algebra.times_matrix(0.5, algebra.add_outer_product(G, algebra.times(-1.0, along), n)))
+
+    return volume_derivatives
+
+
+@ByDimension
+def volume_changes(algebra):
+    """Change of det F_ij of every pair under displacements."""
+    matrix, dimension = algebra.MATRIX, algebra.DIMENSION
+
+    @Pass
+    def volume_changes(chunk, chunks, displacements, gradients, first, second, derivatives, buffers, changes):
+        """Change of det F_ij of every pair under displacements, to first order.
+
+        Parameters
+        ----------
+        displacements : (n, d) of points and ghosts.
+        gradients : (n, d d) the change of F under them, by columns.
+        derivatives : see `volume_derivatives`.
+        buffers : see `pair_volumes`.
+        changes : (n_blocks * BLOCK,) out.
+        """
+        widest_vectors()
+        first_block, last_block = share_of(derivatives.shape[0], chunk, chunks)
+        sums = block_rows(buffers[chunk, 0:matrix])
+        bonds = block_rows(buffers[chunk, matrix : matrix + dimension])
+        for block in range(first_block, last_block):
+            at = block * BLOCK
+            by_bond = block_rows(derivatives[block, 0:dimension])
+            by_sum = block_rows(derivatives[block, dimension : dimension + matrix])
+            found = changes[at : at + BLOCK]
+            for k in range(0, BLOCK, 4):
+                algebra.gather_pairs(gradients, displacements, first, second, at + k, sums, bonds, k)
+            for k in range(BLOCK):
+                across = algebra.double_dot(algebra.matrix_column_at(by_sum, k), algebra.matrix_column_at(sums, k))
+                found[k] = algebra.dot(algebra.column_at(by_bond, k), algebra.column_at(bonds, k)) + across
+
+    return volume_changes
+
+
+@ByDimension
+def pressure_parts(algebra):
+    """Parts of the force that pressures alone exert."""
+    matrix, dimension = algebra.MATRIX, algebra.DIMENSION
+
+    @Pass
+    def pressure_parts(chunk, chunks, pressures, first, second, shares, derivatives, forces, moments):
+        """Parts of the force, and of the points' S, that pressures alone exert: those of `pair_energies` with no isochoric energy.
+
+        Parameters
+        ----------
+        pressures, first, second, shares, forces, moments : see `pair_energies`.
+        derivatives : see `volume_derivatives`.
+        """
+        widest_vectors()
+        first_block, last_block = share_of(derivatives.shape[0], chunk, chunks)
+        for block in range(first_block, last_block):
+            at = block * BLOCK
+            by_bond = block_rows(derivatives[block, 0:dimension])
+            by_sum = block_rows(derivatives[block, dimension : dimension + matrix])
+            share = block_rows(shares[block])
+            force = algebra.vector_rows(forces[at : at + BLOCK])
+            moment = algebra.matrix_rows(moments[at : at + BLOCK])
+            for k in range(BLOCK):
+                q = share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]
+                algebra.put_vector(force, k, algebra.times(q, algebra.column_at(by_bond, k)))
+                algebra.put_matrix(moment, k, algebra.times_matrix(q, algebra.matrix_column_at(by_sum, k)))
+
+    return pressure_parts

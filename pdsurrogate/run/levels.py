@@ -55,7 +55,7 @@ def go_through(run: Run, solver: EquilibriumSolver, stage: Stage) -> bool:
     Where an increment finds no equilibrium, or not the one looked for, it is taken back and shortened.  Where a bond would break the
     stage ends, and the body is put back to the last output: what follows is not in equilibrium.
     """
-    branch = Branch(run.loading, run.loaded, run.reductions)
+    branch = Branch(run.loading, run.loaded, solver)
     values, evaluations = np.linspace(run.begin, stage.to, stage.outputs + 1), []
     while run.outputs < stage.outputs:
         value = float(values[run.outputs + 1])

@@ -1,10 +1,11 @@
 """Solvers: they know forces by their protocol alone."""
 
+from .automatic import Automatic
 from .dynamics import ExplicitDynamics
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, RanAway, TooFar, Unstable
 from .increments import Increments
 from .minimiser import EnergyMinimiser
-from .quasi_newton import Automatic, QuasiNewton
+from .quasi_newton import QuasiNewton
 from .stability import FrequencyEstimate
 from .stepping import DampedExplicit, DynamicRelaxation
 

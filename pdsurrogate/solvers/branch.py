@@ -9,9 +9,7 @@ import numpy as np
 
 from ..forces import InternalForce
 from .conditions import Loading
-from .equilibrium import Unstable
-from .preconditioner import NearestBondStiffness
-from .reductions import LocalReductions
+from .equilibrium import EquilibriumSolver, Unstable
 from .stability import NEGATIVE, least_curvature
 
 JUMP = 0.25
@@ -31,12 +29,12 @@ class Branch:
     ----------
     loading : Loading
     force : InternalForce
-    reductions : LocalReductions
+    solver : EquilibriumSolver
+        That finds them.
     """
 
-    def __init__(self, loading: Loading, force: InternalForce, reductions: LocalReductions) -> None:
-        self._loading, self._force, self._reductions = loading, force, reductions
-        self._stiffness: NearestBondStiffness | None = None
+    def __init__(self, loading: Loading, force: InternalForce, solver: EquilibriumSolver) -> None:
+        self._loading, self._force, self._solver, self._reductions = loading, force, solver, solver.reductions
 
     def check(self, before: float, after: float, guess: np.ndarray, positions: np.ndarray) -> None:
         """Check an equilibrium in which the force was last evaluated; the next one is taken to follow it.
@@ -74,10 +72,10 @@ class Branch:
 
     def _check_stability(self, parameter: float, positions: np.ndarray) -> None:
         loading, force = self._loading, self._force
-        if self._stiffness is None:
-            self._stiffness = NearestBondStiffness(force.body, force.stiffness_moduli, loading.free)
+        preconditioner = self._solver.preconditioner(force)
+        preconditioner.update()
         with self._unchanged():
-            curvature = least_curvature(force, positions, loading.free, self._stiffness, self._reductions)
+            curvature = least_curvature(force, positions, loading.free, preconditioner, self._reductions)
             force(positions, np.empty_like(positions))
         if curvature < NEGATIVE:
             raise Unstable(

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
+from .preconditioner import Preconditioner, preconditioner_of
 from .reductions import LOCAL, LocalReductions
 
 Report = Callable[[int, float], None]
@@ -90,6 +91,7 @@ class EquilibriumSolver(ABC):
     ) -> None:
         self.free, self.volumes, self.reductions = free, volumes, reductions
         self.tolerance, self.most_evaluations = tolerance, most_evaluations
+        self._preconditioner: Preconditioner | None = None
 
     @abstractmethod
     def solve(self, force: InternalForce, positions: np.ndarray, tolerance: float | None = None, report: Report = no_report) -> Equilibrium:
@@ -112,6 +114,12 @@ class EquilibriumSolver(ABC):
         Diverging, InvalidState
             Where the start has no force, or the iteration leaves the states that have one even with small steps.
         """
+
+    def preconditioner(self, force: InternalForce) -> Preconditioner:
+        """What approximates the tangent of the force, made when it is first asked for."""
+        if self._preconditioner is None:
+            self._preconditioner = preconditioner_of(force, self.free)
+        return self._preconditioner
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
         """Largest force density in units of shear modulus / spacing, see `InternalForce.force_scale`."""

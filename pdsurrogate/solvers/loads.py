@@ -361,7 +361,7 @@ class LoadedForce:
     Attributes
     ----------
     internal, loads
-    body, law, precision
+    body, law, precision, nearly_incompressible
         Of the internal force.
     has_energy : bool
         Whether the sum of both is minus the derivative of an energy.
@@ -371,6 +371,7 @@ class LoadedForce:
         self.internal, self.loads = internal, loads
         self.body, self.law, self.precision = internal.body, internal.law, internal.precision
         self.has_energy = internal.has_energy and loads.conservative
+        self.nearly_incompressible = internal.nearly_incompressible
         self._thickness, self._product = np.ones(len(internal.body)), np.empty(len(internal.body))
 
     @property
@@ -440,6 +441,10 @@ class LoadedForce:
     def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
         """See `InternalForce`."""
         return self.internal.pair_forces(pairs)
+
+    def linearised_dilatation(self):
+        """See `InternalForce`."""
+        return self.internal.linearised_dilatation()
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         """See `InternalForce`; loads have none of their own."""

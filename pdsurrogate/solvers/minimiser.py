@@ -34,7 +34,7 @@ class EnergyMinimiser(QuasiNewton):
         slope, before = -self.reductions.dot(forces, step), self._energy(force)
         if slope >= 0:
             # Rounding has spoilt the curvature that was gathered: the preconditioned force itself is downhill.
-            step[:] = self._stiffness.solve(forces) * self.free
+            step[:] = self.preconditioner(force).solve(forces) * self.free
             self._bound(force, step)
             slope = -self.reductions.dot(forces, step)
         noise = self.ROUNDING[force.precision] * force.law.shear_modulus * self.reductions.total(self.volumes)

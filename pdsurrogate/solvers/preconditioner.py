@@ -1,12 +1,16 @@
-"""A stiffness matrix of the nearest bonds, factorised: what a quasi-Newton method starts from."""
+"""Preconditioners of quasi-Newton methods: the stiffness of the nearest bonds, and what a great bulk modulus adds to it."""
 
 from __future__ import annotations
+
+from typing import Protocol
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from ..body import Body
+from ..forces import InternalForce
+from .multigrid import Multigrid
 
 REACH = 1.3
 """Bonds up to this many spacings make the matrix: four to a point on a grid, and those of points that lie off it.
@@ -21,6 +25,36 @@ SHIFT = 1e-6
 """Share of the mean diagonal added to it, so that bodies free to drift have a factor too."""
 
 
+MOST_FACTORISED = {2: 300_000, 3: 5_000}
+"""Points up to which a Laplacian is factorised, in the plane and in space, whose factors fill up; beyond, a multigrid cycle is taken."""
+
+NEARLY_SOLVED = 0.1
+"""What may be left of a change of volume, over mu/K: the energy of what is left is then small against that of the shear."""
+
+MOST_STEPS = 100
+"""Steps for the pressures in one solution: some tens are taken at K = 1000 mu."""
+
+EXPONENT_ERROR = 0.5
+"""Greatest relative error of the polynomial that the pressures' system is preconditioned with."""
+
+
+class Preconditioner(Protocol):
+    """An approximation of the tangent that is cheap to solve with."""
+
+    def update(self) -> None:
+        """Take the state that the force was last evaluated in."""
+
+    def solve(self, forces: np.ndarray) -> np.ndarray:
+        """Displacements under forces, shape (n, d)."""
+
+
+def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
+    """What suits the tangent of a force in which components (n, d) are free."""
+    if force.nearly_incompressible:
+        return IncompressibleStiffness(force, free)
+    return NearestBondStiffness(force.body, force.stiffness_moduli, free)
+
+
 class NearestBondStiffness:
     """The stiffness of a network of springs along and across the nearest bonds, scaled to the body's small-strain stiffness.
 
@@ -32,29 +66,29 @@ class NearestBondStiffness:
     body : Body
     shear_moduli : float or ndarray, shape (n,)
         Of all points, or about each.
-    free : ndarray, shape (n, 2)
+    free : ndarray, shape (n, d)
         1 where a component may move; held ones get the identity.
     """
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        n, ghosts = len(body), body.ghosts
+        n, d, ghosts = len(body), body.dimension, body.ghosts
         first, second, blocks = _springs(body, shear_moduli)
         within = second < n
         # A ghost moves with the point behind it, each component with its parity.
-        mirrored, parity = second.copy(), np.ones((len(second), 2))
+        mirrored, parity = second.copy(), np.ones((len(second), d))
         mirrored[~within] = ghosts.source[second[~within] - n]
         parity[~within] = ghosts.parity[second[~within] - n]
-        self._degrees = 2 * n
+        self._degrees = d * n
         rows, columns, values = [], [], []
-        for i in range(2):
-            for j in range(2):
+        for i in range(d):
+            for j in range(d):
                 block = blocks[:, i, j]
-                rows += [2 * first + i, 2 * first + i]
-                columns += [2 * first + j, 2 * mirrored + j]
+                rows += [d * first + i, d * first + i]
+                columns += [d * first + j, d * mirrored + j]
                 values += [block, -block * parity[:, j]]
                 # The second end of a bond within the body; a ghost's force is not one of the unknowns.
-                rows += [2 * second[within] + i, 2 * second[within] + i]
-                columns += [2 * second[within] + j, 2 * first[within] + j]
+                rows += [d * second[within] + i, d * second[within] + i]
+                columns += [d * second[within] + j, d * first[within] + j]
                 values += [block[within], -block[within]]
         shape = (self._degrees, self._degrees)
         matrix = sparse.coo_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=shape).tocsc()
@@ -68,44 +102,48 @@ class NearestBondStiffness:
         # Rigid translations that nothing holds: a uniform force has no place in equilibrium, and is left out rather
         # than divided by the shift.
         held = (ghosts.parity < 0).any(axis=0)
-        self._drifting = [axis for axis in range(2) if not held[axis] and free[:, axis].all()]
+        self._drifting = [axis for axis in range(d) if not held[axis] and free[:, axis].all()]
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Displacements under forces, shape (n, 2)."""
+        """Displacements under forces, shape (n, d)."""
         displacements = self._factor.solve(forces.ravel() * self._free).reshape(forces.shape)
         for axis in self._drifting:
             displacements[:, axis] -= displacements[:, axis].mean()
         return displacements
 
+    def update(self) -> None:
+        """It is the same in all states."""
+
     def response(
         self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
     ) -> np.ndarray:
-        """Displacements of the body, shape (n, 2), where held components and planes of reflection are displaced.
+        """Displacements of the body, shape (n, d), where held components and planes of reflection are displaced.
 
         Parameters
         ----------
         body : Body
         shear_moduli : float or ndarray, shape (n,)
             Both as given when the stiffness was made.
-        held : ndarray, shape (n, 2)
+        held : ndarray, shape (n, d)
             Displacements in held components, 0 in free ones.
-        planes : ndarray, shape (planes, 2)
+        planes : ndarray, shape (planes, d)
             Displacements of the planes.
-        turns : ndarray, shape (planes, 2, 2), optional
+        turns : ndarray, shape (planes, d, d), optional
             Of planes that turn too, see `pdsurrogate.body.Ghosts.shifts`.
         """
         n, ghosts = len(body), body.ghosts
         first, second, blocks = _springs(body, shear_moduli)
         moved = np.vstack([held, held[ghosts.source] * ghosts.parity + ghosts.moved_by_planes(body.points, planes, turns)])
         pulls, within = np.einsum("bij,bj->bi", blocks, moved[second] - moved[first]), second < n
-        forces = np.stack(
-            [np.bincount(first, pulls[:, axis], n) - np.bincount(second[within], pulls[within, axis], n) for axis in (0, 1)], axis=1
-        )
+        forces = np.stack([np.bincount(first, pull, n) - np.bincount(second[within], pull[within], n) for pull in pulls.T], axis=1)
         return self.solve(forces) + held
 
 
-def _springs(body: Body, shear_moduli: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Ends of the nearest bonds and the stiffness of each, shape (k, 2, 2); `second` may be a ghost."""
+def _nearest(body: Body, shear_moduli: float | np.ndarray, factor: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Nearest bonds: their ends, of which `second` may be a ghost, stiffness and direction, shape (k, d).
+
+    The stiffness is a factor times mu w V_i V_j/kappa, so raised that these bonds have the moment of all.
+    """
     bonds, points = body.bonds, body.all_points
     vector = points[bonds.second] - points[bonds.first]
     length = np.linalg.norm(vector, axis=1)
@@ -113,13 +151,154 @@ def _springs(body: Body, shear_moduli: float | np.ndarray) -> tuple[np.ndarray, 
     if isinstance(shear_moduli, np.ndarray):
         ends = np.concatenate([shear_moduli, shear_moduli[body.ghosts.source]])
         shear_moduli = (ends[bonds.first] + ends[bonds.second]) / 2
-    stiffness = 6 * shear_moduli * body.weigh(length) * volumes / body.kappa
+    stiffness = factor * shear_moduli * body.weigh(length) * volumes / body.kappa
     near = length <= REACH * body.spacing
     if not near.any():
         near[:] = True
     moment = stiffness * length**2
     stiffness, along = stiffness[near] * moment.sum() / moment[near].sum(), vector[near] / length[near, None]
-    first, second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    blocks = np.einsum("b,bi,bj->bij", stiffness, along, along) + SHEAR_SHARE * np.einsum("b,bi,bj->bij", stiffness, across, across)
-    return first, second, blocks
+    return bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64), stiffness, along
+
+
+def _springs(body: Body, shear_moduli: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Ends of the nearest bonds and the stiffness of each, shape (k, d, d); `second` may be a ghost."""
+    first, second, stiffness, along = _nearest(body, shear_moduli, 6.0)
+    blocks = np.einsum("b,bi,bj->bij", stiffness, along, along)
+    if body.dimension == 2:
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        return first, second, blocks + SHEAR_SHARE * np.einsum("b,bi,bj->bij", stiffness, across, across)
+    return first, second, (1 - SHEAR_SHARE) * blocks + SHEAR_SHARE * stiffness[:, None, None] * np.eye(3)
+
+
+class NearestBondLaplacian:
+    """The vector Laplacian of the nearest bonds times the shear modulus, every component by itself.
+
+    Of an incompressible neo-Hookean body it is the tangent itself, in every state, but for that of the pressures.
+
+    Parameters
+    ----------
+    body : Body
+    shear_moduli : float or ndarray, shape (n,)
+    free : ndarray, shape (n, d)
+    """
+
+    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
+        n, ghosts = len(body), body.ghosts
+        # Over a full horizon the sum of w V l^2 is d kappa.
+        first, second, stiffness, _ = _nearest(body, shear_moduli, 1.0)
+        within = second < n
+        sources = np.concatenate([np.arange(n), ghosts.source.astype(np.int64)])[second]
+        self._free, self._inverses, made = free, [], {}
+        self._drifting = []
+        for axis in range(body.dimension):
+            parity = np.concatenate([np.ones(n), ghosts.parity[:, axis]])[second]
+            key = parity.tobytes(), free[:, axis].tobytes()
+            if key not in made:
+                rows = np.concatenate([first, second[within], first, second[within]])
+                columns = np.concatenate([first, second[within], sources, first[within]])
+                values = np.concatenate([stiffness, stiffness[within], -stiffness * parity, -stiffness[within]])
+                matrix = sparse.csr_array((values, (rows, columns)), shape=(n, n))
+                made[key] = _inverse(body, (matrix + matrix.T) / 2, free[:, axis])
+            self._inverses.append(made[key])
+            if free[:, axis].all() and (ghosts.parity[:, axis] > 0).all():
+                self._drifting.append(axis)
+        self._alike = len(made) == 1
+
+    def solve(self, forces: np.ndarray) -> np.ndarray:
+        """Displacements under forces, shape (n, d)."""
+        forces = forces * self._free
+        if self._alike:
+            displacements = self._inverses[0](forces)
+        else:
+            displacements = np.stack([inverse(column) for inverse, column in zip(self._inverses, forces.T, strict=True)], axis=1)
+        for axis in self._drifting:
+            displacements[:, axis] -= displacements[:, axis].mean()
+        return displacements * self._free
+
+
+class IncompressibleStiffness:
+    """An approximation of the tangent of a nearly incompressible body, A + D^T C D, that is solved for displacements (theory (57)-(59)).
+
+    A is the Laplacian of the nearest bonds, D the derivative of the points' dilatation in the present state and C their stiffness against
+    it.  D is not approximated: what is over of a change of volume costs K.  With pressures p for the unknowns the system has the size
+    of the bulk compliance and not of K, (C^-1 + D A^-1 D^T) p = D A^-1 f, and a few steps of conjugate gradients solve it.
+
+    Parameters
+    ----------
+    force : InternalForce
+        Nearly incompressible.
+    free : ndarray, shape (n, d)
+
+    Attributes
+    ----------
+    steps : int
+        Taken for the pressures so far; each costs about as much as two thirds of a force evaluation and a solution with A.
+    """
+
+    def __init__(self, force: InternalForce, free: np.ndarray) -> None:
+        self._laplacian = NearestBondLaplacian(force.body, force.stiffness_moduli, free)
+        self._dilatation = force.linearised_dilatation()
+        self._volumes, self._modulus = force.body.volumes, force.law.shear_modulus
+        self._compliance = force.law.shear_modulus / force.law.bulk_modulus
+        self._coefficients = _inverse_polynomial(self._compliance)
+        self.steps = 0
+
+    def update(self) -> None:
+        """Take the state that the force was last evaluated in."""
+        self._dilatation.take()
+
+    def solve(self, forces: np.ndarray) -> np.ndarray:
+        """Displacements under forces, shape (n, d)."""
+        laplacian, dilatation = self._laplacian, self._dilatation
+        compliance = 1 / dilatation.stiffness
+        displacements = laplacian.solve(forces)
+        left = dilatation.changes(displacements)
+        direction = better = self._precondition(left)
+        size = least = float(left @ better)
+        least *= (NEARLY_SOLVED * self._compliance) ** 2
+        for _ in range(MOST_STEPS):
+            if not size > least:
+                break
+            moved = laplacian.solve(dilatation.forces(direction))
+            image = compliance * direction + dilatation.changes(moved)
+            share = size / float(direction @ image)
+            displacements -= share * moved
+            left -= share * image
+            better = self._precondition(left)
+            size, before = float(left @ better), size
+            direction = better + size / before * direction
+            self.steps += 1
+        return displacements
+
+    def _precondition(self, left: np.ndarray) -> np.ndarray:
+        """V mu (mu/K + W^4)^-1 nearly: D has the smoothing W, and the bonds' means smooth about as much again."""
+        smooth = self._dilatation.smooth
+
+        def twice(values):
+            return 2 * smooth(smooth(values)) - values
+
+        # Clenshaw's sum of Chebyshev polynomials of 2 W^2 - I.
+        first = second = np.zeros_like(left)
+        for coefficient in self._coefficients[:0:-1]:
+            first, second = coefficient * left + 2 * twice(first) - second, first
+        return self._modulus * self._volumes * (self._coefficients[0] * left + twice(first) - second)
+
+
+def _inverse_polynomial(compliance: float) -> np.ndarray:
+    """Chebyshev coefficients on [0, 1] of a polynomial near 1/(compliance + s^2), of the least degree that keeps to `EXPONENT_ERROR`."""
+    s = (1 - np.cos(np.pi * (np.arange(400) + 0.5) / 400)) / 2
+    for degree in range(2, 64):
+        table = np.polynomial.chebyshev.chebvander(2 * s - 1, degree) * (compliance + s * s)[:, None]
+        coefficients = np.linalg.lstsq(table, np.ones_like(s), rcond=None)[0]
+        if np.abs(table @ coefficients - 1).max() <= EXPONENT_ERROR:
+            break
+    return coefficients
+
+
+def _inverse(body: Body, matrix: sparse.csr_array, free: np.ndarray):
+    """The inverse of a Laplacian with the held rows made those of the identity, or a multigrid cycle in its place."""
+    keep, mean = sparse.diags_array(free), matrix.diagonal().mean()
+    matrix = keep @ matrix @ keep + sparse.diags_array(SHIFT * mean * free + mean * (1 - free))
+    if len(body) > MOST_FACTORISED[body.dimension]:
+        return Multigrid(matrix.tocsr(), body.points, body.spacing, free > 0).cycle
+    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve

@@ -8,9 +8,7 @@ import numpy as np
 
 from ..forces import InvalidState
 from ..kernels.steps import greatest_strain
-from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, no_report
-from .preconditioner import NearestBondStiffness
-from .stepping import DynamicRelaxation
+from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, no_report
 
 
 class QuasiNewton(EquilibriumSolver):
@@ -36,19 +34,17 @@ class QuasiNewton(EquilibriumSolver):
     # Evaluations after which a method that converges at all would have done so: it takes 20 to 60 where it suits.
     PATIENCE = 250
 
-    _stiffness: NearestBondStiffness | None = None
-
     def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
         tolerance, began = tolerance or self.tolerance, force.evaluations
-        if self._stiffness is None:
-            self._stiffness = NearestBondStiffness(force.body, force.stiffness_moduli, self.free)
+        preconditioner = self.preconditioner(force)
         forces, trial = np.empty_like(positions), np.empty_like(positions)
         force(positions, forces)
         forces *= self.free
         residual = self.residual(force, forces)
         history: deque = deque(maxlen=self.MEMORY)
         while not residual <= tolerance:
-            step = self._direction(forces, history)
+            preconditioner.update()
+            step = self._direction(preconditioner, forces, history)
             self._bound(force, step)
             following = self._advance(force, positions, step, forces, trial)
             residual = self.residual(force, following)
@@ -88,46 +84,15 @@ class QuasiNewton(EquilibriumSolver):
             share *= 0.5
         raise Diverging("no step along the quasi-Newton direction brings the residual down")
 
-    def _direction(self, forces, history):
-        """Two-loop recursion, with the factorised stiffness between the loops."""
+    def _direction(self, preconditioner, forces, history):
+        """Two-loop recursion, with the preconditioner between the loops."""
         q = forces.copy()
         factors = []
         for step, change, rho in reversed(history):
             factor = rho * self.reductions.dot(step, q)
             q -= factor * change
             factors.append(factor)
-        q = self._stiffness.solve(q) * self.free
+        q = preconditioner.solve(q) * self.free
         for (step, change, rho), factor in zip(history, reversed(factors), strict=True):
             q += (factor - rho * self.reductions.dot(change, q)) * step
         return q
-
-
-class Automatic(EquilibriumSolver):
-    """The quasi-Newton method where it works, dynamic relaxation where it does not.
-
-    Relaxation is also taken from the outset for bodies whose factor would outgrow memory.  Once the quasi-Newton
-    method has failed on a body it is not tried there again: `gave_up` says so.
-    """
-
-    name = "automatic"
-
-    # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor takes some 3 kB a point.
-    MOST_POINTS = 1_000_000
-
-    def __init__(self, *settings) -> None:
-        super().__init__(*settings)
-        self._quick, self._sure = QuasiNewton(*settings), DynamicRelaxation(*settings)
-        self.gave_up = self.reductions.total_of_parts(len(self.volumes)) > self.MOST_POINTS
-
-    def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
-        start, began = positions.copy(), force.evaluations
-        if not self.gave_up:
-            try:
-                return self._quick.solve(force, positions, tolerance, report)
-            except (Diverging, InvalidState, NotConverged):
-                if force.evaluations - began >= self.most_evaluations:
-                    raise
-                self.gave_up = True
-                positions[:] = start
-        found = self._sure.solve(force, positions, tolerance, report)
-        return Equilibrium(found.residual, force.evaluations - began, found.method)

@@ -7,7 +7,7 @@ from scipy.linalg import eigvalsh_tridiagonal
 
 from ..forces import InternalForce
 from ..kernels.steps import greatest_strain
-from .preconditioner import NearestBondStiffness
+from .preconditioner import Preconditioner
 from .reductions import LOCAL, LocalReductions
 
 
@@ -68,12 +68,12 @@ def least_curvature(
     force: InternalForce,
     positions: np.ndarray,
     free: np.ndarray,
-    stiffness: NearestBondStiffness,
+    stiffness: Preconditioner,
     reductions: LocalReductions = LOCAL,
 ) -> float:
     """An upper bound of the least curvature of the energy over that of the body at rest, which is near the truth where it is negative.
 
-    Lanczos' method on P^-1 K, with K v from force differences and P the stiffness of the nearest bonds, stopped at the first negative
+    Lanczos' method on P^-1 K, with K v from force differences and P an approximation of it, stopped at the first negative
     value: a Ritz value is the curvature along some displacement, so that a negative one proves that the state is not stable.
 
     Parameters
@@ -83,7 +83,7 @@ def least_curvature(
     positions : ndarray, shape (n, 2)
     free : ndarray, shape (n, 2)
         1 where a component may move.
-    stiffness : NearestBondStiffness
+    stiffness : Preconditioner
     reductions : LocalReductions, optional
     """
     bonds, points = force.body.bonds, force.body.points

@@ -1,0 +1,116 @@
+"""What brings nearly incompressible bodies to equilibrium: their linearised dilatation, its preconditioner, multigrid, and counts."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from pdsurrogate.body import Body, ReflectionPlane
+from pdsurrogate.forces import FORCES, ForceSettings
+from pdsurrogate.materials import NeoHookean
+from pdsurrogate.solvers import Automatic
+from pdsurrogate.solvers.multigrid import Multigrid
+from pdsurrogate.solvers.preconditioner import IncompressibleStiffness, NearestBondLaplacian
+
+PLANE = {2: "strain", 3: "space"}
+
+
+def block(across, dimension, bulk_modulus, jitter=0.0):
+    """A block of unit height between bonded plates, twice as wide in the plane, and its force."""
+    spacing = 1 / across
+    counts = (2 * across, across) if dimension == 2 else (across,) * 3
+    axes = [(np.arange(count) + 0.5) * spacing for count in counts]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
+    points += jitter * spacing * np.random.default_rng(2).uniform(-1, 1, points.shape)
+    planes = [ReflectionPlane(dimension - 1, place, side, (-1,) * dimension) for place, side in ((0.0, -1), (1.0, 1))]
+    body = Body(points, np.full(len(points), spacing**dimension), 1.75 * spacing, spacing, planes=tuple(planes))
+    return FORCES["bond-energy"]().bind(body, NeoHookean(2.0, 2.0 * bulk_modulus), ForceSettings(plane=PLANE[dimension]))
+
+
+def deformed(force, amount=0.03):
+    """Positions stretched and disturbed, in which the force has been evaluated."""
+    body = force.body
+    positions = body.points * 1.05 + amount * body.spacing * np.random.default_rng(3).uniform(-1, 1, body.points.shape)
+    force(positions, np.empty_like(positions))
+    return positions
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_linearised_dilatation_is_the_derivative_of_the_volume_ratios(dimension):
+    """Against central differences, of which the cubic part in space leaves 1e-10; the transpose to rounding; not moved by a rigid turn."""
+    force = block(5, dimension, 100, jitter=0.1)
+    positions, random = deformed(force), np.random.default_rng(4)
+    dilatation = force.linearised_dilatation()
+    dilatation.take()
+    moved, values, ratios = random.standard_normal(positions.shape), random.standard_normal(len(positions)), []
+    for sign in (1, -1):
+        force.place(positions + sign * 1e-6 * moved)
+        ratios.append(force.volume_ratios())
+    change = dilatation.changes(moved)
+    np.testing.assert_allclose(change, (ratios[0] - ratios[1]) / 2e-6, atol=1e-7 * np.abs(change).max())
+    assert np.vdot(dilatation.forces(values), moved) == pytest.approx(values @ change, rel=1e-10)
+
+
+def test_the_preconditioner_solves_what_it_says():
+    """(A + D^T C D) u = f to the tenth of mu/K that is left, in the energy's own measure, with the Laplacian and D multiplied out."""
+    force = block(6, 2, 1000.0)
+    deformed(force)
+    free = np.ones_like(force.body.points)
+    free[:3] = 0
+    stiffness, laplacian = IncompressibleStiffness(force, free), NearestBondLaplacian(force.body, 2.0, free)
+    stiffness.update()
+    dilatation = force.linearised_dilatation()
+    dilatation.take()
+    size = free.size
+    unit = np.eye(size).reshape(size, *free.shape)
+    inverse = np.array([laplacian.solve(u).ravel() for u in unit])
+    np.testing.assert_allclose(inverse, inverse.T, atol=1e-12 * np.abs(inverse).max())
+    held = free.ravel() == 0
+    assert not inverse[held].any()
+    D = np.array([dilatation.changes(u) for u in unit[~held]]).T
+    tangent = np.linalg.inv(inverse[np.ix_(~held, ~held)]) + D.T @ (dilatation.stiffness[:, None] * D)
+    forces = np.random.default_rng(6).standard_normal(free.shape)
+    found, right = stiffness.solve(forces).ravel()[~held], forces.ravel()[~held]
+    exact = np.linalg.solve(tangent, right)
+    error = found - exact
+    assert error @ tangent @ error < 1e-2 * (exact @ right)
+
+
+def test_a_multigrid_cycle_is_near_the_inverse():
+    """Symmetric, and the eigenvalues of cycle times matrix between 0.3 and 1 whatever the number of points; held points stay."""
+    least = []
+    for count in (60, 120):
+        line = sparse.diags_array([-np.ones(count - 1), 2 * np.ones(count), -np.ones(count - 1)], offsets=(-1, 0, 1))
+        matrix = (sparse.kron(line, sparse.eye_array(count)) + sparse.kron(sparse.eye_array(count), line)).tocsr()
+        free = np.ones(count**2, dtype=bool)
+        free[: count // 2] = False
+        keep = sparse.diags_array(free.astype(float))
+        matrix = (keep @ matrix @ keep + 4 * sparse.diags_array(1.0 - free)).tocsr()
+        points = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1).reshape(-1, 2) * 0.5
+        cycle = Multigrid(matrix, points, 0.5, free).cycle
+        random = np.random.default_rng(1)
+        one, other = random.standard_normal((2, count**2))
+        assert one @ cycle(other) == pytest.approx(other @ cycle(one), rel=1e-10)
+        # What a cycle leaves of the error, by power iteration: its greatest part is one minus the least eigenvalue.
+        error = random.standard_normal(count**2) * free
+        for _ in range(30):
+            error /= np.linalg.norm(error)
+            error = error - cycle(matrix @ error)
+        least.append(1 - np.linalg.norm(error))
+    assert min(least) > 0.3
+    assert abs(least[0] - least[1]) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("dimension", "across", "ratio", "most"), [(2, 8, 100, 60), (2, 16, 1000, 120), (3, 6, 100, 60), (3, 6, 1000, 120)]
+)
+def test_evaluations_do_not_grow_with_the_bulk_modulus_or_the_size(dimension, across, ratio, most):
+    """A bonded block stretched by 5 % at once, which as a homogeneous stretch is 0.05 K of pressure: half of what is promised is taken."""
+    force = block(across, dimension, ratio)
+    body, axis = force.body, dimension - 1
+    force.move_plane(1, 0.05 * np.eye(dimension)[axis])
+    positions = body.points.copy()
+    positions[:, axis] *= 1.05
+    found = Automatic(np.ones_like(positions), body.volumes, 1e-5).solve(force, positions)
+    assert found.method == "minimiser"
+    assert found.evaluations <= most
+    assert np.abs(force.volume_ratios() - 1).max() < 5 / ratio
