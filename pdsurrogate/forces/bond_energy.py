@@ -587,13 +587,13 @@ class BondEnergyEvaluation(EnergyOfPairs):
         forces, remaining = np.zeros_like(self.body.points), np.zeros_like(self.body.points)
         before = self._energy_at_present(forces)
         self._intact[pairs] = False
-        self._renew_weights(self._weigh_pairs(self._kinematics.break_bonds(pairs)))
+        self.renew_weights(self._weigh_pairs(self._kinematics.break_bonds(pairs)))
         energy, forces = before - self._energy_at_present(remaining), forces - remaining
         if not (np.isfinite(energy) and np.isfinite(forces).all()):
             return Release(0.0, np.zeros_like(forces))
         return Release(energy, forces)
 
-    def _renew_weights(self, pairs: np.ndarray) -> None:
+    def renew_weights(self, pairs: np.ndarray) -> None:
         """Bring up to date what the pass reads of the weights of given pairs."""
         self.geometry[pairs // BLOCK, -1, pairs % BLOCK] = self.bond_weights[pairs]
 

@@ -26,6 +26,7 @@ class Evaluation(InternalForce):
     """
 
     def __init__(self, body: Body, law: Law, precision: str, correction: str, settings: ForceSettings) -> None:
+        settings.check_body(body)
         super().__init__(body, law, precision, correction, settings.breakable, settings.plane)
         self._kinematics = Kinematics(body, law, precision, settings.rotation, settings.plane)
         self._n_pairs = len(body.bonds.first)

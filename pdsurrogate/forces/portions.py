@@ -47,7 +47,6 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
         raise ValueError(f"the materials of a body take force models of one kind, not {' and '.join(sorted(families.values()))}")
     if settings.breakable:
         raise ValueError("bonds that break (fracture) are taken in a body of one material only: leave out fracture or materials")
-    settings.check_body(body)
     merged = _merged(portions)
     if len(merged) == 1:
         return merged[0].model.bind(body, merged[0].law, settings)

@@ -351,7 +351,6 @@ class ForceModel(ABC):
             If the model does not fit the material, or cannot honour a setting.
         """
         settings.check(self.name, self.honoured(settings.plane))
-        settings.check_body(body)
         self.check_material(law)
         return self.evaluation(body, law, settings)
 

@@ -31,6 +31,10 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
 
     J_i is the mean of det F_ij over the bonds of a point, smoothed over its nearest neighbours.  The mean alone is exact in homogeneous
     states, but its pressure is rough; det F_i alone leaves a pressure that changes sign from point to point.
+
+    Attributes
+    ----------
+    smoothing : Smoothing
     """
 
     nearly_incompressible = True
@@ -39,7 +43,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         body, kinematics, chunks = self.body, self._kinematics, self._kinematics.chunks
         bonds, n = body.bonds, len(body)
         first, second = bonds.ends_in_blocks(BLOCK)
-        self._smoothing = Smoothing(body, self._carrying(), self.breakable)
+        self.smoothing = Smoothing(body, self._carrying(), self.breakable)
         self._pair_volumes, self._dilatations, self._smoothed, self._slopes = np.ones(len(first)), np.ones(n), np.ones(n), np.zeros(n)
         # Ghosts' volumes lie beyond the body: they have no pressure, and no share.
         self._pressures = np.zeros(len(body.all_points))
@@ -51,7 +55,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         self._find_dilatations = selective_energy.means_over_bonds.bind(
             bonds.pointers, bonds.pair_of, self.bond_shares, self._pair_volumes, 1.0, self._dilatations, chunks=chunks
         )
-        self._smooth_dilatations = self._smoothing.bind(self._dilatations, self._smoothed, chunks)
+        self._smooth_dilatations = self.smoothing.bind(self._dilatations, self._smoothed, chunks)
         self._volumetric = volume_energy_block(self.law)
         self._find_volume_energies = selective_energy.volume_energies.bind(
             self._smoothed,
@@ -64,7 +68,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
             chunks=chunks,
         )
         # What the bonds of the points feel of U' is the transpose of the smoothing, and V_i W_ij is symmetric.
-        self._spread_slopes = self._smoothing.bind(self._slopes, self._pressures, chunks)
+        self._spread_slopes = self.smoothing.bind(self._slopes, self._pressures, chunks)
 
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
         """Passes over pairs and points, and sums, with the deformation gradients last formed; see `BondEnergyEvaluation.pass_bonds`."""
@@ -88,7 +92,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         return LinearisedDilatation(self, self._kinematics, self._smoothing, self._smoothed, self._pairs)
 
     def bulk_stresses(self) -> np.ndarray:
-        return self._smoothing.matrix() @ super().bulk_stresses()
+        return self.smoothing.matrix() @ super().bulk_stresses()
 
     def volume_ratios(self) -> np.ndarray:
         self._kinematics.form_gradients()
@@ -100,10 +104,10 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         volumes = self._pair_volumes[: self._n_pairs]
         return np.flatnonzero((self.bond_weights > 0) & ~(volumes > COLLAPSED))
 
-    def _renew_weights(self, pairs: np.ndarray) -> None:
-        super()._renew_weights(pairs)
+    def renew_weights(self, pairs: np.ndarray) -> None:
+        super().renew_weights(pairs)
         self._share_ends(pairs)
-        self._smoothing.renew(self._carrying(), pairs)
+        self.smoothing.renew(self._carrying(), pairs)
 
     def _share_ends(self, pairs: np.ndarray) -> None:
         """Bring the shares that given pairs have of the volumes of their ends up to date."""

@@ -12,28 +12,54 @@ def sheet(spacing=0.1, width=1.2, height=1.0, **options) -> Body:
     return Body.rectangle(width, height, spacing, 3.15 * spacing, **options)
 
 
+def block(width=1.2, height=1.0, thickness=0.4, **options) -> Body:
+    """A plain block, 1.75 spacings of horizon."""
+    return of_points(_lattice((width, height, thickness)), **options)
+
+
+def plain(dimension: int, **options) -> Body:
+    """`sheet`, or `block`."""
+    return (sheet if dimension == 2 else block)(**options)
+
+
 def of_points(points: np.ndarray, **options) -> Body:
-    """A body of points 0.1 apart, 3.15 spacings of horizon."""
-    return Body(points, np.full(len(points), 0.01), 0.315, 0.1, **options)
+    """A body of points 0.1 apart, 3.15 spacings of horizon in the plane and 1.75 in space."""
+    dimension = points.shape[1]
+    return Body(points, np.full(len(points), 0.1**dimension), 0.315 if dimension == 2 else 0.175, 0.1, **options)
 
 
-def jittered(random: np.random.Generator, amount=0.3, **options) -> Body:
-    """A rectangle whose points are moved by up to `amount` spacings."""
-    points = grid((0, 0), (1.2, 1.0), 0.1)
+def jittered(random: np.random.Generator, amount=0.3, dimension=2, **options) -> Body:
+    """A rectangle or a block whose points are moved by up to `amount` spacings."""
+    points = _lattice((1.2, 1.0, 0.4)[:dimension])
     return of_points(points + amount * 0.1 * random.uniform(-1, 1, points.shape), **options)
 
 
-def disc_with_hole(**options) -> Body:
-    """A disc with a hole: no straight edge, incomplete horizons of every kind."""
-    points = grid((-1, -1), (1, 1), 0.1)
-    radius = np.linalg.norm(points, axis=1)
-    return of_points(points[(radius < 0.95) & (radius > 0.3)], **options)
+def disc_with_hole(dimension=2, **options) -> Body:
+    """A disc with a hole, or the like tube: no straight edge, incomplete horizons of every kind."""
+    points = _lattice((2.0, 2.0, 0.4)[:dimension])
+    radius = np.linalg.norm(points[:, :2] - 1, axis=1)
+    return of_points((points - 1)[(radius < 0.95) & (radius > 0.3)], **options)
 
 
-def notched_sheet(**options) -> Body:
-    """Some 80 points without a symmetry of their own, edges and a notch included."""
-    points = grid((0, 0), (1.0, 0.9), 0.1)
-    return of_points(points[(np.abs(points - [0.35, 0.9]) > [0.1, 0.3]).any(axis=1)], **options)
+def notched(dimension=2, **options) -> Body:
+    """Some 80 points, or 250 in space, without a symmetry of their own, edges and a notch included."""
+    points = _lattice((1.0, 0.9, 0.3)[:dimension])
+    return of_points(points[(np.abs(points[:, :2] - [0.35, 0.9]) > [0.1, 0.3]).any(axis=1)], **options)
+
+
+def _lattice(sides: tuple[float, ...]) -> np.ndarray:
+    """Cell-centred points 0.1 apart in a box at the origin, x1 fastest."""
+    if len(sides) == 2:
+        return grid((0, 0), sides, 0.1)
+    axes = [(np.arange(round(side / 0.1)) + 0.5) * 0.1 for side in sides]
+    return np.stack(np.meshgrid(*axes[::-1], indexing="ij"), axis=-1).reshape(-1, 3)[:, ::-1].copy()
+
+
+def gripped(dimension: int) -> Body:
+    """`gripped_sheet`, or a block between rollers at its left and right faces."""
+    if dimension == 2:
+        return gripped_sheet()
+    return block(planes=(ReflectionPlane(0, 0.0, -1, (-1, 1, 1)), ReflectionPlane(0, 1.2, 1, (-1, 1, 1))))
 
 
 def gripped_sheet(parity=(-1, 1)) -> Body:

@@ -11,7 +11,7 @@ import numpy as np
 from ..artifacts import load_card, load_surrogate
 from ..body import Body
 from ..forces import FORCES, ForceModel, ForceSettings, InternalForce
-from ..materials import Law, NeoHookean
+from ..materials import Law, NeoHookean, dimension_of
 from ..scenes import MaterialSpec
 
 SPACING = 0.1
@@ -101,8 +101,8 @@ class Subject:
         As on the command line.
     quick : bool
         Fewer steps, for tests and a first look.
-    plane : {"stress", "strain"}
-        What the thickness does; the properties of `pdsurrogate.stress_test.conformance` are asked in either.
+    plane : {"stress", "strain", "space"}
+        What the thickness does, or that bodies are solid; the properties of `pdsurrogate.stress_test.conformance` are asked in each.
     """
 
     reference: str
@@ -110,6 +110,11 @@ class Subject:
     plane: str = "stress"
     measured: dict = field(default_factory=dict)
     """What several cases share, measured once."""
+
+    @property
+    def dimension(self) -> int:
+        """Of the bodies that it is put to."""
+        return dimension_of(self.plane)
 
     @cached_property
     def model(self) -> ForceModel:

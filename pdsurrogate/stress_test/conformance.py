@@ -35,19 +35,20 @@ from ..forces import (
     OutsideDomainWarning,
 )
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
-from ..forces.settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
+from ..forces.settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, WHERE
 from ..kernels.reference_state import CORRECTIONS
 from ..kernels.threads import thread_count
 from ..learning import wide_design
-from ..materials import PLANES, SHEETS, Law
+from ..materials import PLANES, Law, dimension_of
 from ..run.run import Silent
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import MaterialSpec, load_scene
-from .bodies import disc_with_hole, gripped_sheet, jittered, notched_sheet, of_points, sheet
+from .bodies import disc_with_hole, gripped, jittered, notched, of_points, plain, sheet
 from .case import INAPPLICABLE, PASS, WEAK, Case, Outcome, Subject, square_sheet
 from .deformations import force_densities, turn, wavy, why_inaccurate
 
-MIRROR = np.array([-1.0, 1.0])
+MIRROR = np.array([-1.0, 1.0, 1.0])
+"""Of the first components, as many as a body has."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +81,8 @@ class Row:
         As on the command line.
     departures : mapping
         By the name of the property; every other property is held.
-    plane : {"stress", "strain"}
-        What the thickness does.
+    plane : {"stress", "strain", "space"}
+        What the thickness does, or that bodies are solid.
     """
 
     reference: str
@@ -91,12 +92,12 @@ class Row:
     @property
     def name(self) -> str:
         """The reference, and the plane where that is not the usual one."""
-        return self.reference if self.plane == "stress" else f"{self.reference} in plane {self.plane}"
+        return self.reference + WHERE[self.plane]
 
 
 @dataclass(frozen=True)
 class Deformation:
-    """A stretch along turned axes, turned again, with waves of a drawn direction on top."""
+    """A stretch along turned axes, turned again, with waves of a drawn direction on top; in space the volume is kept."""
 
     first: float
     second: float
@@ -107,9 +108,10 @@ class Deformation:
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Positions of reference points; angles are in degrees, the amplitude in the unit of the points."""
-        random = np.random.default_rng(self.seed)
-        F = turn(self.rotation) @ turn(self.axes) @ np.diag([self.first, self.second]) @ turn(-self.axes)
-        waves = self.amplitude * np.sin(points @ random.uniform(-6, 6, (2, 2)) + random.uniform(0, 6, 2))
+        random, d = np.random.default_rng(self.seed), points.shape[1]
+        stretches = [self.first, self.second, 1 / (self.first * self.second)][:d]
+        F = turn(self.rotation, d) @ turn(self.axes, d) @ np.diag(stretches) @ turn(-self.axes, d)
+        waves = self.amplitude * np.sin(points @ random.uniform(-6, 6, (d, d)) + random.uniform(0, 6, d))
         return (points + waves) @ F.T
 
 
@@ -128,7 +130,7 @@ class Property(Case):
     Attributes
     ----------
     drawn : bool
-        Whether its function takes any number of deformations of `notched_sheet` too, so that a test can draw them.
+        Whether its function takes any number of deformations of `notched` bodies too, so that a test can draw them.
     """
 
     drawn: bool = False
@@ -148,7 +150,7 @@ def _bound(subject: Subject, name: str, make: Callable[[], Body], law: Law | Non
 
 
 def _notched(subject: Subject):
-    return _bound(subject, "notched", notched_sheet)
+    return _bound(subject, "notched", lambda: notched(subject.dimension))
 
 
 def _forces(force, positions: np.ndarray) -> np.ndarray:
@@ -178,10 +180,10 @@ def rigid_rotation(subject: Subject) -> Outcome:
 
     Rounding of positions leaves K/mu times 1e-15 times the number of spacings; 1e-9 is asked.
     """
-    body = square_sheet(10)
+    body = square_sheet(10) if subject.dimension == 2 else plain(3)
     force, found = subject.bind(body), []
     for degrees in range(0, 361, 15):
-        found += [np.abs(force_densities(force, body.points @ turn(degrees).T)).max(), abs(_energy(force))]
+        found += [np.abs(force_densities(force, body.points @ turn(degrees, subject.dimension).T)).max(), abs(_energy(force))]
     return Outcome.below(np.max(found), 1e-9, "force at rest")
 
 
@@ -196,8 +198,9 @@ def objectivity(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outc
         positions = deformation(force.body.points)
         still, energy = _settled(force, positions), _energy(force)
         for degrees in (15, 110, 170, 200, 275, 360):
-            turned = _settled(force, positions @ turn(degrees).T + [3.0, -2.0])
-            errors += [np.abs(turned @ turn(degrees) - still).max() / _scale(force, still), abs(_energy(force) - energy)]
+            rotation = turn(degrees, subject.dimension)
+            turned = _settled(force, positions @ rotation.T + [3.0, -2.0, 1.0][: subject.dimension])
+            errors += [np.abs(turned @ rotation - still).max() / _scale(force, still), abs(_energy(force) - energy)]
     return Outcome.below(np.max(errors), 1e-9, "accuracy")
 
 
@@ -217,13 +220,13 @@ def another_start(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Ou
 
 def mirror(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
     """Difference between the forces on a mirrored body and the mirrored forces; rounding, 1e-9 as of a turned body."""
-    force = _notched(subject)
-    mirrored = _bound(subject, "mirrored", lambda: of_points(force.body.points * MIRROR))
+    force, across = _notched(subject), MIRROR[: subject.dimension]
+    mirrored = _bound(subject, "mirrored", lambda: of_points(force.body.points * across))
     errors = []
     for deformation in deformations:
         positions = deformation(force.body.points)
-        expected = _settled(force, positions) * MIRROR
-        errors.append(np.abs(_settled(mirrored, positions * MIRROR) - expected).max() / _scale(force, expected))
+        expected = _settled(force, positions) * across
+        errors.append(np.abs(_settled(mirrored, positions * across) - expected).max() / _scale(force, expected))
     return Outcome.below(np.max(errors), 1e-9, "no mirror symmetry")
 
 
@@ -243,7 +246,8 @@ def angular_momentum(subject: Subject, deformations: Iterable = DEFORMATIONS) ->
         positions = deformation(force.body.points)
         forces, arms = _settled(force, positions), positions - positions.mean(axis=0)
         lengths = np.linalg.norm(arms, axis=1)
-        moment = abs(float((arms[:, 0] * forces[:, 1] - arms[:, 1] * forces[:, 0]).sum()))
+        # The components of the moment, in the plane and in space.
+        moment = np.abs(arms.T @ forces - forces.T @ arms).max()
         size = max(float((lengths * np.linalg.norm(forces, axis=1)).sum()), lengths.max() * _scale(force, forces))
         errors.append(moment / size)
     return Outcome.below(np.max(errors), 1e-9, "moments")
@@ -275,7 +279,10 @@ def _in_units_of(law: Law, stress: float) -> Law:
 
 
 def units(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
-    """Change of the forces in other units of length and stress: a force per unit thickness is their product; 1e-9, as of a turned body."""
+    """Change of the forces in other units of length and stress; 1e-9, as of a turned body.
+
+    A force per unit thickness is their product; one in space has the length twice.
+    """
     force, errors = _notched(subject), []
     for length, stress in ((1e-6, 3e5), (50.0, 1e-3)):
         body = force.body
@@ -283,14 +290,14 @@ def units(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
             subject,
             f"unit of length {length}",
             lambda length=length, body=body: Body(
-                length * body.points, length**2 * body.volumes, length * body.horizon, length * body.spacing
+                length * body.points, length**subject.dimension * body.volumes, length * body.horizon, length * body.spacing
             ),
             _in_units_of(subject.law, stress),
         )
         for deformation in deformations:
             positions = deformation(body.points)
             expected = _settled(force, positions)
-            found = _settled(other, length * positions) / (length * stress)
+            found = _settled(other, length * positions) / (length ** (subject.dimension - 1) * stress)
             errors.append(np.abs(found - expected).max() / _scale(force, expected))
     return Outcome.below(np.max(errors), 1e-9, "accuracy")
 
@@ -315,10 +322,11 @@ def homogeneous_stress(subject: Subject) -> Outcome:
     random = np.random.default_rng(20240109)
     rounding = 1e-13 * subject.law.bulk_modulus / subject.law.shear_modulus
     errors, limits = [], []
-    for body in (sheet(weight="inverse"), disc_with_hole(weight="constant"), jittered(random, weight="linear")):
+    d = subject.dimension
+    for body in (plain(d, weight="inverse"), disc_with_hole(d, weight="constant"), jittered(random, dimension=d, weight="linear")):
         force, _ = _evaluate(subject, body, body.points)
         exact = _exact_stress(force)
-        for F in GRADIENTS:
+        for F in map(_extended, GRADIENTS) if d == 3 else GRADIENTS:
             _forces(force, body.points @ F.T)
             expected = exact(F)
             errors.append(np.abs(force.mean_stress() - expected).max() / np.abs(expected).max())
@@ -326,6 +334,13 @@ def homogeneous_stress(subject: Subject) -> Outcome:
     # NaN counts as the greatest.
     worst = int(np.argmax(np.divide(errors, limits)))
     return Outcome.below(errors[worst], limits[worst], why_inaccurate(subject), f"{{:.1e}} of {limits[worst]:.1e}")
+
+
+def _extended(F: np.ndarray) -> np.ndarray:
+    """A gradient of the plane with the third stretch that leaves the volume within a few per cent, all turned."""
+    full = np.zeros((3, 3))
+    full[:2, :2], full[2, 2] = F, 0.97 / np.linalg.det(F)
+    return turn(50, 3) @ full @ turn(20, 3)
 
 
 def _exact_stress(force):
@@ -356,7 +371,7 @@ def single_precision(subject: Subject) -> Outcome:
 
     A few roundings of 6e-8 on each of some thirty bond forces, which are larger than their sum: 2e-5 is asked.
     """
-    body = sheet()
+    body = plain(subject.dimension)
     try:
         _, single = _evaluate(subject, body, wavy(body.points), precision="float32")
     except ValueError:
@@ -391,7 +406,7 @@ def threads(subject: Subject) -> Outcome:
     """Bits by which forces on one thread and on two differ, in every precision that the model takes: none may."""
     if numba.config.NUMBA_NUM_THREADS < 2:
         return Outcome(INAPPLICABLE, "numba was started with one thread")
-    body, found = sheet(0.05), []
+    body, found = sheet(0.05) if subject.dimension == 2 else plain(3), []
     for count in (1, 2):
         with thread_count(count):
             found.append([])
@@ -413,9 +428,11 @@ def reflected_half(subject: Subject) -> Outcome:
 
     The images stand for points that are really there: sums of the same bonds in another order, 1e-11 as for `order_of_points`.
     """
-    half, whole = sheet(width=0.6, planes=(ReflectionPlane(0, 0.6, 1, (-1, 1)),)), sheet(width=1.2)
-    x1, x2 = (whole.points - [0.6, 0]).T
-    positions = np.stack([0.6 + 1.4 * x1 + 0.1 * x1 * np.cos(3 * x2), 0.9 * x2 + 0.05 * x1**2], axis=1)
+    d = subject.dimension
+    half, whole = plain(d, width=0.6, planes=(ReflectionPlane(0, 0.6, 1, (-1, 1, 1)[:d]),)), plain(d, width=1.2)
+    x1, x2, *rest = (whole.points - [0.6, 0, 0][:d]).T
+    across = [0.8 * x3 + 0.03 * x2 * x1**2 for x3 in rest]
+    positions = np.stack([0.6 + 1.4 * x1 + 0.1 * x1 * np.cos(3 * x2), 0.9 * x2 + 0.05 * x1**2, *across], axis=1)
     left = whole.points[:, 0] < 0.6
     force, expected = _evaluate(subject, whole, positions)
     _, found = _evaluate(subject, half, positions[left])
@@ -429,9 +446,9 @@ def pair_forces(subject: Subject) -> Outcome:
     are the same.
     """
     errors = []
-    for body in (sheet(), gripped_sheet()):
+    for body in (plain(subject.dimension), gripped(subject.dimension)):
         force, out = _evaluate(subject, body, body.points + 0.1 * (wavy(body.points) - body.points))
-        total, pairs = np.zeros((len(body.all_points), 2)), force.pair_forces()
+        total, pairs = np.zeros_like(body.all_points), force.pair_forces()
         np.add.at(total, body.bonds.first, pairs)
         np.add.at(total, body.bonds.second, -pairs)
         some = np.arange(len(pairs))[::-3]
@@ -450,7 +467,7 @@ def broken_bonds(subject: Subject) -> Outcome:
         share = (0.5 - start[:, 1]) / np.where(end[:, 1] == start[:, 1], np.inf, end[:, 1] - start[:, 1])
         return (share > 0) & (share < 1) & (start[:, 0] + share * (end[:, 0] - start[:, 0]) < 0.6)
 
-    body, cut = sheet(), sheet(separates=crosses)
+    body, cut = plain(subject.dimension), plain(subject.dimension, separates=crosses)
     positions = wavy(body.points)
     try:
         force, _ = _evaluate(subject, body, positions, breakable=True)
@@ -468,7 +485,7 @@ def broken_bonds(subject: Subject) -> Outcome:
 
 def unbreakable(subject: Subject) -> Outcome:
     """Whether breaking bonds of an evaluation that was not bound for it is refused with what to do."""
-    force = subject.model.bind(sheet(), subject.law, ForceSettings(plane=subject.plane))
+    force = subject.model.bind(plain(subject.dimension), subject.law, ForceSettings(plane=subject.plane))
     try:
         force.break_bonds(np.arange(5))
     except ValueError as error:
@@ -490,6 +507,8 @@ class _Killing(Silent):
 
 def checkpoint(subject: Subject) -> Outcome:
     """Points that end elsewhere when a run in equilibrium is killed between two levels and resumed from its checkpoint: none may."""
+    if subject.plane == "space":
+        return Outcome(INAPPLICABLE, "its run is that of a sheet")
     # Without the exact solution to compare with, which costs more than the run with some laws.
     changes = {"spacing": 0.1, "body.size": [0.8, 0.8], "stretches": [1.05, 1.15], "solver.tolerance": 1e-4, "reference": None}
     changes["plane"] = subject.plane
@@ -508,8 +527,8 @@ def checkpoint(subject: Subject) -> Outcome:
 
 def impossible_states(subject: Subject) -> Outcome:
     """Impossible states, turned inside out and with a NaN, that are not refused with the number and place of a point."""
-    body = sheet()
-    inverted, lost = body.points * MIRROR, body.points.copy()
+    body = plain(subject.dimension)
+    inverted, lost = body.points * MIRROR[: subject.dimension], body.points.copy()
     lost[7] = np.nan
     taken = []
     for positions, reason in ((inverted, "inside out"), (lost, "not finite")):
@@ -528,7 +547,7 @@ SETTINGS = {
     "rotation": tuple(ROTATIONS),
     "outside": tuple(OUTSIDE_POLICIES),
     "breakable": (True,),
-    "plane": SHEETS,
+    "plane": tuple(PLANES),
 }
 """Settings of a force evaluation, and the values that can be asked for."""
 
@@ -551,15 +570,15 @@ def settings_refused(subject: Subject) -> Outcome:
         alive = any(outcome != usual for outcome in taken.values())
         same = [value for value, outcome in taken.items() if outcome == usual]
         wrong += [f"{key}={value} changes nothing" for value in same if len(same) > 1 or not (alive or stated == value)]
-        if set(taken) != set(declared.get(key, ())) & set(values):
+        if set(taken) != set(declared.get(key, ())):
             wrong.append(f"{key} is declared as {declared.get(key, ())} and taken as {tuple(taken)}")
     return _none_may(len(wrong), "refused by name", "; ".join(wrong), "settings ignored")
 
 
 def _bind_with(subject: Subject, key: str, value):
     """An evaluation with one setting; None leaves it to the model."""
-    chosen = {} if value is None else {key: value}
-    return subject.model.bind(sheet(), subject.law, ForceSettings(**{"plane": subject.plane, **chosen}))
+    settings = ForceSettings(**{"plane": subject.plane} | ({} if value is None else {key: value}))
+    return subject.model.bind(plain(dimension_of(settings.plane)), subject.law, settings)
 
 
 def _own_choice(subject: Subject, key: str):
@@ -572,7 +591,8 @@ def _settings_outcome(subject: Subject, key: str, value):
     """What an evaluation does with a setting: its forces to the bit, and whether it warns or stops."""
     force = _bind_with(subject, key, value)
     # Stretched along axes off the grid, where the paper's rotation differs; far beyond the domain of any surrogate.
-    F = np.diag([6.0, 0.6]) if key == "outside" else turn(22.5) @ np.diag([1.5, 1.0]) @ turn(-22.5)
+    d = force.body.dimension
+    F = np.diag([6.0, 0.6, 0.6][:d]) if key == "outside" else turn(22.5, d) @ np.diag([1.5, 1.0, 0.8][:d]) @ turn(-22.5, d)
     if value is True:
         force.break_bonds(np.arange(5))
     with warnings.catch_warnings(record=True) as caught:
@@ -654,5 +674,7 @@ TABLE = (
     Row("full-network", MOMENTS),
     Row("bond-energy", plane="strain"),
     Row("neo-hookean", MOMENTS, plane="strain"),
+    Row("bond-energy", plane="space"),
+    Row("nosb", plane="space"),
 )
 """Every force model that is shipped, and what it states that it does not do."""

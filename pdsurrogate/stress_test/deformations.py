@@ -19,16 +19,24 @@ MOST_ERROR = 1e-3
 """Of stresses: a tenth of a per cent, a third of what the best experiments on rubber reproduce."""
 
 
-def turn(degrees: float) -> np.ndarray:
-    """Rotation matrix."""
+TURNED_ABOUT = np.array([2.0, -1.0, 2.0]) / 3
+"""Axis of rotations in space: that of no face of a block."""
+
+
+def turn(degrees: float, dimension: int = 2) -> np.ndarray:
+    """Rotation matrix; in space about `TURNED_ABOUT` (Rodrigues)."""
     angle = np.deg2rad(degrees)
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    if dimension == 2:
+        return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    cross = np.cross(np.eye(3), -TURNED_ABOUT)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
 
 
 def wavy(points: np.ndarray) -> np.ndarray:
     """An inhomogeneous deformation."""
-    x1, x2 = points.T
-    return np.stack([1.3 * x1 + 0.02 * np.sin(4 * x2), 0.95 * x2 + 0.1 * x1 + 0.02 * np.cos(5 * x1)], axis=1)
+    x1, x2, *rest = points.T
+    across = [0.82 * x3 + 0.05 * x2 + 0.02 * np.sin(4 * x1) for x3 in rest]
+    return np.stack([1.3 * x1 + 0.02 * np.sin(4 * x2), 0.95 * x2 + 0.1 * x1 + 0.02 * np.cos(5 * x1), *across], axis=1)
 
 
 def force_densities(force, positions: np.ndarray) -> np.ndarray:
