@@ -89,7 +89,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         return invalid
 
     def linearised_dilatation(self) -> LinearisedDilatation:
-        return LinearisedDilatation(self, self._kinematics, self._smoothing, self._smoothed, self._pairs)
+        return LinearisedDilatation(self, self._kinematics, self.smoothing, self._smoothed, self._pairs)
 
     def bulk_stresses(self) -> np.ndarray:
         return self.smoothing.matrix() @ super().bulk_stresses()
