@@ -9,6 +9,7 @@ from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.forces import FORCES, ForceSettings, OutsideDomain, OutsideDomainWarning
 from pdsurrogate.forces.kinematics import Kinematics
 from pdsurrogate.materials import NeoHookean, homogeneous, plane_stress
+from pdsurrogate.solvers import DynamicRelaxation, NotConverged
 from pdsurrogate.stress_test.deformations import wavy
 
 LAW = NeoHookean(2.0, 200.0)
@@ -167,3 +168,14 @@ def test_single_point_perturbation_meets_a_restoring_force():
     nosb(moved, np.empty_like(moved))
     # Interior horizons are point-symmetric: F of the moved point itself does not change (paper, Eq. (10)).
     np.testing.assert_allclose(nosb.deformation_gradients()[middle], np.eye(2), atol=1e-13)
+
+
+@pytest.mark.parametrize(("name", "told"), [("nosb", True), ("bond-energy", False)])
+def test_what_finds_no_equilibrium_says_where_zero_energy_modes_may_be_why(name, told):
+    body = sheet(0.25)
+    force = FORCES[name]().bind(body, NeoHookean(), ForceSettings())
+    positions = body.points * [1.1, 0.9]
+    solver = DynamicRelaxation(np.ones_like(positions), body.volumes, 1e-12, 40)
+    with pytest.raises(NotConverged) as caught:
+        solver.solve(force, positions)
+    assert ("force=analytic or force=bond-energy" in str(caught.value)) == told

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class LinearisedDilatation:
-    """How the smoothed dilatations of the points change with the positions, D, and the transpose of that (theory (57)).
+    """How the smoothed dilatations of the points change with the positions, D, and the transpose of that (theory (58)).
 
     Parameters
     ----------

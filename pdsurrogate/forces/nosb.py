@@ -36,6 +36,8 @@ class NOSBForce(ForceModel):
 class StressesAtPoints(Evaluation):
     """Forces from stresses of the points, whatever they come from."""
 
+    zero_energy_modes = True
+
     def _prepare(self) -> None:
         kinematics, body, bonds = self._kinematics, self.body, self.body.bonds
         self._stresses = aligned_rows((len(body.all_points), body.dimension**2))

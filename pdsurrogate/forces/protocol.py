@@ -150,6 +150,8 @@ class InternalForce(ABC):
         Whether `tangent` gives the second derivative of that energy.
     nearly_incompressible : bool
         Whether `linearised_dilatation` tells how the volume of the points changes with the positions, which costs the bulk modulus.
+    zero_energy_modes : bool
+        Whether there are displacements from point to point that it does not resist.
     learnt_thickness : bool
         Whether the points' J3 is found with a learnt force, and not by the law itself.
     evaluations : int
@@ -164,6 +166,7 @@ class InternalForce(ABC):
     has_energy = False
     has_tangent = False
     nearly_incompressible = False
+    zero_energy_modes = False
     learnt_thickness = False
 
     def __init__(self, body: Body, law: Law, precision: str, correction: str, breakable: bool, plane: str = "stress") -> None:

@@ -129,7 +129,10 @@ class EquilibriumSolver(ABC):
         greatest = self.reductions.greatest_of_parts(greatest_force_density[forces.shape[1]](forces, self.free, volumes))
         return greatest * force.body.spacing / unit
 
-    def not_converged(self, residual: float, evaluations: int, tolerance: float) -> NotConverged:
+    def not_converged(self, force: InternalForce, residual: float, evaluations: int, tolerance: float) -> NotConverged:
         """The error for a residual that is still too large."""
-        reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations"
-        return NotConverged(f"{reached}; asked for {tolerance:.2g}")
+        reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations; asked for {tolerance:.2g}"
+        if force.zero_energy_modes:
+            reached += " (this force does not resist all displacements from point to point, which then never come to rest: "
+            reached += "force=analytic or force=bond-energy does)"
+        return NotConverged(reached)

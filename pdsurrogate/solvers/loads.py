@@ -361,7 +361,7 @@ class LoadedForce:
     Attributes
     ----------
     internal, loads
-    body, law, precision, nearly_incompressible
+    body, law, precision, nearly_incompressible, zero_energy_modes
         Of the internal force.
     has_energy : bool
         Whether the sum of both is minus the derivative of an energy.
@@ -371,7 +371,7 @@ class LoadedForce:
         self.internal, self.loads = internal, loads
         self.body, self.law, self.precision = internal.body, internal.law, internal.precision
         self.has_energy = internal.has_energy and loads.conservative
-        self.nearly_incompressible = internal.nearly_incompressible
+        self.nearly_incompressible, self.zero_energy_modes = internal.nearly_incompressible, internal.zero_energy_modes
         self._thickness, self._product = np.ones(len(internal.body)), np.empty(len(internal.body))
 
     @property

@@ -12,7 +12,7 @@ from .quasi_newton import QuasiNewton
 
 
 class EnergyMinimiser(QuasiNewton):
-    """L-BFGS from the factorised stiffness of the nearest bonds, each step along a direction in which the energy falls.
+    """L-BFGS from the preconditioner that suits the force, each step along a direction in which the energy falls.
 
     A step is taken where the energy falls enough, or, where its change is lost in rounding, where the slope along the step says so.
 

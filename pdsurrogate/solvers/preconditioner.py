@@ -217,7 +217,7 @@ class NearestBondLaplacian:
 
 
 class IncompressibleStiffness:
-    """An approximation of the tangent of a nearly incompressible body, A + D^T C D, that is solved for displacements (theory (57)-(59)).
+    """An approximation of the tangent of a nearly incompressible body, A + D^T C D, that is solved for displacements (theory (58), (59)).
 
     A is the Laplacian of the nearest bonds, D the derivative of the points' dilatation in the present state and C their stiffness against
     it.  D is not approximated: what is over of a change of volume costs K.  With pressures p for the unknowns the system has the size

@@ -12,7 +12,7 @@ from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, no_report
 
 
 class QuasiNewton(EquilibriumSolver):
-    """L-BFGS on the residual force, from the factorised stiffness of the nearest bonds.
+    """L-BFGS on the residual force, from the preconditioner that suits it.
 
     The force map is not the gradient of an energy, so there is no line search on one: steps are bounded by the stretch they cause and
     shortened where the residual grows.  Where the tangent is far from symmetric, or has modes that the stiffness of
@@ -56,7 +56,7 @@ class QuasiNewton(EquilibriumSolver):
             forces = following
             report(evaluations, residual)
             if evaluations >= min(self.PATIENCE, self.most_evaluations) and not residual <= tolerance:
-                raise self.not_converged(residual, evaluations, tolerance)
+                raise self.not_converged(force, residual, evaluations, tolerance)
         return Equilibrium(residual, force.evaluations - began, self.name)
 
     def _bound(self, force, step) -> None:

@@ -55,7 +55,7 @@ class SteppingSolver(EquilibriumSolver):
             if not residual < self.MOST_GROWTH * max(first, 1.0):
                 raise Diverging(f"the residual grew from {first:.2g} to {residual:.2g} shear modulus / spacing")
             if evaluations >= self.most_evaluations:
-                raise self.not_converged(residual, evaluations, tolerance)
+                raise self.not_converged(force, residual, evaluations, tolerance)
             if evaluations % 10 == 0:
                 report(evaluations, residual)
         evaluations = force.evaluations - began
