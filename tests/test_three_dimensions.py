@@ -11,9 +11,10 @@ from pdsurrogate.kernels import algebra3, damage, gradient, lanes, nosb, referen
 from pdsurrogate.kernels.ba_nosb import sum_bond_forces
 from pdsurrogate.kernels.block_arrays import BLOCK, SCRATCH_ROWS
 from pdsurrogate.kernels.compile import kernel
+from pdsurrogate.kernels.threads import Chunks
 from pdsurrogate.materials import NeoHookean, Ogden, solid
 
-COUNT, SPACING, CHUNKS = 7, 1 / 7, 2
+COUNT, SPACING, CHUNKS = 7, 1 / 7, Chunks(threads=2, number=5)
 
 # No scene uses these yet, and every law and dimension has to be compiled.
 pytestmark = pytest.mark.slow
@@ -110,7 +111,7 @@ class Passes:
         return F
 
     def stresses(self, F, law):
-        scratch, out = np.zeros((CHUNKS, SCRATCH_ROWS, BLOCK)), np.zeros_like(F)
+        scratch, out = np.zeros((CHUNKS.threads, SCRATCH_ROWS, BLOCK)), np.zeros_like(F)
         block, ratios = solid.response.block(law), np.ones(len(F))
         arrays = F, ratios, self.inverse_shape, law.shear_modulus, block.address, np.asarray(law.parameters), scratch, out
         nosb.weighted_stresses[3].bind(*arrays, chunks=CHUNKS)()
@@ -383,7 +384,7 @@ def test_overstretched_bonds():
     limits[:n_pairs] = (1.2 * length[:n_pairs]) ** 2
     found, counts = np.zeros(len(first), dtype=np.uint32), np.zeros(1, dtype=np.int64)
     arrays = y, first, second, limits.reshape(-1, BLOCK), np.zeros((1, 3, BLOCK)), found, counts
-    number = damage.find_overstretched[3].bind(*arrays, chunks=1)()
+    number = damage.find_overstretched[3].bind(*arrays, chunks=Chunks(threads=1, number=1))()
     expected = np.flatnonzero(((y[second] - y[first]) ** 2).sum(axis=1) > limits)
     assert 0 < number < n_pairs
     np.testing.assert_array_equal(found[:number], expected)

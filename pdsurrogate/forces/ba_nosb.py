@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from ..body import Body
 from ..kernels import ba_nosb
 from ..kernels.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
+from ..kernels.passes import Chain
 from ..materials import SHEETS, Law
 from .evaluation import Evaluation
 from .kinematics import at_point, locate
@@ -111,11 +112,11 @@ class BANOSBEvaluation(Evaluation):
         chunks = self._kinematics.chunks
         longest = int(np.diff(self._table_pointers).max())
         self._volume_ratios = np.ones(len(owners))
-        self._tables = aligned_rows((chunks, longest, 4))
-        self._sums = aligned_rows((chunks, BLOCK, 4), value=1)
-        self._scratch = aligned_rows((chunks, SCRATCH_ROWS + 4, BLOCK), value=1)
+        self._tables = aligned_rows((chunks.threads, longest, 4))
+        self._sums = aligned_rows((chunks.threads, BLOCK, 4), value=1)
+        self._scratch = aligned_rows((chunks.threads, SCRATCH_ROWS + 4, BLOCK), value=1)
         self.bond_forces = np.empty((len(owners), 2))
-        self._find_forces = ba_nosb.ba_nosb_forces.bind(
+        find_forces = ba_nosb.ba_nosb_forces.bind(
             self._kinematics.positions,
             self._table_pointers,
             self._table,
@@ -136,6 +137,7 @@ class BANOSBEvaluation(Evaluation):
         )
         sums = self.bond_forces, self._bond_pointers, self._reverse, law.shear_modulus
         self._sum_forces = ba_nosb.sum_bond_forces[2].bind(*sums, np.empty_like(body.points), chunks=chunks)
+        self._find_forces = Chain(find_forces, self._sum_forces)
 
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
         self._kinematics.place(positions)
@@ -170,9 +172,9 @@ class BANOSBEvaluation(Evaluation):
 
     def pass_bonds(self, out: np.ndarray) -> tuple[int, int]:
         """Everything but the placing of ghosts, at the positions last given; the bonds without a state and the points without a force."""
-        unsolved = self._find_forces()
         self._sum_forces.give("out", out)
-        return unsolved, self._sum_forces()
+        unsolved, without_force = self._find_forces()
+        return unsolved, without_force
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         return {**super().state_arrays(), "bond_volume_ratios": self._volume_ratios}

@@ -15,6 +15,7 @@ from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.bond_force import FALL_BACK, UNGUARDED
 from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
+from ..kernels.passes import Chain
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import point_forces, sum_moments, weigh_moments
 from ..materials import PLANES, SHEETS, Law, plane_stress
@@ -190,9 +191,9 @@ class PairEnergies:
         self._exact, self._response = analytic_energy_density(precision), response
         domain, chunks = model.domain, kinematics.chunks
         guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(outside, bond_energy.COUNTED) if domain else UNGUARDED
-        self.buffers = aligned_rows((chunks, bond_energy.BUFFER_ROWS, BLOCK), precision)
-        self.sums = aligned_rows((chunks, 4, BLOCK))
-        self._counts = np.zeros((chunks, 3), dtype=np.int64)
+        self.buffers = aligned_rows((chunks.threads, bond_energy.BUFFER_ROWS, BLOCK), precision)
+        self.sums = aligned_rows((chunks.threads, 4, BLOCK))
+        self._counts = np.zeros((chunks.number, 3), dtype=np.int64)
         self.energy, self.collapsed, self.invalid = 0.0, 0, 0
         self._energies = np.zeros(len(geometry))
         self.forces = aligned_rows((len(first), 2), precision)
@@ -213,7 +214,7 @@ class PairEnergies:
             domain_constants(domain, precision) if domain else np.zeros(bond_energy.DOMAIN_SIZE, precision),
             self.buffers,
             self.sums,
-            aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), precision),
+            aligned_rows((chunks.threads, max(compiled.work_rows, 1), BLOCK), precision),
             kinematics.scratch,
             self._counts,
             self._energies,
@@ -337,25 +338,25 @@ class EnergyOfPairs(Evaluation):
         common = forces, self._stresses, *pairs
         unit, total = self.unit, self._all_forces if len(ghosts) else np.empty_like(body.points)
         directed = bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
-        own = point_forces[d].bind(*common, *directed, unit, 0, self._node_parts, total, chunks=chunks)
-        directed = self._ghost_pointers, self._ghost_neighbours, self._ghost_weighted_bonds, body.all_volumes
-        others = point_forces[d].bind(*common, *directed, unit, n, self._node_parts, total, chunks=chunks)
+        sums = [point_forces[d].bind(*common, *directed, unit, 0, self._node_parts, total, chunks=chunks)]
+        if len(ghosts):
+            directed = self._ghost_pointers, self._ghost_neighbours, self._ghost_weighted_bonds, body.all_volumes
+            sums.append(point_forces[d].bind(*common, *directed, unit, n, self._node_parts, total, chunks=chunks))
+        weigh_and_sum = Chain(weigh, *sums)
 
         def to_points(out: np.ndarray) -> int:
             gather()
             kinematics.gradient_ghosts.fold_moments(self._stresses)
             beside = None if others_of is None else others_of(self._stresses[:n])
-            weigh()
+            if not len(ghosts):
+                sums[0].give("out", out)
+            _, *without_force = weigh_and_sum()
             if len(ghosts):
-                without_force = own() + others()
                 ghosts.fold_forces(total)
                 out[:] = total[:n]
-            else:
-                own.give("out", out)
-                without_force = own()
             if beside is not None:
                 out += beside
-            return without_force
+            return sum(without_force)
 
         return to_points
 
@@ -559,7 +560,7 @@ class BondEnergyEvaluation(EnergyOfPairs):
         form, to_points = self._kinematics.gradient_pass(changes, gradients, 0.0), self.sums_of(forces, moments)
         geometry = pair_geometry(self.body, slice(None), self.bond_weights, self.precision)
         pairs = *self.body.bonds.ends_in_blocks(BLOCK), geometry, linearised
-        memory = aligned_rows((chunks, bond_energy.BUFFER_ROWS, BLOCK), self.precision), aligned_rows((chunks, 4, BLOCK))
+        memory = aligned_rows((chunks.threads, bond_energy.BUFFER_ROWS, BLOCK), self.precision), aligned_rows((chunks.threads, 4, BLOCK))
         find = bond_energy.pair_tangents.bind(changes, gradients, *pairs, *memory, forces, moments, chunks=chunks)
 
         def multiply(displacements: np.ndarray, out: np.ndarray) -> None:

@@ -11,7 +11,9 @@ from ..body import Body
 from ..kernels import bond_force, reference_state
 from ..kernels.analytic import analytic_bond_force
 from ..kernels.block_arrays import BLOCK, aligned_rows
+from ..kernels.passes import Chain
 from ..kernels.sums import sum_pair_forces
+from ..kernels.threads import Chunks
 from ..materials import SHEETS, Law
 from .evaluation import DomainWatch, Evaluation, usual_precision
 from .kinematics import Kinematics, at_point, locate
@@ -99,7 +101,7 @@ class PairForces:
         Of the same points, by the law.
     first, second : ndarray of uint32
         Ends of the pairs, filled up to whole blocks.
-    chunks : int
+    chunks : Chunks
 
     Attributes
     ----------
@@ -108,6 +110,8 @@ class PairForces:
         Reference vectors of the pairs, for `pdsurrogate.kernels.reference_state.pair_rows` to fill.
     forces : ndarray, shape (n_blocks * BLOCK, 2)
         Dimensionless force on the first point of every pair.
+    find : BoundPass
+        Which brings `forces` up to date and counts the pairs outside the model's domain.
     learns_thickness : bool
         Whether the points' J3 is found with the model, and not by the law.
     """
@@ -123,7 +127,7 @@ class PairForces:
         states: Kinematics | PointStates,
         first: np.ndarray,
         second: np.ndarray,
-        chunks: int,
+        chunks: Chunks,
     ) -> None:
         blocks = len(first) // BLOCK
         compiled = model.compiled(precision)
@@ -139,7 +143,7 @@ class PairForces:
         within = domain.interior if outside == "fallback" else domain
         self.forces = aligned_rows((len(first), 2), precision)
         self._exact = analytic_bond_force(precision)
-        self._find = bond_force.pair_forces.bind(
+        self.find = bond_force.pair_forces.bind(
             positions,
             states.records,
             first,
@@ -153,16 +157,12 @@ class PairForces:
             states.parameters,
             guard,
             np.stack([domain.limits(precision), within.limits(precision)]),
-            aligned_rows((chunks, bond_force.BUFFER_ROWS, BLOCK), precision),
-            aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), precision),
+            aligned_rows((chunks.threads, bond_force.BUFFER_ROWS, BLOCK), precision),
+            aligned_rows((chunks.threads, max(compiled.work_rows, 1), BLOCK), precision),
             states.scratch,
             self.forces,
             chunks=chunks,
         )
-
-    def __call__(self) -> int:
-        """Bring `forces` up to date; returns the number of pairs outside the model's domain."""
-        return self._find()
 
 
 class BondForceEvaluation(Evaluation):
@@ -195,11 +195,16 @@ class BondForceEvaluation(Evaluation):
             self._strength = None
         sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
         self._sum_forces = sum_pair_forces[2].bind(*sums, law.shear_modulus, np.empty_like(body.points), chunks=kinematics.chunks)
+        self._find_forces = Chain(self._pairs.find, self._sum_forces)
+        self._find_all = Chain(*kinematics.state_passes, self._pairs.find, self._sum_forces)
 
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
-        self._kinematics.place(positions)
-        self._kinematics.find_states()
-        outside, without_force = self.pass_bonds(out)
+        kinematics = self._kinematics
+        kinematics.place(positions)
+        kinematics.form_gradients()
+        self._sum_forces.give("out", out)
+        unsolved, *_, outside, without_force = self._find_all()
+        kinematics.have_states(unsolved)
         self.pairs_outside += outside
         self._watch.report(outside)
         if without_force:
@@ -207,9 +212,9 @@ class BondForceEvaluation(Evaluation):
 
     def pass_bonds(self, out: np.ndarray) -> tuple[int, int]:
         """Bond pass and sum in the kinematic state last updated; the pairs outside the domain and the points without a force."""
-        outside = self._pairs()
         self._sum_forces.give("out", out)
-        return outside, self._sum_forces()
+        outside, without_force = self._find_forces()
+        return outside, without_force
 
     def _find_geometry(self, pairs: np.ndarray) -> None:
         body, bonds = self.body, self.body.bonds
@@ -315,7 +320,7 @@ class BondForceOfPortions(EvaluationOfPortions):
         self._forces[:] = 0.0
         outside = []
         for part, pairs, unit, _ in self._parts:
-            outside.append(part())
+            outside.append(part.find())
             self._forces[pairs] += unit * part.forces[: len(pairs)]
         self._sum_forces.give("out", out)
         return outside, self._sum_forces()

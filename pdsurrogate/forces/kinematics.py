@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -13,9 +12,9 @@ from ..body import Body
 from ..kernels import node_state
 from ..kernels.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..kernels.gradient import deformation_gradients
-from ..kernels.passes import BoundPass
+from ..kernels.passes import BoundPass, Chain
 from ..kernels.reference_state import shape_rows
-from ..kernels.threads import threads_in_use
+from ..kernels.threads import chunks_of
 from ..materials import PLANES, Law, plane_stress
 from .protocol import InvalidState
 from .settings import ROTATION, ROTATIONS
@@ -67,7 +66,7 @@ class Kinematics:
         self.body, self.law, self.plane = body, law, plane
         bonds, points = body.bonds, body.all_points
         n, total = len(body), len(points)
-        self.chunks = threads_in_use()
+        self.chunks = chunks_of(len(bonds.first))
         self.response = PLANES[plane].response.block(law)
         self.parameters = law.parameters
 
@@ -92,7 +91,7 @@ class Kinematics:
         self._form_gradients = self.gradient_pass(self.positions, self.gradients, 1.0)
         self.volume_ratios = np.ones(total)
         self.records = aligned_rows((total if dimension == 2 else 0, 4), precision)
-        self.scratch = aligned_rows((self.chunks, SCRATCH_ROWS, BLOCK), value=1)
+        self.scratch = aligned_rows((self.chunks.threads, SCRATCH_ROWS, BLOCK), value=1)
         self.surrogate_thickness: SurrogateThickness | None = None
         self.interfaces: Interfaces | None = None
         turn = ROTATIONS[rotation or ROTATION]
@@ -199,16 +198,29 @@ class Kinematics:
         """
         self.form_gradients()
         if not self._found:
-            if self._find_states():
-                self.volume_ratios[:] = 1.0  # so that a later evaluation starts afresh
-                raise InvalidState(self.diagnose(self.law))
-            if self._turn:
-                self._turn()
-            self._found = True
+            unsolved, *_ = self._find_states()
+            self.have_states(unsolved)
+
+    def have_states(self, unsolved: int) -> None:
+        """Take note that `state_passes` have run; raises as `find_states` does where the first of them left points without a state."""
+        if unsolved:
+            self.volume_ratios[:] = 1.0  # so that a later evaluation starts afresh
+            raise InvalidState(self.diagnose(self.law))
+        self._found = True
 
     @cached_property
-    def _find_states(self) -> Callable[[], int]:
-        """The pass over the points' states; bound at its first use, when it is known what solves the plane-stress condition."""
+    def _find_states(self) -> Chain:
+        return Chain(*self.state_passes)
+
+    @cached_property
+    def state_passes(self) -> list[BoundPass]:
+        """The passes over the points' states after the gradients, of which the first counts the points that have none.
+
+        Bound at their first use, when it is known what solves the plane-stress condition.
+        """
+        return [self._state_pass(), *([self._turn] if self._turn else [])]
+
+    def _state_pass(self) -> BoundPass:
         if self.plane == "space":
             return node_state.volume_ratios[3].bind(self.gradients, self.volume_ratios, chunks=self.chunks)
         if self.plane == "strain":

@@ -14,7 +14,8 @@ from ..kernels import selective_energy
 from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.bond_energy import COLLAPSED
 from ..kernels.elementary import sum_in_order
-from ..kernels.passes import BoundPass
+from ..kernels.passes import BoundPass, Chain
+from ..kernels.threads import Chunks
 from ..materials import PLANES, Law
 from ..materials.response import volume_energy_block
 from .bond_energy import BondEnergyEvaluation
@@ -52,12 +53,13 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         self._share_ends(np.arange(self._n_pairs))
         self._volume_energies = np.zeros(-(-n // BLOCK))
         self._forces, self._moments = self._pairs.forces, self._pairs.moments
-        self._find_dilatations = selective_energy.means_over_bonds.bind(
+        find_dilatations = selective_energy.means_over_bonds.bind(
             bonds.pointers, bonds.pair_of, self.bond_shares, self._pair_volumes, 1.0, self._dilatations, chunks=chunks
         )
-        self._smooth_dilatations = self.smoothing.bind(self._dilatations, self._smoothed, chunks)
+        smooth = self.smoothing.bind(self._dilatations, self._smoothed, chunks)
+        self._find_volumes = Chain(self._pairs.find_volumes, find_dilatations, smooth)
         self._volumetric = volume_energy_block(self.law)
-        self._find_volume_energies = selective_energy.volume_energies.bind(
+        find_volume_energies = selective_energy.volume_energies.bind(
             self._smoothed,
             body.volumes,
             self._volumetric.address,
@@ -68,24 +70,21 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
             chunks=chunks,
         )
         # What the bonds of the points feel of U' is the transpose of the smoothing, and V_i W_ij is symmetric.
-        self._spread_slopes = self.smoothing.bind(self._slopes, self._pressures, chunks)
+        spread_slopes = self.smoothing.bind(self._slopes, self._pressures, chunks)
+        self._find_energies = Chain(find_volume_energies, spread_slopes, self._pairs.find_energies)
 
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
         """Passes over pairs and points, and sums, with the deformation gradients last formed; see `BondEnergyEvaluation.pass_bonds`."""
         invalid = self._form_volumes()
         if invalid:
             return [0], invalid, 0
-        self._find_volume_energies()
-        self._spread_slopes()
-        self._pairs.find_energies()
+        self._find_energies()
         self._energy = self._pairs.energy + float(sum_in_order(self._volume_energies))
         return [0], 0, self._own_sums(out)
 
     def _form_volumes(self) -> int:
         """Bring the smoothed dilatations up to date with the gradients last formed; the number of pairs turned inside out."""
-        invalid = self._pairs.find_volumes()
-        self._find_dilatations()
-        self._smooth_dilatations()
+        invalid, *_ = self._find_volumes()
         return invalid
 
     def linearised_dilatation(self) -> LinearisedDilatation:
@@ -166,7 +165,7 @@ class SelectivePairs:
         dimension, chunks = positions.shape[1], kinematics.chunks
         self._response = PLANES[kinematics.plane].isochoric_response.block(law)
         self.end_shares, self._energies = aligned_rows((len(geometry), 2, BLOCK)), np.zeros(len(geometry))
-        self.buffers = aligned_rows((chunks, selective_energy.buffer_rows(dimension), BLOCK), value=1)
+        self.buffers = aligned_rows((chunks.threads, selective_energy.buffer_rows(dimension), BLOCK), value=1)
         self.forces, self.moments = aligned_rows((len(first), dimension)), aligned_rows((len(first), dimension**2))
         places, pairs = (positions, gradients), (first, second, geometry)
         self.find_volumes = selective_energy.pair_volumes[dimension].bind(*places, *pairs, self.buffers, volumes, chunks=chunks)
@@ -255,7 +254,7 @@ class Smoothing:
             self._ends = bonds.first, bonds.second
             self._raw, self._pairs = raw, np.concatenate([pairs, pairs[within]])[order].astype(np.uint32)
 
-    def bind(self, values: np.ndarray, out: np.ndarray, chunks: int) -> BoundPass:
+    def bind(self, values: np.ndarray, out: np.ndarray, chunks: Chunks) -> BoundPass:
         """The pass that smooths values at the points (n,) into the first n of another array."""
         return selective_energy.smooth.bind(self._pointers, self._columns, self._weights, self._own, values, out, chunks=chunks)
 

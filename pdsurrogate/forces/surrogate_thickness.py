@@ -7,6 +7,7 @@ import numpy as np
 from ..kernels import surrogate_thickness
 from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.passes import BoundPass
+from ..kernels.threads import Chunks
 from ..materials import Law, plane_stress
 from .protocol import CompiledBondForce, Domain
 
@@ -26,20 +27,20 @@ class SurrogateThickness:
     law : Law
     precision : str
         Of the model.
-    chunks : int
-        Threads.
+    chunks : Chunks
+        Of the pass.
     """
 
-    def __init__(self, compiled: CompiledBondForce, domain: Domain, law: Law, precision: str, chunks: int) -> None:
+    def __init__(self, compiled: CompiledBondForce, domain: Domain, law: Law, precision: str, chunks: Chunks) -> None:
         self._compiled = compiled
         self._domain = np.stack([domain.limits("float64"), domain.interior.limits("float64")])
         self._volumetric = plane_stress.volumetric_block(law)
         self._tolerance = TOLERANCE[str(np.dtype(precision))]
-        self._buffers = aligned_rows((chunks, surrogate_thickness.BUFFER_ROWS, BLOCK), precision, 1)
-        self._work = aligned_rows((chunks, max(compiled.work_rows, 1), BLOCK), precision)
-        self._scratch = aligned_rows((chunks, surrogate_thickness.SCRATCH_ROWS, BLOCK), value=1)
+        self._buffers = aligned_rows((chunks.threads, surrogate_thickness.BUFFER_ROWS, BLOCK), precision, 1)
+        self._work = aligned_rows((chunks.threads, max(compiled.work_rows, 1), BLOCK), precision)
+        self._scratch = aligned_rows((chunks.threads, surrogate_thickness.SCRATCH_ROWS, BLOCK), value=1)
 
-    def bind(self, gradients, volume_ratios, response: int, parameters, records, chunks: int) -> BoundPass:
+    def bind(self, gradients, volume_ratios, response: int, parameters, records, chunks: Chunks) -> BoundPass:
         """The pass that brings `volume_ratios` and `records` up to date, and counts the points without a state."""
         return surrogate_thickness.surrogate_node_states.bind(
             gradients,

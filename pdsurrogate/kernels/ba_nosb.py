@@ -102,6 +102,7 @@ def bond_references(
 
 @Pass
 def ba_nosb_forces(
+    thread,
     chunk,
     chunks,
     positions,
@@ -126,9 +127,9 @@ def ba_nosb_forces(
     Parameters
     ----------
     volume_ratios : (n_bonds,) J3 of every bond, the last values in and the new ones out.
-    tables : (n_chunks, longest table, 4) working memory.
-    sums : (n_chunks, BLOCK, 4) working memory.
-    scratch : (n_chunks, SCRATCH_ROWS + 4, BLOCK) doubles.
+    tables : (n_threads, longest table, 4) working memory.
+    sums : (n_threads, BLOCK, 4) working memory.
+    scratch : (n_threads, SCRATCH_ROWS + 4, BLOCK) doubles.
     forces : (n_bonds, 2) out.
 
     Returns
@@ -139,9 +140,9 @@ def ba_nosb_forces(
     n = table_pointers.shape[0] - 1
     widest_vectors()
     first_tile, last_tile = share_of((n + TILE - 1) // TILE, chunk, chunks)
-    table_here = tables[chunk]
-    block = sums[chunk]
-    rows = block_rows(scratch[chunk])
+    table_here = tables[thread]
+    block = sums[thread]
+    rows = block_rows(scratch[thread])
     count = 0
     for tile in range(first_tile, last_tile):
         held = 0

@@ -90,6 +90,7 @@ def exact_share(trace, J, domain):
 
 @Pass
 def pair_energies(
+    thread,
     chunk,
     chunks,
     positions,
@@ -126,8 +127,8 @@ def pair_energies(
     exact, response, parameters : the exact energy and the material law behind it.
     guard : UNGUARDED, COUNTED or FALL_BACK.
     domain : (DOMAIN_SIZE,) see `edge_distances`.
-    buffers, work : (n_chunks, rows, BLOCK) in the precision of the pass.
-    sums, scratch : (n_chunks, rows, BLOCK) doubles.
+    buffers, work : (n_threads, rows, BLOCK) in the precision of the pass.
+    sums, scratch : (n_threads, rows, BLOCK) doubles.
     counts : (n_chunks, 3) out: pairs outside the domain; those with det F_ij <= COLLAPSED; and of them those with det F_ij <= 0 or none.
     energies : (n_blocks,) out: sum of V_b psi over each block, in double.
     forces : (n_blocks * BLOCK, 2) out: V_b P n/l, what the bond part exerts on the first point.
@@ -135,13 +136,13 @@ def pair_energies(
     """
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-    buffer = buffers[chunk]
+    buffer = buffers[thread]
     states = block_rows(buffer[:RESULT])
     result = block_rows(buffer[RESULT:EXACT_RESULT])
     exact_result = block_rows(buffer[EXACT_RESULT:BOND])
     bond = block_rows(buffer[BOND:COLUMNS])
     columns = block_rows(buffer[COLUMNS:BUFFER_ROWS])
-    means = block_rows(sums[chunk])
+    means = block_rows(sums[thread])
     real = buffer.dtype.type
     half = real(0.5)
     zero = real(0.0)
@@ -182,7 +183,7 @@ def pair_energies(
             small += int(few)
             for k in range(BLOCK):
                 bad += 0 if states[1, k] > zero else 1
-        call_block(energy_density, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], result)
+        call_block(energy_density, states, sizes, weights, response, parameters, work[thread], scratch[thread], result)
         if guard != UNGUARDED:
             found = zero
             near = zero
@@ -195,7 +196,7 @@ def pair_energies(
             if found > zero:
                 count += int(found)
             if guard == FALL_BACK and near > zero:
-                call_block(exact, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], exact_result)
+                call_block(exact, states, sizes, weights, response, parameters, work[thread], scratch[thread], exact_result)
                 for k in range(BLOCK):
                     share, by_trace, by_J = exact_share(np.float64(states[0, k]), np.float64(states[1, k]), domain)
                     if share >= 1.0:
@@ -238,7 +239,7 @@ def pair_energies(
 
 
 @Pass
-def pair_tangents(chunk, chunks, positions, gradients, first, second, geometry, linearised, buffers, sums, forces, moments):
+def pair_tangents(thread, chunk, chunks, positions, gradients, first, second, geometry, linearised, buffers, sums, forces, moments):
     """The change of `forces` and `moments` of `pair_energies` under a displacement, to first order.
 
     Parameters
@@ -251,8 +252,8 @@ def pair_tangents(chunk, chunks, positions, gradients, first, second, geometry, 
     """
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-    bond = block_rows(buffers[chunk, BOND:COLUMNS])
-    means = block_rows(sums[chunk])
+    bond = block_rows(buffers[thread, BOND:COLUMNS])
+    means = block_rows(sums[thread])
     for block in range(first_block, last_block):
         at = block * BLOCK
         reference = block_rows(geometry[block])

@@ -22,6 +22,7 @@ sums of the node records; and its rows in all."""
 
 @Pass
 def pair_forces(
+    thread,
     chunk,
     chunks,
     positions,
@@ -58,7 +59,7 @@ def pair_forces(
     analytic_bond_force, response, parameters : the exact bond force and the material law behind it.
     guard : UNGUARDED, TURNED or FALL_BACK.
     domain : (2, 7) limits of the domain and of the part of it where nothing but the model counts, see `bond_state.is_outside`.
-    buffers, work, scratch : (n_chunks, rows, BLOCK), the first two in the model's precision, the last doubles.
+    buffers, work, scratch : (n_threads, rows, BLOCK), the first two in the model's precision, the last doubles.
     forces : (n_blocks * BLOCK, 2) out.
 
     Returns
@@ -68,7 +69,7 @@ def pair_forces(
     """
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-    buffer = buffers[chunk]
+    buffer = buffers[thread]
     states = block_rows(buffer[:BOND])
     bond = block_rows(buffer[BOND:TRACTION])
     traction = block_rows(buffer[TRACTION:EXACT_TRACTION])
@@ -111,14 +112,14 @@ def pair_forces(
         if geometry.shape[1] > 4:
             for k in range(BLOCK):
                 states[5, k] = reference[4, k]
-        call_block(bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], traction)
+        call_block(bond_force, states, sizes, weights, response, parameters, work[thread], scratch[thread], traction)
         if guard != UNGUARDED:
             # Counted in the precision of the lanes, which another width would halve.  Pairs that carry no force are at rest: inside.
             near = zero
             for k in range(BLOCK):
                 near += is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], inner)
             if near > zero:
-                call_block(analytic_bond_force, states, sizes, weights, response, parameters, work[chunk], scratch[chunk], exact)
+                call_block(analytic_bond_force, states, sizes, weights, response, parameters, work[thread], scratch[thread], exact)
                 for k in range(BLOCK):
                     a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
                     if reference[2, k] > zero and is_outside(a, b, U_mm, J, C33, outer) > zero:

@@ -12,7 +12,7 @@ def find_overstretched(algebra):
     """Pairs whose deformed length squared exceeds its limit (30)."""
 
     @Pass
-    def find_overstretched(chunk, chunks, positions, first, second, limits, buffers, found, counts):
+    def find_overstretched(thread, chunk, chunks, positions, first, second, limits, buffers, found, counts):
         """Pairs whose deformed length squared exceeds its limit (30); returns how many.
 
         Parameters
@@ -20,12 +20,12 @@ def find_overstretched(algebra):
         positions : doubles.
         first, second : (n_blocks * BLOCK,) the pairs, padded.
         limits : (n_blocks, BLOCK) square of the critical length; infinite where the bond is broken already, and in the padding.
-        buffers : (n_chunks, dimension, BLOCK) doubles.
+        buffers : (n_threads, dimension, BLOCK) doubles.
         found : (n_blocks * BLOCK,) out: numbers of the pairs, each chunk's from the first place of its own.
         counts : (n_chunks,) out: how many each chunk found.
         """
         widest_vectors()
-        bond = block_rows(buffers[chunk])
+        bond = block_rows(buffers[thread])
         begin, end = share_of(limits.shape[0], chunk, chunks)
         place = begin * BLOCK
         for block in range(begin, end):

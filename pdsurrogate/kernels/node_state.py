@@ -101,14 +101,14 @@ def held_states(chunk, chunks, gradients, volume_ratios, records):
 
 
 @Pass
-def node_states(chunk, chunks, gradients, volume_ratios, response, parameters, scratch, records):
+def node_states(thread, chunk, chunks, gradients, volume_ratios, response, parameters, scratch, records):
     """Node records (cos, sin, J, C33) from the deformation gradients.
 
     Parameters
     ----------
     gradients : (n, 4) F as (11, 21, 12, 22).
     volume_ratios : (n,) J3, the last values in and the new ones out.
-    scratch : (n_chunks, SCRATCH_ROWS, BLOCK) doubles.
+    scratch : (n_threads, SCRATCH_ROWS, BLOCK) doubles.
     records : (n, 4) out, in the precision of the bond pass.
 
     Returns
@@ -119,8 +119,8 @@ def node_states(chunk, chunks, gradients, volume_ratios, response, parameters, s
     n = gradients.shape[0]
     widest_vectors()
     first_block, last_block = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
-    states = block_rows(scratch[chunk, 0:3])
-    result = block_rows(scratch[chunk, 3:8])
+    states = block_rows(scratch[thread, 0:3])
+    result = block_rows(scratch[thread, 3:8])
     count = 0
     for block in range(first_block, last_block):
         at = block * BLOCK

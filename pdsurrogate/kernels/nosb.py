@@ -12,13 +12,13 @@ def weighted_stresses(algebra):
     """P K^-1 of every point."""
 
     @Pass
-    def weighted_stresses(chunk, chunks, gradients, volume_ratios, inverse_shape, unit, response, parameters, scratch, stresses):
+    def weighted_stresses(thread, chunk, chunks, gradients, volume_ratios, inverse_shape, unit, response, parameters, scratch, stresses):
         """P K^-1 of every point, by columns."""
         widest_vectors()
         n = gradients.shape[0]
         first, last = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
-        states = block_rows(scratch[chunk, 0:3])
-        result = block_rows(scratch[chunk, 3:8])
+        states = block_rows(scratch[thread, 0:3])
+        result = block_rows(scratch[thread, 3:8])
         for block in range(first, last):
             at = block * BLOCK
             size = min(BLOCK, n - at)

@@ -19,41 +19,81 @@ from numba.core import cgutils
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic, overload
 
+from .block_arrays import CACHE_LINE, aligned_rows
 from .compile import INLINE_OPTIONS, compile_block_function, compiled_digest, inlined, kernel, parallel_kernel, plain_function
-from .threads import threads_in_use
+from .threads import Chunks, chunks_of
 
-CHUNK_FUNCTION = types.int64(types.CPointer(types.int64), types.int64, types.int64)
-"""``function(arguments, chunk, chunks)``: what the driver calls; returns a count."""
+WORDS_PER_LINE = CACHE_LINE // 8
+
+CHUNK_FUNCTION = types.int64(types.CPointer(types.int64), types.int64, types.int64, types.int64)
+"""``function(arguments, thread, chunk, chunks)``: what the driver calls; returns a count."""
 
 
 @intrinsic
-def _call_chunk(typingctx, address, arguments, chunk, chunks):
-    """Call the function at an address on one chunk; see `CHUNK_FUNCTION`."""
-    signature = types.int64(address, arguments, types.int64, types.int64)
+def _call_chunk(typingctx, code, arguments, thread, chunk, chunks):
+    """Call the function at an address on one chunk, its arguments at another; see `CHUNK_FUNCTION`."""
+    signature = types.int64(*[types.int64] * 5)
 
     def codegen(context, builder, signature, values):
-        data = context.make_array(signature.args[1])(context, builder, values[1]).data
-        function = ir.FunctionType(ir.IntType(64), [data.type, ir.IntType(64), ir.IntType(64)])
-        return builder.call(builder.inttoptr(values[0], function.as_pointer()), [data, values[2], values[3]])
+        word = ir.IntType(64)
+        function = ir.FunctionType(word, [word.as_pointer(), word, word, word])
+        arguments = builder.inttoptr(values[1], word.as_pointer())
+        return builder.call(builder.inttoptr(values[0], function.as_pointer()), [arguments, *values[2:]])
 
     return signature, codegen
 
 
+@intrinsic
+def _take(typingctx, numbers, row):
+    """The first number in a row, which becomes one greater, whoever else takes one at the same time."""
+
+    def codegen(context, builder, signature, values):
+        array = context.make_array(signature.args[0])(context, builder, values[0])
+        place = cgutils.get_item_pointer(context, builder, signature.args[0], array, [values[1], ir.Constant(ir.IntType(64), 0)])
+        return builder.atomic_rmw("add", place, ir.Constant(ir.IntType(64), 1), "monotonic")
+
+    return types.int64(numbers, types.int64), codegen
+
+
 @parallel_kernel
-def _run_on_threads(address, arguments, counts):
-    """Run a pass, its chunks in parallel; returns the sum of their counts."""
-    for chunk in prange(counts.shape[0]):
-        counts[chunk] = _call_chunk(address, arguments, chunk, counts.shape[0])
-    total = 0
-    for chunk in range(counts.shape[0]):
-        total += counts[chunk]
-    return total
+def _run_on_threads(calls, following, counts, found):
+    """Run passes one after another, the chunks of each in parallel.
+
+    Each thread has a share of the chunks, the same in every pass, so that what it works on stays in its cache.  Who is done takes on what
+    others have not begun: a thread that starts late or is held up delays the others by one chunk, and not by its share.
+
+    Parameters
+    ----------
+    calls : (n, 3) addresses of code and arguments of the passes, and their numbers of chunks.
+    following : (threads, WORDS_PER_LINE) working memory: in the first column the chunk that is next of each thread's share.
+    counts : (n, threads) working memory.
+    found : (n,) out: what each pass has counted.
+    """
+    threads = following.shape[0]
+    for number in range(calls.shape[0]):
+        code, arguments, chunks = calls[number, 0], calls[number, 1], calls[number, 2]
+        for owner in range(threads):
+            following[owner, 0] = owner * chunks // threads
+        for thread in prange(threads):
+            count = 0
+            for step in range(threads):
+                owner = (thread + step) % threads
+                end = (owner + 1) * chunks // threads
+                chunk = _take(following, owner)
+                while chunk < end:
+                    count += _call_chunk(code, arguments, thread, chunk, chunks)
+                    chunk = _take(following, owner)
+            counts[number, thread] = count
+        found[number] = 0
+        for thread in range(threads):
+            found[number] += counts[number, thread]
 
 
 @kernel
-def _run_here(address, arguments):
-    """Run a pass as one chunk, on the thread that calls."""
-    return _call_chunk(address, arguments, 0, 1)
+def _run_here(calls, found):
+    """Run passes one after another as one chunk each, on the thread that calls."""
+    for number in range(calls.shape[0]):
+        found[number] = _call_chunk(calls[number, 0], calls[number, 1], 0, 0, 1)
 
 
 def _count(found):
@@ -118,27 +158,30 @@ class Pass:
     Parameters
     ----------
     function : callable
-        ``function(chunk, chunks, ...)`` works on its share of the body and returns a count, or nothing.
+        ``function(chunk, chunks, ...)`` works on its share of the body and returns a count, or nothing.  ``function(thread, chunk, chunks,
+        ...)`` has working memory for every thread besides.
     """
 
     def __init__(self, function: Callable) -> None:
         self.function = function
         self.__doc__, self.__name__ = function.__doc__, function.__name__
-        self.names = tuple(inspect.signature(function).parameters)[2:]
+        names = tuple(inspect.signature(function).parameters)
+        self._asks_thread = names[0] == "thread"
+        self.names = names[3:] if self._asks_thread else names[2:]
         self._code: dict[tuple, CFunc] = {}
         self._compiled = plain_function(function)
 
-    def bind(self, *arguments, chunks: int | None = None) -> BoundPass:
+    def bind(self, *arguments, chunks: Chunks | None = None) -> BoundPass:
         """Hand over the arguments, arrays in C order and numbers.
 
         Parameters
         ----------
         *arguments
             As the function takes them after chunk and chunks.
-        chunks : int, optional
-            By default as many as numba has threads now.
+        chunks : Chunks, optional
+            By default one for each of the threads that numba has now.
         """
-        return BoundPass(self, arguments, chunks or threads_in_use())
+        return BoundPass(self, arguments, chunks or chunks_of(0))
 
     def __call__(self, *arguments):
         """Run once."""
@@ -149,9 +192,15 @@ class Pass:
         if kinds not in self._code:
             function, unpack = self._compiled, _unpacker(kinds)
             digest = compiled_digest(self.function, unpack, _count, [str(kind) for kind in kinds])
+            if self._asks_thread:
 
-            def entry(arguments, chunk, chunks):
-                return _count(function(chunk, chunks, *unpack(arguments)))
+                def entry(arguments, thread, chunk, chunks):
+                    return _count(function(thread, chunk, chunks, *unpack(arguments)))
+
+            else:
+
+                def entry(arguments, thread, chunk, chunks):
+                    return _count(function(chunk, chunks, *unpack(arguments)))
 
             entry.__qualname__ = self.function.__qualname__
             self._code[kinds] = compile_block_function(entry, CHUNK_FUNCTION, digest)
@@ -192,7 +241,7 @@ def share_of(size, chunk, chunks):
 class BoundPass:
     """A pass with the arrays that it works on; called, it runs over all chunks and returns the sum of their counts."""
 
-    def __init__(self, what: Pass, arguments: tuple, chunks: int) -> None:
+    def __init__(self, what: Pass, arguments: tuple, chunks: Chunks) -> None:
         if len(arguments) != len(what.names):
             raise TypeError(f"{what.__name__} takes {len(what.names)} arguments, not {len(arguments)}")
         self._pass, self._kept, self._places = what, dict(zip(what.names, arguments, strict=True)), {}
@@ -213,13 +262,12 @@ class BoundPass:
             # Whether an array may be written to says nothing about the code.
             kinds.append(types.Array(kind.dtype, kind.ndim, "C") if isinstance(kind, types.Array) else kind)
         self._words = np.array(words, dtype=np.int64)
-        self._counts = np.zeros(chunks, dtype=np.int64)
-        self._code = what.address(tuple(kinds))
+        self.threads = chunks.threads
+        self.call = what.address(tuple(kinds)), _address(self._words), chunks.number
+        self._run = _Run([self.call], self.threads)
 
     def __call__(self) -> int:
-        if len(self._counts) == 1:
-            return _run_here(self._code, self._words)
-        return _run_on_threads(self._code, self._words, self._counts)
+        return self._run()[0]
 
     def give(self, name: str, array: np.ndarray) -> None:
         """Put another array of the same kind in the place of an argument."""
@@ -230,6 +278,43 @@ class BoundPass:
             raise TypeError(f"{self._pass.__name__}: {name} must be an array like the one before, in C order")
         self._kept[name] = array
         self._words[self._places[name]] = _address(array)
+
+
+class Chain:
+    """Passes that run one after another in a single call, which returns what each has counted.
+
+    Threads that wait between two of them wait for less than a turn of Python, and do not fall asleep.
+
+    Parameters
+    ----------
+    *passes : BoundPass
+        Bound for the same number of threads.
+    """
+
+    def __init__(self, *passes: BoundPass) -> None:
+        self._passes = passes
+        (threads,) = {bound.threads for bound in passes}
+        self._run = _Run([bound.call for bound in passes], threads)
+
+    def __call__(self) -> list[int]:
+        return self._run()
+
+
+class _Run:
+    """Calls of passes by their addresses; whoever holds this keeps what they stand for."""
+
+    def __init__(self, calls: list[tuple[int, int, int]], threads: int) -> None:
+        self._calls = np.array(calls, dtype=np.int64)
+        self._following = aligned_rows((threads, WORDS_PER_LINE), np.int64)
+        self._counts = np.zeros((len(calls), threads), dtype=np.int64)
+        self._found = np.zeros(len(calls), dtype=np.int64)
+
+    def __call__(self) -> list[int]:
+        if len(self._following) == 1:
+            _run_here(self._calls, self._found)
+        else:
+            _run_on_threads(self._calls, self._following, self._counts, self._found)
+        return self._found.tolist()
 
 
 def _address(array: np.ndarray) -> int:

@@ -41,7 +41,7 @@ def pair_volumes(algebra):
     matrix = algebra.MATRIX
 
     @Pass
-    def pair_volumes(chunk, chunks, positions, gradients, first, second, geometry, buffers, volumes):
+    def pair_volumes(thread, chunk, chunks, positions, gradients, first, second, geometry, buffers, volumes):
         """Det F_ij of every pair.
 
         Parameters
@@ -50,7 +50,7 @@ def pair_volumes(algebra):
         gradients : (n, d d) F by columns.
         first, second : (n_blocks * BLOCK,) the pairs, padded with any.
         geometry : (n_blocks, d + 2, BLOCK) n, 1/l, volume.
-        buffers : (n_chunks, `buffer_rows`, BLOCK).
+        buffers : (n_threads, `buffer_rows`, BLOCK).
         volumes : (n_blocks * BLOCK,) out.
 
         Returns
@@ -60,7 +60,7 @@ def pair_volumes(algebra):
         """
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-        sums = block_rows(buffers[chunk])
+        sums = block_rows(buffers[thread])
         bonds = rows_from(sums, matrix)
         bad = 0
         for block in range(first_block, last_block):
@@ -104,22 +104,22 @@ def smooth(chunk, chunks, pointers, columns, weights, own, values, out):
 
 
 @Pass
-def volume_energies(chunk, chunks, volume_ratios, volumes, response, parameters, buffers, energies, slopes):
+def volume_energies(thread, chunk, chunks, volume_ratios, volumes, response, parameters, buffers, energies, slopes):
     """U of the points at their volume ratios, and its derivative.
 
     Parameters
     ----------
     volume_ratios, volumes : (n,).
     response, parameters : the law's energy of the volume, as (U, U') from the ratio in the first row of the states.
-    buffers : (n_chunks, three or more, BLOCK).
+    buffers : (n_threads, three or more, BLOCK).
     energies : (n_blocks,) out: sum of the volume times U over each block of points.
     slopes : (n,) out: U'.
     """
     widest_vectors()
     n = volumes.shape[0]
     first, last = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
-    states = block_rows(buffers[chunk, 0:1])
-    result = block_rows(buffers[chunk, 1:3])
+    states = block_rows(buffers[thread, 0:1])
+    result = block_rows(buffers[thread, 1:3])
     for block in range(first, last):
         at = block * BLOCK
         size = min(BLOCK, n - at)
@@ -148,6 +148,7 @@ def pair_energies(algebra):
 
     @Pass
     def pair_energies(
+        thread,
         chunk,
         chunks,
         positions,
@@ -178,7 +179,7 @@ def pair_energies(algebra):
         """
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-        sums = block_rows(buffers[chunk])
+        sums = block_rows(buffers[thread])
         bonds = rows_from(sums, matrix)
         states = rows_from(sums, state_rows)
         result = rows_from(sums, result_rows)
@@ -230,7 +231,7 @@ def volume_derivatives(algebra):
     length = dimension
 
     @Pass
-    def volume_derivatives(chunk, chunks, positions, gradients, first, second, geometry, buffers, derivatives):
+    def volume_derivatives(thread, chunk, chunks, positions, gradients, first, second, geometry, buffers, derivatives):
         """Derivatives of det F_ij of every pair, by y and by F_i + F_j: cof F_ij n/l and cof F_ij (I - n (x) n)/2.
 
         Parameters
@@ -240,8 +241,8 @@ def volume_derivatives(algebra):
         """
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-        sums = block_rows(buffers[chunk, 0:matrix])
-        bonds = block_rows(buffers[chunk, matrix : matrix + dimension])
+        sums = block_rows(buffers[thread, 0:matrix])
+        bonds = block_rows(buffers[thread, matrix : matrix + dimension])
         for block in range(first_block, last_block):
             at = block * BLOCK
             reference = block_rows(geometry[block])
@@ -265,7 +266,7 @@ def volume_changes(algebra):
     matrix, dimension = algebra.MATRIX, algebra.DIMENSION
 
     @Pass
-    def volume_changes(chunk, chunks, displacements, gradients, first, second, derivatives, buffers, changes):
+    def volume_changes(thread, chunk, chunks, displacements, gradients, first, second, derivatives, buffers, changes):
         """Change of det F_ij of every pair under displacements, to first order.
 
         Parameters
@@ -278,8 +279,8 @@ def volume_changes(algebra):
         """
         widest_vectors()
         first_block, last_block = share_of(derivatives.shape[0], chunk, chunks)
-        sums = block_rows(buffers[chunk, 0:matrix])
-        bonds = block_rows(buffers[chunk, matrix : matrix + dimension])
+        sums = block_rows(buffers[thread, 0:matrix])
+        bonds = block_rows(buffers[thread, matrix : matrix + dimension])
         for block in range(first_block, last_block):
             at = block * BLOCK
             by_bond = block_rows(derivatives[block, 0:dimension])

@@ -27,6 +27,7 @@ SCRATCH_ROWS = 14
 
 @Pass
 def surrogate_node_states(
+    thread,
     chunk,
     chunks,
     gradients,
@@ -54,8 +55,8 @@ def surrogate_node_states(
     domain : (2, 7) limits of its domain and of the part of it where nothing but the learnt force counts; between them, and outside,
         J3 goes over to the law's smoothly, as the bond force does.
     tolerance : relative step of J3 at which the iteration ends.
-    buffers, work : (n_chunks, rows, BLOCK) in the precision of the learnt force; of the buffers, the bonds' length is given.
-    scratch : (n_chunks, SCRATCH_ROWS, BLOCK) doubles.
+    buffers, work : (n_threads, rows, BLOCK) in the precision of the learnt force; of the buffers, the bonds' length is given.
+    scratch : (n_threads, SCRATCH_ROWS, BLOCK) doubles.
 
     Returns
     -------
@@ -65,12 +66,12 @@ def surrogate_node_states(
     n = gradients.shape[0]
     widest_vectors()
     first_block, last_block = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
-    states = block_rows(scratch[chunk, 0:3])
-    result = block_rows(scratch[chunk, 3:8])
-    frame = block_rows(scratch[chunk, 8:11])
-    last = block_rows(scratch[chunk, 11:14])
-    bond = block_rows(buffers[chunk, 0:6])
-    traction = block_rows(buffers[chunk, 6:9])
+    states = block_rows(scratch[thread, 0:3])
+    result = block_rows(scratch[thread, 3:8])
+    frame = block_rows(scratch[thread, 8:11])
+    last = block_rows(scratch[thread, 11:14])
+    bond = block_rows(buffers[thread, 0:6])
+    traction = block_rows(buffers[thread, 6:9])
     outer = (domain[0, 0], domain[0, 1], domain[0, 2], domain[0, 3], domain[0, 4], domain[0, 5], domain[0, 6])
     inner = (domain[1, 0], domain[1, 1], domain[1, 2], domain[1, 3], domain[1, 4], domain[1, 5], domain[1, 6])
     count = 0
@@ -116,7 +117,7 @@ def surrogate_node_states(
             for k in range(BLOCK):
                 thickness = states[2, k] / states[1, k]
                 bond[4, k] = thickness * thickness
-            call_block(bond_force, bond, sizes, weights, response, parameters, work[chunk], scratch[chunk], traction)
+            call_block(bond_force, bond, sizes, weights, response, parameters, work[thread], scratch[thread], traction)
             call_block(volumetric, states, parameters, result)
             largest = 0.0
             for k in range(BLOCK):

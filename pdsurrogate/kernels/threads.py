@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 import numba
 from numba.np.ufunc import parallel
@@ -21,6 +22,9 @@ fewer free cores than threads. `python pipelines/threads.py` measures this choic
 
 PAIRS_PER_THREAD = 5_000
 """Pairs of points below which a further thread costs more in waiting than it takes over (`python pipelines/threads.py`)."""
+
+PAIRS_PER_CHUNK = 1_000
+"""Pairs of points in a chunk of a pass, which takes some ten microseconds: less than `SPIN_COUNT` turns."""
 
 _WAITING = ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")
 """Variables by which a user says how threads wait."""
@@ -80,6 +84,19 @@ def threads_in_use() -> int:
 def threads_for(pairs: int) -> int:
     """How many threads pay for a body of so many pairs of points: at most all that numba was started with."""
     return max(1, min(numba.config.NUMBA_NUM_THREADS, pairs // PAIRS_PER_THREAD))
+
+
+class Chunks(NamedTuple):
+    """Into how many parts the work of a pass is cut, and how many threads share them."""
+
+    threads: int
+    number: int
+
+
+def chunks_of(pairs: int) -> Chunks:
+    """How passes over a body of so many pairs are cut up for the threads in use: at least into one chunk for each of them."""
+    threads = threads_in_use()
+    return Chunks(threads, 1 if threads == 1 else max(threads, pairs // PAIRS_PER_CHUNK))
 
 
 @contextmanager

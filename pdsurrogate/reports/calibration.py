@@ -11,10 +11,10 @@ ROWS = 2
 
 
 @Pass
-def arithmetic(chunk, chunks, rounds, buffers):
+def arithmetic(thread, chunk, chunks, rounds, buffers):
     """Evaluate a polynomial on a block of single-precision numbers, `rounds` times over, shared among the chunks of `buffers`."""
     widest_vectors()
-    rows = block_rows(buffers[chunk])
+    rows = block_rows(buffers[thread])
     for _ in range(chunk * rounds // chunks, (chunk + 1) * rounds // chunks):
         for k in range(rows.shape[1]):
             x = rows[0, k]

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 from ..body import Body
 from ..kernels.block_arrays import BLOCK
 from ..kernels.damage import find_overstretched
-from ..kernels.threads import threads_in_use
+from ..kernels.threads import chunks_of
 from ..materials import Law, homogeneous
 from ..materials.law import check_number, checked_law
 
@@ -33,14 +33,24 @@ class Damage:
         self.body, self.critical_stretch = body, float(critical_stretch)
         bonds = body.bonds
         self.broken = np.zeros(len(bonds.first), dtype=bool)
-        self._first, self._second = bonds.ends_in_blocks(BLOCK)
+        first, second = bonds.ends_in_blocks(BLOCK)
         length = _lengths(body, bonds.first, bonds.second)
         self._weights = body.weigh(length)
-        self._limits = np.full(len(self._first), np.inf)
+        self._limits = np.full(len(first), np.inf)
         self._limits[: len(length)] = (self.critical_stretch * length) ** 2
-        self._found = np.empty(len(self._first), dtype=np.uint32)
-        self._counts = np.zeros(threads_in_use(), dtype=np.int64)
-        self._buffers = np.zeros((len(self._counts), body.dimension, BLOCK))
+        self._found = np.empty(len(first), dtype=np.uint32)
+        chunks = chunks_of(len(bonds.first))
+        self._counts = np.zeros(chunks.number, dtype=np.int64)
+        self._find = find_overstretched[body.dimension].bind(
+            body.all_points,
+            first,
+            second,
+            self._limits.reshape(-1, BLOCK),
+            np.zeros((chunks.threads, body.dimension, BLOCK)),
+            self._found,
+            self._counts,
+            chunks=chunks,
+        )
         self._whole = self._sum(np.ones(len(self.broken))) + _cut_weights(body)
 
     def overstretched(self, positions: np.ndarray) -> np.ndarray:
@@ -51,11 +61,10 @@ class Damage:
         positions : ndarray, shape (n + m, 2)
             Of the points and their images.
         """
-        limits = self._limits.reshape(-1, BLOCK)
-        find_overstretched[self.body.dimension](positions, self._first, self._second, limits, self._buffers, self._found, self._counts)
-        if not self._counts.any():
+        self._find.give("positions", positions)
+        if not self._find():
             return self._found[:0]
-        chunks, blocks = len(self._counts), len(limits)
+        chunks, blocks = len(self._counts), len(self._limits) // BLOCK
         starts = [chunk * blocks // chunks * BLOCK for chunk in range(chunks)]
         return np.concatenate([self._found[start : start + count] for start, count in zip(starts, self._counts, strict=True)])
 
