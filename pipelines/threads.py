@@ -37,6 +37,7 @@ SETTINGS = {
     "two threads as GNU OpenMP has them": (2, {"GOMP_SPINCOUNT": "300000"}),
     "the same again": (2, {"GOMP_SPINCOUNT": "300000"}),
     f"two threads, {SPIN_COUNT:,} turns (pdsurrogate's)": (2, {}),
+    "two threads, 2,000 turns": (2, {"GOMP_SPINCOUNT": "2000"}),
     "two threads, 10,000 turns": (2, {"GOMP_SPINCOUNT": "10000"}),
     "two threads, 100 turns": (2, {"GOMP_SPINCOUNT": "100"}),
     "two threads that sleep at once": (2, {"OMP_WAIT_POLICY": "passive"}),

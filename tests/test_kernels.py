@@ -130,10 +130,11 @@ def test_compiled_code_is_cached_and_compilation_is_announced():
     kinematics = Kinematics(body, NeoHookean(), "float64")
     kinematics.place(body.points)
     kinematics.find_states()
-    again = kernel(ghosts.fill_vectors.py_func)
+    again = kernel(ghosts.fill_matrices.py_func)
     announced = []
     with compilation_clock(lambda: announced.append(1)) as clock:
-        again(body.all_points.copy(), body.ghosts.source, body.ghosts.parity, body.ghosts.parity)
+        images = body.ghosts
+        again(kinematics.gradients.copy(), images.source, images.parity, images.reflection, 1.0)
     assert isinstance(clock, CompilationClock)
     assert sum(again.stats.cache_hits.values()) == 1
     assert not announced

@@ -5,11 +5,13 @@ import subprocess
 import sys
 
 import numba
+import numpy as np
 import pytest
 
 import pdsurrogate as pd
 from pdsurrogate.kernels import threads
-from pdsurrogate.kernels.threads import SPIN_COUNT, thread_count, threads_for
+from pdsurrogate.kernels.passes import Chain, Pass
+from pdsurrogate.kernels.threads import SPIN_COUNT, Chunks, thread_count, threads_for
 
 USE = """
 import os, sys
@@ -64,6 +66,25 @@ def test_small_bodies_take_one_thread():
     assert numba.get_num_threads() == before
     if most > 1:
         assert pd.simulate(small, "analytic", threads=2).summary["threads"] == 2
+
+
+@Pass
+def note_chunks(thread, chunk, chunks, times, threads):
+    """How often each chunk has been worked on, and by which thread."""
+    times[chunk] += 1
+    threads[chunk] = thread
+    return chunk
+
+
+@pytest.mark.parametrize("chunks", [Chunks(1, 1), Chunks(2, 2), Chunks(2, 7), Chunks(3, 100)])
+def test_every_chunk_of_every_pass_is_worked_on_once(chunks):
+    """Whatever the order in which threads come, and also where there are fewer of them than the passes were bound for."""
+    times, threads = np.zeros((2, chunks.number), dtype=np.int64), np.full((2, chunks.number), -1)
+    chain = Chain(*(note_chunks.bind(*arrays, chunks=chunks) for arrays in zip(times, threads, strict=True)))
+    for _ in range(50):
+        assert chain() == [sum(range(chunks.number))] * 2
+    assert (times == 50).all()
+    assert set(threads.ravel()) <= set(range(chunks.threads))
 
 
 def test_a_number_of_threads_that_there_is_not():

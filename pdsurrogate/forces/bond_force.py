@@ -200,8 +200,7 @@ class BondForceEvaluation(Evaluation):
 
     def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
         kinematics = self._kinematics
-        kinematics.place(positions)
-        kinematics.form_gradients()
+        kinematics.place_and_form(positions)
         self._sum_forces.give("out", out)
         unsolved, *_, outside, without_force = self._find_all()
         kinematics.have_states(unsolved)

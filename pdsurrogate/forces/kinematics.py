@@ -11,6 +11,7 @@ import numpy as np
 from ..body import Body
 from ..kernels import node_state
 from ..kernels.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
+from ..kernels.ghosts import place_points
 from ..kernels.gradient import deformation_gradients
 from ..kernels.passes import BoundPass, Chain
 from ..kernels.reference_state import shape_rows
@@ -88,7 +89,11 @@ class Kinematics:
         self._shifts = body.ghosts.shifts(body.points, self._plane_displacements)
         self.gradients = aligned_rows((total, dimension * dimension))
         self.gradient_ghosts = body.ghosts if plane == "stress" else body.ghosts.keeping_volume()
+        ghosts = body.ghosts
+        images = ghosts.source, ghosts.parity, self._shifts
+        self._place = place_points.bind(np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks)
         self._form_gradients = self.gradient_pass(self.positions, self.gradients, 1.0)
+        self._place_and_form = Chain(self._place, self._form_gradients)
         self.volume_ratios = np.ones(total)
         self.records = aligned_rows((total if dimension == 2 else 0, 4), precision)
         self.scratch = aligned_rows((self.chunks.threads, SCRATCH_ROWS, BLOCK), value=1)
@@ -173,20 +178,32 @@ class Kinematics:
 
     def place(self, positions: np.ndarray) -> None:
         """Take new positions of the body's points, and move the ghosts with them; gradients and states follow when they are asked for."""
-        self.positions[: len(self.body)] = positions
-        self.body.ghosts.fill_positions(self.positions, self._shifts)
+        self._place.give("given", np.ascontiguousarray(positions, dtype=float))
+        self._place()
         self._formed = self._found = False
+
+    def place_and_form(self, positions: np.ndarray) -> None:
+        """Take new positions and bring the deformation gradients up to date."""
+        self._place.give("given", np.ascontiguousarray(positions, dtype=float))
+        self._place_and_form()
+        self._found = False
+        self._complete_gradients()
 
     def form_gradients(self) -> None:
         """Bring the deformation gradients of points and ghosts up to date."""
         if not self._formed:
             self._form_gradients()
-            if self.interfaces is not None:
-                self.interfaces.correct(self.positions, self.gradients)
+            self._complete_gradients()
+
+    def _complete_gradients(self) -> None:
+        """What follows the pass over the points: where materials meet, and on ghosts."""
+        if self.interfaces is not None:
+            self.interfaces.correct(self.positions, self.gradients)
+        if len(self.body.ghosts):
             self.gradient_ghosts.fill_gradients(self.gradients)
-            if self._gradient_shifts is not None:
-                self.gradients[len(self.body) :] += self._gradient_shifts
-            self._formed = True
+        if self._gradient_shifts is not None:
+            self.gradients[len(self.body) :] += self._gradient_shifts
+        self._formed = True
 
     def find_states(self) -> None:
         """Bring gradients, volume ratios and records up to date.

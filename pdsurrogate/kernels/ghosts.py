@@ -9,17 +9,38 @@ in every dimension, whatever a ghost is the image of: the parities and reflectio
 Ghosts stand behind the points, in arrays of n + m rows; matrices go by columns.
 """
 
-from .compile import kernel
+from .compile import inlined, kernel
+from .passes import Pass, share_of
+
+
+@inlined
+def _component(values, source, parity, shift, g, r):
+    """Of the vector on a ghost: shift + P v."""
+    return shift[g, r] + parity[g, r] * values[source[g], r]
 
 
 @kernel
 def fill_vectors(values, source, parity, shift):
-    """Vectors on ghosts: shift + P v."""
+    """Vectors on ghosts from those on their sources before them."""
     m, dimension = parity.shape
     n = values.shape[0] - m
     for g in range(m):
         for r in range(dimension):
-            values[n + g, r] = shift[g, r] + parity[g, r] * values[source[g], r]
+            values[n + g, r] = _component(values, source, parity, shift, g, r)
+
+
+@Pass
+def place_points(chunk, chunks, given, source, parity, shift, positions):
+    """Positions of points and ghosts from those of the points."""
+    n, dimension = given.shape
+    start, stop = share_of(n, chunk, chunks)
+    for i in range(start, stop):
+        for r in range(dimension):
+            positions[i, r] = given[i, r]
+    start, stop = share_of(parity.shape[0], chunk, chunks)
+    for g in range(start, stop):
+        for r in range(dimension):
+            positions[n + g, r] = _component(given, source, parity, shift, g, r)
 
 
 @kernel

@@ -24,7 +24,8 @@ PAIRS_PER_THREAD = 5_000
 """Pairs of points below which a further thread costs more in waiting than it takes over (`python pipelines/threads.py`)."""
 
 PAIRS_PER_CHUNK = 1_000
-"""Pairs of points in a chunk of a pass, which takes some ten microseconds: less than `SPIN_COUNT` turns."""
+"""Pairs of points in a chunk of a pass, which takes some ten microseconds: less than the turns of `SPIN_COUNT`, so that threads that end
+half a chunk apart do not fall asleep."""
 
 _WAITING = ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")
 """Variables by which a user says how threads wait."""
