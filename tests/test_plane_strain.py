@@ -250,3 +250,12 @@ def test_the_pressure_of_a_bonded_block_is_smooth():
     stress = result.states[-1][1]["stress"].reshape(-1, 3, 3)
     pressure = np.trace(stress, axis1=1, axis2=2) / 3
     assert checkerboard(pressure, result.body) < 0.005
+
+
+@pytest.mark.slow
+def test_single_precision_that_cannot_reach_the_tolerance_is_told_soon():
+    """What rounding leaves of the residual grows with K/mu; the limit of evaluations, 50,000 a level, is not what ends it."""
+    scene = pd.load_scene("plane-strain-block", spacing=0.125, stretches=0.95, precision="float32")
+    with pytest.raises(pd.SimulationFailed, match="precision=float64") as error:
+        pd.simulate(scene, "analytic")
+    assert error.value.result.summary["n_force_evaluations"] < 50_000

@@ -20,6 +20,9 @@ class SteppingSolver(EquilibriumSolver):
     # A residual beyond this many times its first value (or shear modulus / spacing) is not coming back.
     MOST_GROWTH = 1e3
     MOST_RESTARTS = 6
+    # In single precision a residual that has not fallen by a tenth for so many evaluations stands at what rounding leaves of it.
+    # On its way down it swings with the slowest mode, which takes some hundreds of evaluations.
+    PATIENCE = 3_000
 
     def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
         start, began = positions.copy(), force.evaluations
@@ -47,6 +50,7 @@ class SteppingSolver(EquilibriumSolver):
         forces = np.empty_like(positions)
         force(positions, forces)
         first = residual = self.residual(force, forces)
+        least, found = residual, 0
         while not residual <= tolerance:
             step(forces)
             force(positions, forces)
@@ -54,6 +58,10 @@ class SteppingSolver(EquilibriumSolver):
             evaluations = force.evaluations - began
             if not residual < self.MOST_GROWTH * max(first, 1.0):
                 raise Diverging(f"the residual grew from {first:.2g} to {residual:.2g} shear modulus / spacing")
+            if residual < 0.9 * least:
+                least, found = residual, evaluations
+            if force.precision == "float32" and evaluations - found >= self.PATIENCE:
+                raise self.not_converged(force, least, evaluations, tolerance)
             if evaluations >= self.most_evaluations:
                 raise self.not_converged(force, residual, evaluations, tolerance)
             if evaluations % 10 == 0:
