@@ -118,7 +118,7 @@ def test_a_turn_by_a_right_angle_leaves_no_stress(force):
 
 def test_torsion_turns_without_force_and_its_moments_balance():
     """Of an energy, whose forces have no moment; by symmetry no forces either."""
-    result = simulate(pd.load_scene("torsion", spacing=0.1, steps=(0.5, 1.0)), "bond-energy")
+    result = simulate(pd.load_scene("disc-torsion", spacing=0.1, steps=(0.5, 1.0)), "bond-energy")
     for level in result.levels:
         moments, forces = level["moments"], level["forces"]
         assert moments["holes"] > 0.1
