@@ -59,6 +59,8 @@ class Ghosts:
         Displacement of each ghost by the displacement of each plane, component by component.
     volume_parity, volume_reflection : ndarray, shape (m, d)
         Parity and reflection of a deformation gradient that has the volume ratio of its source, see `keeping_volume`.
+    parent : ndarray of int64, shape (m,)
+        Number, among points and ghosts, of what each ghost is the reflection of in `plane`: its source, or another ghost.
     planes : tuple of ReflectionPlane
     continues_oddly : bool
         Whether gradients beyond a clamped plane are continued as displacements are; not so where they keep their volume.
@@ -73,6 +75,7 @@ class Ghosts:
     lever: np.ndarray
     volume_parity: np.ndarray
     volume_reflection: np.ndarray
+    parent: np.ndarray
     planes: tuple[ReflectionPlane, ...]
     continues_oddly: bool = True
 
@@ -89,7 +92,7 @@ class Ghosts:
         source, places = np.arange(n), points
         parity, reflection, volume_parity, volume_reflection = np.ones((4, n, dimension))
         number, lever = np.full(n, -1), np.zeros((n, len(planes), dimension))
-        axes, image = np.full(n, -1), np.zeros(n, dtype=np.int64)
+        axes, image, parent = np.full(n, -1), np.zeros(n, dtype=np.int64), np.arange(n)
         for added, plane in enumerate(planes):
             if len(plane.parity) != dimension:
                 raise ValueError(f"the parity of a plane must be given for {dimension} components, not {plane.parity}")
@@ -111,6 +114,7 @@ class Ghosts:
             number, lever = np.concatenate([number, np.full(len(near), added)]), np.concatenate([lever, carried])
             axes = np.concatenate([axes, np.full(len(near), plane.axis)])
             image = np.concatenate([image, image[near] + 2**added])  # a sum over its planes
+            parent = np.concatenate([parent, near])
         return cls(
             source[n:].astype(np.uint32),
             np.ascontiguousarray(places[n:]),
@@ -121,6 +125,7 @@ class Ghosts:
             np.ascontiguousarray(lever[n:]),
             np.ascontiguousarray(volume_parity[n:]),
             np.ascontiguousarray(volume_reflection[n:]),
+            parent[n:].astype(np.int64),
             planes,
         )
 
@@ -169,7 +174,7 @@ class Ghosts:
         return feet
 
     def gradient_shifts(self, turns: np.ndarray) -> np.ndarray | None:
-        """What planes turned by (planes, d, d) add to the gradients of `fill_gradients`, by columns, shape (m, d d) (theory (25)).
+        """What planes turned by (planes, d, d) add to the gradients of `fill_gradients`, by columns, shape (m, d d).
 
         Along a plane the body is stretched and turned as that is, which the image shares; None where gradients keep their volume, since
         those beyond a clamped plane are then those of their sources.
@@ -179,6 +184,45 @@ class Ghosts:
         along = np.array([[axis != plane.axis for axis in range(turns.shape[1])] for plane in self.planes], dtype=float)
         shifts = np.einsum("mpr,prc,pc,mc->mcr", self.lever, turns, along, self.reflection)
         return np.ascontiguousarray(shifts.reshape(len(self), -1))
+
+    def levers_on_planes(self, positions: np.ndarray, gradients: np.ndarray, forces: np.ndarray, moments: np.ndarray) -> np.ndarray:
+        """Of every plane the sum of f (x) y over the places y at which it exerts forces f on the body, by virtual work.
+
+        A plane moved by W y, as when it turns, moves its images by that at the places between them and what they mirror, and adds to their
+        gradients what `gradient_shifts` does; the change of the energy is W : (f (x) y).  From the last plane to the first, since what is
+        found on images of images returns to the images.
+
+        Parameters
+        ----------
+        positions : ndarray, shape (n + m, d)
+        gradients : ndarray, shape (n + m, d, d)
+            Of displacements as `fill_gradients` of these ghosts continues them.
+        forces : ndarray, shape (m, d)
+            Minus the derivative of an energy by the positions of the ghosts.
+        moments : ndarray, shape (m, d, d)
+            Its derivative by their gradients.
+
+        Returns
+        -------
+        ndarray, shape (planes, d, d)
+        """
+        n, dimension = len(positions) - len(self), positions.shape[1]
+        forces, moments = forces.copy(), moments.copy()
+        levers = np.zeros((len(self.planes), dimension, dimension))
+        for number in reversed(range(len(self.planes))):
+            plane, own = self.planes[number], np.flatnonzero(self.plane == number)
+            above, parity = self.parent[own], np.array(plane.parity, dtype=float)
+            flip = np.where(np.arange(dimension) == plane.axis, -1.0, 1.0)
+            places = (positions[above] + positions[n + own]) / 2
+            levers[number] -= np.einsum("gr,gc->rc", (1 - parity) * forces[own], places)
+            kept = not self.continues_oddly and (parity < 0).all()
+            of_gradients, of_directions = (np.ones(dimension), np.ones(dimension)) if kept else (parity, flip)
+            turned = (gradients[above] + gradients[n + own]) / 2
+            levers[number] += np.einsum("r,gra,a,gca->rc", 1 - of_gradients, moments[own], (1 + flip) / 2, turned)
+            again = above >= n
+            np.add.at(forces, above[again] - n, parity * forces[own[again]])
+            np.add.at(moments, above[again] - n, of_gradients[:, None] * moments[own[again]] * of_directions)
+        return levers
 
     def fill_positions(self, positions: np.ndarray, shifts: np.ndarray) -> None:
         """Place the ghosts: shift + P y_source."""

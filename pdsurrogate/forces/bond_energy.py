@@ -344,8 +344,10 @@ class EnergyOfPairs(Evaluation):
             sums.append(point_forces[d].bind(*common, *directed, unit, n, self._node_parts, total, chunks=chunks))
         weigh_and_sum = Chain(weigh, *sums)
 
-        def to_points(out: np.ndarray) -> int:
+        def to_points(out: np.ndarray, on_ghosts: np.ndarray | None = None) -> int:
             gather()
+            if on_ghosts is not None:
+                on_ghosts[:] = self._stresses[n:]
             kinematics.gradient_ghosts.fold_moments(self._stresses)
             beside = None if others_of is None else others_of(self._stresses[:n])
             if not len(ghosts):
@@ -362,6 +364,15 @@ class EnergyOfPairs(Evaluation):
 
     def energy(self) -> float:
         return self.unit * self._energy
+
+    def levers_on_planes(self) -> np.ndarray:
+        kinematics, n, d = self._kinematics, len(self.body), self.body.dimension
+        moments = np.zeros((len(self.body.ghosts), d * d))
+        # The sums again, to the same bits, since those of the ghosts are not kept.
+        self._own_sums(np.empty_like(self.body.points), moments)
+        forces = self._all_forces[n:]
+        places = kinematics.positions, matrices(kinematics.gradients)
+        return kinematics.gradient_ghosts.levers_on_planes(*places, forces, self.unit * matrices(moments))
 
     def mean_stress(self) -> np.ndarray:
         # Of the bonds' own stresses: the derivative of the energy by a homogeneous F.

@@ -242,6 +242,13 @@ class InternalForce(ABC):
     def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
         """Force on the first point of given pairs in the state last evaluated, shape (k, d); of every pair where none are given."""
 
+    def levers_on_planes(self) -> np.ndarray | None:
+        """Sum of f (x) y of every plane of the body, shape (planes, d, d), by virtual work in the state last evaluated.
+
+        With f the forces that a plane exerts, and y the places where it does; None of a force that has no energy.
+        """
+        return None
+
     @abstractmethod
     def state_arrays(self) -> dict[str, np.ndarray]:
         """Arrays of doubles that the next evaluation starts from, beside positions and broken bonds.

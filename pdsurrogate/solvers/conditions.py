@@ -281,7 +281,7 @@ class Loading(ABC):
     def moments(self, force: InternalForce, reactions: Reactions) -> np.ndarray:
         """Moments of the holders' forces about the origin of the coordinates.
 
-        A bond that crosses a plane pulls at the middle between its ends.
+        On planes by virtual work where the force has an energy; of others a bond that crosses a plane pulls at the middle between its ends.
 
         Returns
         -------
@@ -303,6 +303,9 @@ class Loading(ABC):
 
     def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray) -> np.ndarray:
         """Of every plane the sum of f (x) y, shape (planes, d, d), from the forces of the bonds that cross them, shape (k, d)."""
+        levers = force.levers_on_planes()
+        if levers is not None:
+            return levers
         bonds, planes, shares = self._levers
         pulls, ends = crossing * shares, self.body.bonds
         middles = (force.positions[ends.first[bonds]] + force.positions[ends.second[bonds]]) / 2

@@ -446,6 +446,10 @@ class LoadedForce:
         """See `InternalForce`."""
         return self.internal.linearised_dilatation()
 
+    def levers_on_planes(self) -> np.ndarray | None:
+        """See `InternalForce`."""
+        return self.internal.levers_on_planes()
+
     def state_arrays(self) -> dict[str, np.ndarray]:
         """See `InternalForce`; loads have none of their own."""
         return self.internal.state_arrays()
