@@ -8,7 +8,7 @@ into a table of the point's own that stays in the first-level cache, and each bo
 import numpy as np
 
 from .block_arrays import BLOCK, block_rows, pair_records, quad_records, triple_records
-from .compile import kernel, widest_vectors
+from .compile import inline, kernel, widest_vectors
 from .lanes import outer_products, sum_listed_records
 from .node_state import solve_volume_ratios
 from .passes import ByDimension, Pass, share_of
@@ -162,10 +162,9 @@ def ba_nosb_forces(
     return count
 
 
-@kernel
+@inline
 def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces):
     """Forces of up to `BLOCK` consecutive bonds from their sums of products."""
-    widest_vectors()
     at = np.int64(at)
     states = block_rows(rows[0:3])
     result = block_rows(rows[3:8])

@@ -98,7 +98,11 @@ def _enable_cache(compiled, function: Callable, digest: str | None = None, paral
 
 
 def kernel(function: Callable) -> Callable:
-    """Compile a function on plain arrays, cached on disk."""
+    """Compile a function on plain arrays, cached on disk.
+
+    What a pass calls is to be `inline`: of a function with code of its own the pass has a copy, optimised once more, and which of the two
+    is called hangs on what was compiled or loaded before; their last bits may differ.
+    """
     dispatcher = numba.njit(**OPTIONS)(function)
     _enable_cache(dispatcher, function)
     return dispatcher

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .block_arrays import BLOCK, block_rows, quad_records
-from .compile import call_block, kernel, widest_vectors
+from .compile import call_block, inline, widest_vectors
 from .elementary import inverse_square_root
 from .passes import ByDimension, Pass, share_of
 
@@ -13,7 +13,7 @@ SWELLING = 0.02
 """Share by which J3 grows in an iteration that finds the law at its end."""
 
 
-@kernel
+@inline
 def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8):
     """Newton's iteration for J3 in ``states[2]`` from the values there, over a block whose first n states count.
 
@@ -23,7 +23,6 @@ def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8)
     The residual is J3 dPsi/dJ3, whose slope is about the bulk modulus: from J3 of the last evaluation one step reaches rounding, and the
     second confirms it.
     """
-    widest_vectors()
     for _ in range(MOST_ITERATIONS):
         call_block(response, states, parameters, result)
         beyond = -np.inf
