@@ -184,7 +184,7 @@ def test_files_of_a_crack_scene(torn):
     names = {path.name for path in folder.iterdir()}
     assert {"summary.json", "history.csv", "tear.pvd", "tear.png", "tear-loading.png", "tear.gif", NAME} <= names
     last = meshio.read(folder / f"tear-{len(result.states) - 1:03d}.vtu")
-    damage = last.point_data["damage"]
+    damage = last.cell_data["damage"][0]
     assert damage.min() >= 0
     assert 0.3 < damage.max() <= 1
     rows = list(csv.DictReader((folder / "history.csv").open()))
@@ -212,9 +212,9 @@ def test_one_axis_of_time_for_the_whole_run(torn):
         block = reader.read()[0]
         moment = result.states.moments[number]
         assert (block.field_data["stretch"], block.field_data["time"]) == (moment.stretch, moment.time)
-        np.testing.assert_array_equal(block.point_data["displacement"], result.states[number][1]["displacement"])
+        np.testing.assert_array_equal(block.cell_data["displacement"], result.states[number][1]["displacement"])
         stretches.append(moment.stretch)
-        damage.append(block.point_data["damage"].max() if "damage" in block.point_data else 0.0)
+        damage.append(block.cell_data["damage"].max() if "damage" in block.cell_data else 0.0)
     assert stretches[: len(result.levels)] == [1.1, 1.2]
     assert (np.diff(stretches) > 0).all()
     assert damage[0] == 0

@@ -98,7 +98,7 @@ def test_a_bond_force_model_states_its_features_domain_and_block_function():
 def test_every_field_has_the_components_and_a_unit_that_it_states():
     body = sheet()
     positions = wavy(body.points)
-    state = measures.PointState(bound("analytic", body), positions, np.zeros(len(body)))
+    state = measures.PointState(bound("neo-hookean", body), positions, np.zeros(len(body)))
     fields = measures.point_fields(state)
     assert list(fields) == list(measures.POINT_FIELDS)
     for name, values in fields.items():
@@ -107,8 +107,8 @@ def test_every_field_has_the_components_and_a_unit_that_it_states():
         assert measures.POINT_FIELDS[name].unit in (None, *Units.model_fields)
     np.testing.assert_array_equal(fields["displacement"][:, :2], positions - body.points)
     P = plane_stress.first_piola_stress(LAW, state.F)
-    np.testing.assert_allclose(fields["stress"].reshape(-1, 3, 3)[:, :2, :2], P, rtol=1e-8, atol=1e-8)
-    assert "damage" not in measures.point_fields(measures.PointState(bound("nosb", body), positions))
+    np.testing.assert_allclose(fields["stress"].reshape(-1, 3, 3)[:, :2, :2], P, rtol=1e-3, atol=1e-4)
+    assert {"damage", "domain_deviation"}.isdisjoint(measures.point_fields(measures.PointState(bound("nosb", body), positions)))
 
 
 def test_reductions_of_a_body_in_one_part(random):

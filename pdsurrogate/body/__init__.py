@@ -1,6 +1,7 @@
 """Bodies in the reference state: points with volumes, their horizons, the bonds between them, and the ghosts that continue them."""
 
 from .body import MOST_BONDS, MOST_POINTS, WEIGHT_FUNCTIONS, Body, Bonds, Cells, WeightFunction, grid
+from .cell_mesh import CellMesh
 from .ghosts import Ghosts, ReflectionPlane
 from .local_fit import interpolation
 from .surface import Surface, encloses
@@ -11,6 +12,7 @@ __all__ = [
     "WEIGHT_FUNCTIONS",
     "Body",
     "Bonds",
+    "CellMesh",
     "Cells",
     "Ghosts",
     "ReflectionPlane",

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
+from .cell_mesh import CellMesh
 from .ghosts import Ghosts, ReflectionPlane
 
 
@@ -70,6 +71,8 @@ class Body:
         Sides of the cells of a grid of points along the axes; by default all are the spacing.
     groups : mapping of str to ndarray of int, optional
         Points that a mesh file has a name for.
+    mesh_cells : CellMesh, optional
+        Cells of the mesh that the points were made of, for pictures; without them the points are of a lattice.
 
     Raises
     ------
@@ -86,6 +89,7 @@ class Body:
     separates: Callable | None = None
     cell: Sequence[float] | np.ndarray | None = None
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
+    mesh_cells: CellMesh | None = None
     ghosts: Ghosts = field(init=False)
 
     def __post_init__(self) -> None:
@@ -137,6 +141,11 @@ class Body:
     def all_volumes(self) -> np.ndarray:
         """Volumes of the points, then of the ghosts, shape (n + m,)."""
         return np.concatenate([self.volumes, self.volumes[self.ghosts.source]])
+
+    @cached_property
+    def cells(self) -> CellMesh:
+        """The cells that the points stand for, found when a picture or a result file is made."""
+        return self.mesh_cells or CellMesh.of_lattice(self.points, self.volumes, self.cell)
 
     @cached_property
     def bonds(self) -> Bonds:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
-from ..body import Body, Cells
+from ..body import Body, CellMesh, Cells
 from ..body.local_fit import REACH
 from ..scenes import Box, Mesh, Rectangle, Scene, SceneError
 from ..scenes.model import EDGES
@@ -69,7 +69,7 @@ def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
         # large again.
         horizon = scene.horizon_ratio * min(cell)
         cuts = _cuts(scene, horizon, cell, lower, upper)
-        body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, groups)
+        body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, groups, _mesh_cells(scene))
         _check_precuts(scene, body)
         return body, lower, upper
     except ValueError as error:
@@ -212,6 +212,15 @@ def _points_of(scene: Scene):
         return points, np.full(len(points), cells.volume), cells.spacing, cells.sides, lower, upper, {}
     kept = _in_material(scene, points, _within_outline(scene, points))
     return *_material_of_cells(points, kept, cells, partial(_material, scene)), cells.spacing, cells.sides, lower, upper, {}
+
+
+def _mesh_cells(scene: Scene) -> CellMesh | None:
+    """The cells of the mesh that points were made of; None of a lattice."""
+    if not isinstance(scene.body, Mesh):
+        return None
+    mesh = mesh_of(scene.body)
+    middles = np.concatenate([centroids(block)[0] for block in mesh.corners()])
+    return CellMesh.of_mesh(mesh.nodes, mesh.cells, _outside_holes(scene, middles))
 
 
 def _within_outline(scene: Scene, places: np.ndarray) -> np.ndarray:

@@ -236,6 +236,9 @@ class BondForceEvaluation(Evaluation):
         self._strength[pairs] = 0.0
         self._find_geometry(changed)
 
+    def domain_deviation(self) -> np.ndarray | None:
+        return None if self.model.domain is None else self.model.domain.deviation(self.principal_stretches(), self.volume_ratios() ** 2)
+
     def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
         return self.law.shear_modulus * self._forces[slice(self._n_pairs) if pairs is None else pairs].astype(float)
 

@@ -44,6 +44,10 @@ class Evaluation(InternalForce):
     def deformation_gradients(self) -> np.ndarray:
         return self._kinematics.deformation_gradients()
 
+    def principal_stretches(self) -> np.ndarray:
+        """Of the points at the positions last given, in the plane those within it, shape (n, d)."""
+        return np.linalg.svd(self.deformation_gradients(), compute_uv=False)
+
     def gradients_at(self, numbers) -> np.ndarray:
         """F of the points and images of the given numbers as last formed, shape (k, d, d)."""
         return matrices(self._kinematics.gradients[numbers])

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..body import Body
 from ..kernels.bond_state import LEAST_NORMAL_STRETCH
-from ..materials import Law
+from ..materials import PLANES, Law
 from .settings import ForceSettings
 
 
@@ -54,6 +54,22 @@ class Domain:
         if not (bounds[0] < 1 < bounds[1] and bounds[2] < 1 < bounds[3]):
             return self
         return Domain(*(bound**0.9 for bound in bounds))
+
+    def deviation(self, stretches: np.ndarray, bulk: np.ndarray | None = None) -> np.ndarray:
+        """Greatest logarithm by which states pass a bound, negative by the distance to the nearest one within the domain, shape (n,).
+
+        Parameters
+        ----------
+        stretches : ndarray, shape (n, k)
+            Principal stretches.
+        bulk : ndarray, shape (n,), optional
+            J3^2, of a model that sees it.
+        """
+        with np.errstate(divide="ignore"):
+            stretch = np.log(stretches)
+            least, greatest, low, high = np.log([self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk])
+            passed = np.maximum(stretch.max(axis=1) - greatest, least - stretch.min(axis=1))
+            return passed if bulk is None else np.maximum(passed, np.maximum(np.log(bulk) - high, low - np.log(bulk)))
 
     def limits(self, dtype) -> np.ndarray:
         """Constants of `pdsurrogate.kernels.bond_state.is_outside`."""
@@ -232,6 +248,31 @@ class InternalForce(ABC):
     def bulk_stresses(self) -> np.ndarray:
         """U' of the points at the positions last given, the hydrostatic part of a stress that U gives, in units of mu, shape (n,)."""
         return self.law.volumetric(self.volume_ratios(), self.law.parameters)[1]
+
+    def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
+        """What the model makes of the points' own deformation gradients at the positions last given.
+
+        Of a model that has learnt the energy of a sheet it is that energy and its derivative; of every other, which is exact or gives
+        forces of bonds alone, the points' laws at the volume ratios and bulk stresses that the force has found.
+
+        Returns
+        -------
+        stress : ndarray, shape (n, 3, 3)
+            First Piola-Kirchhoff stress.
+        energy : ndarray, shape (n,)
+            Stored energy per undeformed volume.
+        """
+        n, at = len(self.body), PLANES[self.plane].stress_and_energy
+        F, J3 = self.deformation_gradients(), self.volume_ratios()
+        bulk = None if self.plane == "stress" else self.bulk_stresses()
+        stress, energy = np.empty((n, 3, 3)), np.empty(n)
+        for law, points in self.laws:
+            stress[points], energy[points] = at(law, F[points], J3[points], None if bulk is None else bulk[points])
+        return stress, energy
+
+    def domain_deviation(self) -> np.ndarray | None:
+        """How far the points are beyond the domain of a learnt model (`Domain.deviation`), shape (n,); None of a model that has none."""
+        return None
 
     @property
     @abstractmethod

@@ -98,21 +98,35 @@ def energy_density(law: Law, F):
     return law.shear_modulus * response(law, trace, J, J)[4]
 
 
-def full_stress(law: Law, F, bulk_stress):
-    """First Piola-Kirchhoff stress with the one across the plane, shape (n, 3, 3), in the unit of the shear modulus.
+def energy_at(law: Law, F, volume_ratio):
+    """Energy density in units of mu, shape (n,): W at F, and U at the volume ratio (n,), of a selective energy not det F."""
+    trace, J = plane_stress.invariants(F)
+    return isochoric_response(law, trace, J, J)[3] + law.volumetric(volume_ratio, law.parameters)[0]
+
+
+def stress_and_energy(law: Law, F, volume_ratio, bulk_stress):
+    """First Piola-Kirchhoff stress with the one across the plane, and energy density, of points.
 
     Parameters
     ----------
     law : Law
     F : ndarray, shape (n, 2, 2)
+    volume_ratio : ndarray, shape (n,)
+        Where U is taken: det F, or what a selective energy has in its place.
     bulk_stress : ndarray, shape (n,)
-        U', in units of mu: at det F, or what a selective energy has in its place (theory (51)).
+        U', in units of mu: at the volume ratio, or what the bonds feel of it (theory (51)).
+
+    Returns
+    -------
+    stress : ndarray, shape (n, 3, 3)
+    energy : ndarray, shape (n,)
+        Both in the unit of the shear modulus.
     """
     check_consistency(law)
     trace, J = plane_stress.invariants(F)
-    p, q, across, _ = isochoric_response(law, trace, J, J)
+    p, q, across, energy = isochoric_response(law, trace, J, J)
     pressure = J * bulk_stress
     stress = np.zeros((len(F), 3, 3))
     stress[:, :2, :2] = plane_stress.in_plane_stress(F, p, q + pressure)
     stress[:, 2, 2] = across + pressure
-    return law.shear_modulus * stress
+    return law.shear_modulus * stress, law.shear_modulus * (energy + law.volumetric(volume_ratio, law.parameters)[0])

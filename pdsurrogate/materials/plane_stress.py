@@ -216,6 +216,34 @@ def energy_density(law: Law, F):
     return law.shear_modulus * response(law, trace, J, volume_ratio(law, trace, J))[4]
 
 
+def energy_at(law: Law, F, volume_ratio):
+    """Energy density in units of mu, shape (n,), at the volume ratio J3 (n,) of the points."""
+    return response(law, *invariants(F), volume_ratio)[4]
+
+
+def stress_and_energy(law: Law, F, volume_ratio, bulk_stress=None):
+    """First Piola-Kirchhoff stress, zero across the plane, and energy density of points at their J3.
+
+    Parameters
+    ----------
+    law : Law
+    F : ndarray, shape (n, 2, 2)
+    volume_ratio : ndarray, shape (n,)
+    bulk_stress
+        Of no use here: J3 says all.
+
+    Returns
+    -------
+    stress : ndarray, shape (n, 3, 3)
+    energy : ndarray, shape (n,)
+        Both in the unit of the shear modulus.
+    """
+    p, q, _, _, energy = response(law, *invariants(F), volume_ratio)
+    stress = np.zeros((len(F), 3, 3))
+    stress[:, :2, :2] = in_plane_stress(F, p, q)
+    return law.shear_modulus * stress, law.shear_modulus * energy
+
+
 def energy_derivatives(law: Law, trace, area_ratio):
     """The energy under plane stress as a function of tr C and J in the plane alone, and its derivatives, dimensionless.
 

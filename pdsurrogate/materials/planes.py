@@ -24,7 +24,8 @@ class _Planes(Mapping):
 
 
 PLANES = _Planes({"stress": "plane_stress", "strain": "plane_strain", "space": "solid"})
-"""By the name that scenes and settings know: modules with `response`, `first_piola_stress` and `energy_density`."""
+"""By the name that scenes and settings know: modules with `response`, `first_piola_stress`, `energy_density`,
+and, of points whose volume ratio has been found otherwise, `energy_at` and `stress_and_energy`."""
 
 SHEETS = ("stress", "strain")
 """Those of bodies in the plane."""

@@ -140,20 +140,19 @@ def energy_density(law: Law, F):
     return law.shear_modulus * response(law, *invariants(F))[3]
 
 
-def full_stress(law: Law, F, bulk_stress):
-    """First Piola-Kirchhoff stress, shape (n, 3, 3), in the unit of the shear modulus, with another pressure than that of det F.
+def energy_at(law: Law, F, volume_ratio):
+    """Energy density in units of mu, shape (n,): W at F, and U at the volume ratio (n,), of a selective energy not det F."""
+    return isochoric_response(law, *invariants(F))[3] + law.volumetric(volume_ratio, law.parameters)[0]
 
-    Parameters
-    ----------
-    law : Law
-    F : ndarray, shape (n, 3, 3)
-    bulk_stress : ndarray, shape (n,)
-        U', in units of mu: at det F, or what a selective energy has in its place (theory (51)).
-    """
+
+def stress_and_energy(law: Law, F, volume_ratio, bulk_stress):
+    """First Piola-Kirchhoff stress and energy density of points; see `plane_strain.stress_and_energy`, with F of shape (n, 3, 3)."""
     check_consistency(law)
     F = np.asarray(F, dtype=float)
-    p, q, r = (value[..., None, None] for value in isochoric_response(law, *invariants(F))[:3])
-    return law.shear_modulus * (p * F + (q + np.asarray(bulk_stress)[..., None, None]) * _cofactor(F) + r * (F @ (F.swapaxes(-1, -2) @ F)))
+    p, q, r, energy = isochoric_response(law, *invariants(F))
+    p, q, r = (value[:, None, None] for value in (p, q + bulk_stress, r))
+    stress = p * F + q * _cofactor(F) + r * (F @ (F.swapaxes(-1, -2) @ F))
+    return law.shear_modulus * stress, law.shear_modulus * (energy + law.volumetric(volume_ratio, law.parameters)[0])
 
 
 def _cofactor(F):

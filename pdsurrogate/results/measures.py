@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
-from ..materials import PLANES, plane_strain, plane_stress
+from ..materials import PLANES
 
 
 def strain_energy(force: InternalForce) -> float:
-    """Stored energy per unit thickness in the state last evaluated.
+    """Stored energy in the state last evaluated, in the plane per unit thickness.
 
     The force's own; of a force map, which has none, that of the points' deformation gradients.
     """
     if force.has_energy:
         return force.energy()
-    trace, J = plane_stress.invariants(force.deformation_gradients())
-    J3, volumes, response = force.volume_ratios(), force.body.volumes, PLANES[force.plane].response
-    energies = (
-        law.shear_modulus * (response(law, trace[points], J[points], J3[points])[4] * volumes[points]).sum() for law, points in force.laws
-    )
+    F, J3, volumes, energy_at = force.deformation_gradients(), force.volume_ratios(), force.body.volumes, PLANES[force.plane].energy_at
+    energies = (law.shear_modulus * (energy_at(law, F[points], J3[points]) * volumes[points]).sum() for law, points in force.laws)
     return float(sum(energies))
 
 
@@ -76,50 +74,76 @@ class PointState:
     Parameters
     ----------
     force : InternalForce
-        Asked for deformation gradients and thickness alone.
-    positions : ndarray, shape (n, 2)
+        Asked for what it says of the points at these positions, without forces.
+    positions : ndarray, shape (n, d)
     damage : ndarray, shape (n,), optional
         Of a run in which bonds break.
 
     Attributes
     ----------
-    F : ndarray, shape (n, 2, 2)
-    trace, area : ndarray, shape (n,)
-        tr C and det F in the plane.
+    plane : str
+        What the thickness does, or "space".
+    laws : list of tuple
+        The laws, each with the points that are of it.
+    displacement : ndarray, shape (n, d)
+    F : ndarray, shape (n, d, d)
     volume_ratio : ndarray, shape (n,)
-        J3, where the volumetric energy is taken.
-    bulk_stress : ndarray, shape (n,)
-        What the bonds feel of U' there, in units of mu; in plane strain alone.
+        Where the volumetric energy is taken: J3 under plane stress, det F or what a selective energy has in its place otherwise.
+    stress : ndarray, shape (n, 3, 3)
+        First Piola-Kirchhoff stress, see `InternalForce.stress_and_energy`.
+    energy_density : ndarray, shape (n,)
+        Per volume of the undeformed body.
+    deviation : ndarray, shape (n,), or None
+        See `InternalForce.domain_deviation`.
     """
 
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
         force.place(positions)
         self.laws, self.plane, self.displacement, self.damage = force.laws, force.plane, positions - force.body.points, damage
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
-        if self.plane == "strain":
-            self.bulk_stress = force.bulk_stresses()
-        self.trace, self.area = (self.F * self.F).sum(axis=(1, 2)), np.linalg.det(self.F)
+        self.stress, self.energy_density = force.stress_and_energy()
+        self.deviation = force.domain_deviation()
+
+    @cached_property
+    def deformation_gradient(self) -> np.ndarray:
+        """F, in the plane with the stretch of the thickness, shape (n, 3, 3)."""
+        if self.plane == "space":
+            return self.F
+        gradient = np.zeros((len(self.F), 3, 3))
+        gradient[:, :2, :2] = self.F
+        gradient[:, 2, 2] = 1.0 if self.plane == "strain" else self.volume_ratio / np.linalg.det(self.F)
+        return gradient
+
+    @cached_property
+    def cauchy_stress(self) -> np.ndarray:
+        """P F^T / det F, shape (n, 3, 3)."""
+        F = self.deformation_gradient
+        return self.stress @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]
+
+    @cached_property
+    def principal_stretches(self) -> np.ndarray:
+        """Square roots of the eigenvalues of F^T F, that of the thickness among them, the greatest first, shape (n, 3)."""
+        return np.linalg.svd(self.deformation_gradient, compute_uv=False)
 
     def greatest_stretch(self) -> np.ndarray:
-        """Greatest principal stretch in the plane, shape (n,)."""
-        return np.sqrt((self.trace + np.sqrt(np.maximum(self.trace**2 - 4 * self.area**2, 0))) / 2)
+        """Greatest principal stretch, of a body in the plane that within the plane, shape (n,)."""
+        if self.plane == "space":
+            return self.principal_stretches[:, 0].copy()
+        trace, area = (self.F * self.F).sum(axis=(1, 2)), np.linalg.det(self.F)
+        return np.sqrt((trace + np.sqrt(np.maximum(trace**2 - 4 * area**2, 0))) / 2)
 
-    def stress(self) -> np.ndarray:
-        """First Piola-Kirchhoff stress, shape (n, 3, 3)."""
-        stress = np.zeros((len(self.F), 3, 3))
-        for law, points in self.laws:
-            if self.plane == "strain":
-                stress[points] = plane_strain.full_stress(law, self.F[points], self.bulk_stress[points])
-                continue
-            p, q, *_ = plane_stress.response(law, self.trace[points], self.area[points], self.volume_ratio[points])
-            stress[points, :2, :2] = law.shear_modulus * plane_stress.in_plane_stress(self.F[points], p, q)
-        return stress
+    def pressure(self) -> np.ndarray:
+        """Minus a third of the trace of the Cauchy stress, shape (n,)."""
+        return -np.trace(self.cauchy_stress, axis1=1, axis2=2) / 3
 
-    def deformation_gradient(self) -> np.ndarray:
-        """F with the stretch of the thickness, shape (n, 3, 3)."""
-        gradient = np.zeros((len(self.F), 3, 3))
-        gradient[:, :2, :2], gradient[:, 2, 2] = self.F, 1.0 if self.plane == "strain" else self.volume_ratio / self.area
-        return gradient
+    def von_mises(self) -> np.ndarray:
+        """Root of 3/2 s:s, s the deviator of the Cauchy stress, shape (n,)."""
+        deviator = self.cauchy_stress + self.pressure()[:, None, None] * np.eye(3)
+        return np.sqrt(1.5 * (deviator * deviator).sum(axis=(1, 2)))
+
+    def thickness(self) -> np.ndarray | None:
+        """C33, the square of the stretch of the thickness of a body in the plane, shape (n,)."""
+        return None if self.plane == "space" else self.deformation_gradient[:, 2, 2] ** 2
 
 
 @dataclass(frozen=True)
@@ -142,11 +166,18 @@ class PointField:
 
 
 POINT_FIELDS = {
-    "displacement": PointField(lambda state: np.pad(state.displacement, ((0, 0), (0, 1))), 3, "length"),
+    "displacement": PointField(lambda state: np.pad(state.displacement, ((0, 0), (0, 3 - state.displacement.shape[1]))), 3, "length"),
     "principal_stretch": PointField(PointState.greatest_stretch),
+    "principal_stretches": PointField(lambda state: state.principal_stretches, 3),
     "volume_ratio": PointField(lambda state: state.volume_ratio.copy()),
-    "stress": PointField(PointState.stress, 9, "stress"),
-    "deformation_gradient": PointField(PointState.deformation_gradient, 9),
+    "C33": PointField(PointState.thickness),
+    "stress": PointField(lambda state: state.stress, 9, "stress"),
+    "cauchy_stress": PointField(lambda state: state.cauchy_stress, 9, "stress"),
+    "von_mises": PointField(PointState.von_mises, unit="stress"),
+    "pressure": PointField(PointState.pressure, unit="stress"),
+    "energy_density": PointField(lambda state: state.energy_density, unit="stress"),
+    "deformation_gradient": PointField(lambda state: state.deformation_gradient, 9),
+    "domain_deviation": PointField(lambda state: state.deviation),
     "damage": PointField(lambda state: state.damage),
 }
 """All fields on the points, by their names in result files: a new one is one line."""

@@ -46,7 +46,7 @@ class Probes:
         dict
             By name of the probe: ``displacement`` (d components), ``stress`` (first Piola-Kirchhoff, 3 rows of 3) and ``F`` (3 rows of 3).
         """
-        stress, gradient = (field.reshape(len(field), 9) for field in (state.stress(), state.deformation_gradient()))
+        stress, gradient = (field.reshape(len(field), 9) for field in (state.stress, state.deformation_gradient))
         return {
             name: {
                 # Rows are 1 in sum and have the place as their first moment, so displacements may be fitted in the place of positions.

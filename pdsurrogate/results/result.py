@@ -81,7 +81,7 @@ class Result:
         write_text(folder / HISTORY, _as_csv(self.history, self.scene.units))
         if self.states:
             if not streamed:
-                written = StatesInFiles(folder, self.body.points, self.scene.name)
+                written = StatesInFiles(folder, self.body, self.scene.name)
                 for state in self.states:
                     written.append(*state)
             figures.save(self.figure(), folder / f"{self.scene.name}.png")

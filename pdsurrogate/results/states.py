@@ -9,6 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
+from ..body import Body
+from .deformed import deformed_cells
 from .folder import state_files
 
 Fields = dict[str, np.ndarray]
@@ -71,16 +73,16 @@ class StatesInFiles:
     Parameters
     ----------
     folder : Path
-    points : ndarray, shape (n, 2)
-        Reference positions.
+    body : Body
+        Whose cells are written.
     name : str
         Stem of the file names.
     moments : list of Moment
         States that are there already, of a run that is resumed; files of later ones are removed.
     """
 
-    def __init__(self, folder: Path, points: np.ndarray, name: str, moments: list[Moment] | None = None) -> None:
-        self.folder, self.points, self.name = folder, points, name
+    def __init__(self, folder: Path, body: Body, name: str, moments: list[Moment] | None = None) -> None:
+        self.folder, self.body, self.name = folder, body, name
         self.moments = list(moments or [])
         if moments is not None:
             self._write_index()
@@ -93,7 +95,8 @@ class StatesInFiles:
         from . import vtk
 
         values = {name: value for name, value in asdict(moment).items() if value is not None}
-        vtk.write_state(self._path(len(self.moments)), self.points, fields, values)
+        cells, nodes = deformed_cells(self.body, fields)
+        vtk.write_state(self._path(len(self.moments)), cells, nodes, fields, values)
         self.moments.append(moment)
         self._write_index()
 
@@ -110,10 +113,10 @@ class StatesInFiles:
         return len(self.moments)
 
     def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        import meshio
+        from . import vtk
 
         number = range(len(self.moments))[number]
-        return self.moments[number], dict(meshio.read(self._path(number)).point_data)
+        return self.moments[number], vtk.read_fields(self._path(number))
 
     def __iter__(self) -> Iterator[tuple[Moment, Fields]]:
         return (self[number] for number in range(len(self)))

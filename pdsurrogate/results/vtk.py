@@ -8,23 +8,38 @@ from xml.sax.saxutils import quoteattr
 import meshio
 import numpy as np
 
+from ..body import CellMesh
 from .files import write_text, write_with
 
+CELL_TYPES = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexahedron"}
+"""Names of cells by the dimension and the number of their corners."""
 
-def write_state(path: Path, points: np.ndarray, fields: dict[str, np.ndarray], values: dict[str, float]) -> None:
-    """Write the fields of one state, and single values as field data.
+EXACT = "displacement"
+"""The field that is written in double precision: all others follow from it, and are written in single."""
 
-    Points are vertices at their reference positions; warp by ``displacement`` to see the deformed body.
+
+def write_state(path: Path, cells: CellMesh, nodes: np.ndarray, fields: dict[str, np.ndarray], values: dict[str, float]) -> None:
+    """Write the fields of one state on the cells of a body, and single values as field data.
+
+    The cells are at their reference positions; warp by the ``displacement`` of the nodes to see the deformed body.
 
     Parameters
     ----------
     path : Path
-    points : ndarray, shape (n, 2)
+    cells : CellMesh
+        In the order of the points of the body.
+    nodes : ndarray, shape (k, d)
+        Displacements of their corners.
     fields : dict of ndarray, each of shape (n,) or (n, k)
+        On the points.
     values : dict of float
     """
-    coordinates = np.column_stack([points, np.zeros(len(points))])
-    mesh = meshio.Mesh(coordinates, [("vertex", np.arange(len(points))[:, None])], point_data=fields)
+    flat = ((0, 0), (0, 3 - cells.dimension))
+    ends = np.cumsum([len(block) for block in cells.blocks])[:-1]
+    data = {name: np.split(field if name == EXACT else field.astype(np.float32), ends) for name, field in fields.items()}
+    blocks = [(CELL_TYPES[cells.dimension, block.shape[1]], block.astype(np.int32, copy=False)) for block in cells.blocks]
+    moved = {EXACT: np.pad(nodes, flat).astype(np.float32)}
+    mesh = meshio.Mesh(np.pad(cells.nodes, flat), blocks, point_data=moved, cell_data=data)
 
     def write(temporary: Path) -> None:
         meshio.write(temporary, mesh, file_format="vtu")
@@ -37,6 +52,11 @@ def write_state(path: Path, points: np.ndarray, fields: dict[str, np.ndarray], v
         temporary.write_text(f"{head}{grid}<FieldData>{arrays}</FieldData>{rest}", encoding="utf-8")
 
     write_with(path, write)
+
+
+def read_fields(path: Path) -> dict[str, np.ndarray]:
+    """The fields on the points that `write_state` wrote."""
+    return {name: np.concatenate(parts) for name, parts in meshio.read(path).cell_data.items()}
 
 
 def write_index(path: Path, entries: list[tuple[float, str]]) -> None:

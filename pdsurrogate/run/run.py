@@ -177,7 +177,7 @@ class Run:
         self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]), default=None)
         self.parameter = self.target = self.begin = self.loading.rest
         self.positions = self.body.points.copy()
-        self.states: States = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.body.points, scene.name)
+        self.states: States = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.body, scene.name)
 
     def _portion_of(self) -> np.ndarray | None:
         """Material of every point; None where there is one."""
@@ -308,7 +308,7 @@ class Run:
         self.begin, self.elapsed, self.crack = progress["begin"], progress["elapsed"], progress["crack"]
         if progress["earlier"] is not None:
             self.earlier = progress["earlier"], found.arrays["earlier"].copy()
-        self.states = StatesInFiles(self.folder, self.body.points, self.scene.name, [Moment(*moment) for moment in progress["moments"]])
+        self.states = StatesInFiles(self.folder, self.body, self.scene.name, [Moment(*moment) for moment in progress["moments"]])
         if self.damage is not None:
             pairs = np.flatnonzero(found.arrays["broken"])
             if len(pairs):

@@ -1,0 +1,176 @@
+"""The cells that the points of a body stand for, for pictures and files of results: of its lattice, or of the mesh it was made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+CORNERS = {2: np.array([[0, 0], [1, 0], [1, 1], [0, 1]])}
+CORNERS[3] = np.array([[*corner, height] for height in (0, 1) for corner in CORNERS[2]])
+"""Corners of a cell of a lattice in the order of VTK's quadrilaterals and hexahedra, by the dimension."""
+
+FACES = {
+    (2, 3): ((0, 1), (1, 2), (2, 0)),
+    (2, 4): ((0, 1), (1, 2), (2, 3), (3, 0)),
+    # A triangle repeats its last corner, so that all faces in space have four.
+    (3, 4): ((0, 2, 1, 1), (0, 1, 3, 3), (1, 2, 3, 3), (0, 3, 2, 2)),
+    (3, 8): ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
+}
+"""Sides of a cell by the dimension and the number of its corners; in space their normals point outwards by the right-hand rule."""
+
+TORN = 0.5
+"""How far apart two neighbours may say that their common side is, over the length from one through the side to the other, before they are
+drawn apart.  In a smooth deformation it is of second order in that length; across an open crack it is the opening."""
+
+
+@dataclass(frozen=True)
+class CellMesh:
+    """Cells by their corners, in the order of the points that stand for them.
+
+    Attributes
+    ----------
+    nodes : ndarray, shape (k, d)
+    blocks : tuple of ndarray of int, each of shape (m, corners)
+        Triangles and quadrilaterals, or tetrahedra and hexahedra, their corners in the order of VTK.
+    """
+
+    nodes: np.ndarray
+    blocks: tuple[np.ndarray, ...]
+
+    def __len__(self) -> int:
+        return sum(map(len, self.blocks))
+
+    @classmethod
+    def of_lattice(cls, points: np.ndarray, volumes: np.ndarray, cell: np.ndarray) -> CellMesh:
+        """Cells of a lattice that points lie in; a cell that the surface of the body cuts is there in full.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n, d)
+        volumes : ndarray, shape (n,)
+            Those of full cells tell which points are at the middle of theirs.
+        cell : ndarray, shape (d,)
+        """
+        full = np.flatnonzero(np.isclose(volumes, cell.prod(), rtol=1e-9, atol=0))
+        middle = points[full[0] if len(full) else 0]
+        place = np.rint((points - middle) / cell).astype(np.int64)
+        lowest = place.min(axis=0)
+        counts = place.max(axis=0) - lowest + 2
+        offsets = np.ravel_multi_index(tuple(CORNERS[len(cell)].T), tuple(counts))
+        number = np.ravel_multi_index(tuple((place - lowest).T), tuple(counts))[:, None] + offsets
+        used, corners = np.unique(number, return_inverse=True)
+        nodes = middle + (np.stack(np.unravel_index(used, tuple(counts)), axis=1) + lowest - 0.5) * cell
+        return cls(nodes, (corners.reshape(number.shape).astype(np.int32),))
+
+    @classmethod
+    def of_mesh(cls, nodes: np.ndarray, blocks: Sequence[np.ndarray], kept: np.ndarray) -> CellMesh:
+        """Those cells of a mesh that are kept, a bool for each."""
+        parts = np.split(kept, np.cumsum([len(block) for block in blocks])[:-1])
+        return cls(nodes, tuple(block[part] for block, part in zip(blocks, parts, strict=True) if part.any()))
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.nodes.shape[1]
+
+    @cached_property
+    def _owners(self) -> np.ndarray:
+        """The cell of every entry of `blocks`, one after the other."""
+        widths = np.concatenate([np.full(len(block), block.shape[1]) for block in self.blocks])
+        return np.repeat(np.arange(len(self)), widths)
+
+    @cached_property
+    def _entries(self) -> np.ndarray:
+        """All entries of `blocks`."""
+        return np.concatenate([block.ravel() for block in self.blocks])
+
+    @cached_property
+    def faces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Sides of the cells, each once: corners, shape (f, 2 or 4), and the cells on both sides, shape (f, 2), -1 where there is none."""
+        corners, owners, begin = [], [], 0
+        for block in self.blocks:
+            for face in FACES[self.dimension, block.shape[1]]:
+                corners.append(block[:, face])
+                owners.append(np.arange(begin, begin + len(block)))
+            begin += len(block)
+        corners, owners = np.concatenate(corners), np.concatenate(owners)
+        keys = corners.copy()
+        if self.dimension == 3:
+            # Whichever corner a triangle repeats, it is the greatest that is compared.
+            triangles = keys[:, 2] == keys[:, 3]
+            keys[triangles, 3] = keys[triangles, :3].max(axis=1)
+        keys.sort(axis=1)
+        order = np.lexsort(keys.T)
+        same = (keys[order[1:]] == keys[order[:-1]]).all(axis=1)
+        first, beyond = np.r_[True, ~same], np.full(len(order), -1)
+        beyond[:-1][same] = owners[order[1:][same]]
+        return corners[order[first]], np.stack([owners[order[first]], beyond[first]], axis=1)
+
+    def moved(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray) -> np.ndarray:
+        """Displacement of the nodes, shape (k, d): the mean of what the cells around a node say by their points and gradients.
+
+        Parameters
+        ----------
+        points, displacement : ndarray, shape (n, d)
+        gradients : ndarray, shape (n, d, d)
+            Deformation gradients.
+        """
+        counts = np.bincount(self._entries, minlength=len(self.nodes))
+        total = np.zeros_like(self.nodes)
+        begin, changes = 0, gradients - np.eye(self.dimension)
+        for block in self.blocks:
+            own = slice(begin, begin + len(block))
+            for corner in block.T:
+                said = displacement[own] + np.einsum("nij,nj->ni", changes[own], self.nodes[corner] - points[own])
+                for axis in range(self.dimension):
+                    total[:, axis] += np.bincount(corner, said[:, axis], len(self.nodes))
+            begin += len(block)
+        return total / np.maximum(counts, 1)[:, None]
+
+    def torn(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray) -> CellMesh:
+        """These cells, with nodes of their own on both sides of an open crack; arguments as those of `moved`."""
+        corners, beside = self.faces
+        inner = beside[:, 1] >= 0
+        corners, (one, other) = corners[inner], beside[inner].T
+        # A triangle's repeated corner does not matter here: any place on the common side does.
+        middle = self.nodes[corners].mean(axis=1)
+        towards = np.einsum("nij,nj->ni", gradients[one], middle - points[one])
+        onwards = np.einsum("nij,nj->ni", gradients[other], points[other] - middle)
+        apart = points[other] + displacement[other] - points[one] - displacement[one]
+        gap = np.linalg.norm(apart - towards - onwards, axis=1)
+        open_ = gap > TORN * (np.linalg.norm(towards, axis=1) + np.linalg.norm(onwards, axis=1))
+        return self if not open_.any() else self._separated(corners, np.stack([one, other], axis=1), open_)
+
+    def _separated(self, corners: np.ndarray, beside: np.ndarray, open_: np.ndarray) -> CellMesh:
+        """A node for each group of cells around it that whole faces connect."""
+        split = np.zeros(len(self.nodes), dtype=bool)
+        split[corners[open_]] = True
+        entries = np.flatnonzero(split[self._entries])
+        nodes = self._entries[entries]
+        # An entry is told by its cell and node; faces in one piece connect those of both their cells at each corner.
+        keys = self._owners[entries] * len(self.nodes) + nodes
+        order = np.argsort(keys)
+        whole = ~open_ & split[corners].any(axis=1)
+        face, corner = np.nonzero(split[corners[whole]])
+        common, pairs = corners[whole][face, corner], beside[whole][face]
+        one, other = (order[np.searchsorted(keys[order], cells * len(self.nodes) + common)] for cells in pairs.T)
+        graph = coo_array((np.ones(len(one), dtype=bool), (one, other)), shape=(len(entries), len(entries)))
+        count, group = connected_components(graph, directed=False)
+        node_of_group = np.zeros(count, dtype=np.int64)
+        node_of_group[group] = nodes
+        # The first group of a node keeps it, every other one has a new node.
+        by_node = np.argsort(node_of_group, kind="stable")
+        further = np.zeros(count, dtype=bool)
+        further[by_node[1:]] = node_of_group[by_node[1:]] == node_of_group[by_node[:-1]]
+        number = node_of_group.copy()
+        number[further] = len(self.nodes) + np.arange(further.sum())
+        renewed = self._entries.copy()
+        renewed[entries] = number[group]
+        sizes = np.cumsum([block.size for block in self.blocks])[:-1]
+        blocks = (part.reshape(block.shape) for part, block in zip(np.split(renewed, sizes), self.blocks, strict=True))
+        return CellMesh(np.concatenate([self.nodes, self.nodes[node_of_group[further]]]), tuple(blocks))
