@@ -354,7 +354,7 @@ def test_regions():
         BOX, regions={"corner": {"and": ["left", "top", {"edge": "front"}]}}, holes=[{**CYLINDER, "radius": 0.15, "base": [0.3, 0.5, -0.1]}]
     )
     regions = regions_of(scene)
-    points = regions._body.points
+    points = discretise(scene)[0].points
     for said, expected in (
         ("front", points[:, 2] > 0.5),
         ("bottom", points[:, 1] < 0.2),

@@ -4,12 +4,16 @@ import meshio
 import numpy as np
 import pytest
 from bodies import rotation, sheet
+from matplotlib import image
+from typer.testing import CliRunner
 
 import pdsurrogate as pd
 from pdsurrogate.body import CellMesh
+from pdsurrogate.cli import app
 from pdsurrogate.materials import plane_strain, plane_stress, solid
 from pdsurrogate.results import measures, vtk
 from pdsurrogate.results.deformed import deformed_cells
+from pdsurrogate.results.views import section
 
 LAW = pd.NeoHookean(2.0, 200.0)
 F2 = np.array([[1.25, 0.2], [-0.1, 0.9]])
@@ -129,3 +133,59 @@ def test_a_file_holds_cells_and_gives_the_fields_back(tmp_path, body):
     mesh = meshio.read(tmp_path / "state.vtu")
     assert [(block.type, len(block)) for block in mesh.cells] == [("quad" if d == 2 else "hexahedron", len(body))]
     np.testing.assert_allclose((mesh.points + mesh.point_data["displacement"])[:, :d], mesh.points[:, :d] @ F.T, atol=1e-6)
+
+
+def test_a_cut_through_the_middle_is_a_section_of_the_body():
+    """Of hexahedra and of tetrahedra; where the corners have moved to."""
+    body = cube(5)
+    cells = body.cells
+    split = ((0, 1, 3, 4), (1, 2, 3, 6), (1, 4, 5, 6), (3, 4, 6, 7), (1, 3, 4, 6))
+    tetrahedra = CellMesh(cells.nodes, (np.concatenate([cells.blocks[0][:, list(corners)] for corners in split]),))
+    for mesh in (cells, tetrahedra):
+        polygons, owners = section(mesh, 2.0 * mesh.nodes, 2, 0.47)
+        assert len(polygons) == len(owners)
+        areas = [0.5 * np.linalg.norm(sum(np.cross(a, b) for a, b in zip(p, np.roll(p, -1, axis=0), strict=True))[2]) for p in polygons]
+        assert sum(areas) == pytest.approx(4.0)
+        assert all(np.allclose(polygon[:, 2], 0.94) for polygon in polygons)
+
+
+def test_a_scene_in_space_has_files_pictures_and_tables(tmp_path):
+    """Mesh of tetrahedra, general way, NOSB, whose kernels are small: outputs, probes and a picture."""
+    cells = cube(3).cells
+    split = ((0, 1, 3, 4), (1, 2, 3, 6), (1, 4, 5, 6), (3, 4, 6, 7), (1, 3, 4, 6))
+    blocks = [("tetra", np.concatenate([cells.blocks[0][:, list(corners)] for corners in split]))]
+    meshio.write(tmp_path / "cube.vtu", meshio.Mesh(cells.nodes, blocks))
+    (tmp_path / "pulled.toml").write_text(
+        """
+        name = "pulled"
+        spacing = 0.2
+        probes = [{ name = "middle", at = [0.5, 0.5, 0.5] }]
+        material = { law = "neo-hookean", bulk_modulus = 10.0 }
+        [body]
+        shape = "mesh"
+        file = "cube.vtu"
+        dimension = 3
+        [[prescribed]]
+        region = "left"
+        x1 = 0.0
+        x2 = 0.0
+        x3 = 0.0
+        [[prescribed]]
+        region = "right"
+        x1 = 0.05
+        x2 = 0.0
+        x3 = 0.0
+        [[steps]]
+        to = 1.0
+        """
+    )
+    ended = CliRunner().invoke(app, ["run", str(tmp_path / "pulled.toml"), "--force", "nosb", "--out", str(tmp_path / "out")])
+    assert ended.exit_code == 0, ended.output
+    assert "middle x3" in ended.output
+    header = (tmp_path / "out" / "history.csv").read_text().splitlines()[0]
+    assert {"force_right_3", "moment_right_3", "middle_displacement_3"} <= {column.split(" [")[0] for column in header.split(",")}
+    mesh = meshio.read(tmp_path / "out" / "pulled-000.vtu")
+    assert [(block.type, len(block)) for block in mesh.cells] == [("tetra", 135)]
+    assert mesh.cell_data["stress"][0].shape == (135, 9)
+    picture = image.imread(tmp_path / "out" / "pulled.png")
+    assert picture.std() > 0.05

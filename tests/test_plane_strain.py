@@ -60,7 +60,7 @@ def test_homogeneous_states_are_those_of_a_solid(law):
         np.testing.assert_allclose(force.mean_stress(), P[:2, :2], atol=atol, err_msg=name)
         energy = body.volumes.sum() * solid.energy_density(law, full)
         assert strain_energy(force) == pytest.approx(energy, rel=1e-11), name
-        stress = PointState(force, body.points @ F.T).stress()
+        stress = PointState(force, body.points @ F.T).stress
         np.testing.assert_allclose(stress, np.broadcast_to(P, stress.shape), atol=atol, err_msg=name)
 
 

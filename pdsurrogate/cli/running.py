@@ -200,7 +200,7 @@ def _print_crack(summary) -> None:
 def _print_cells(result) -> None:
     """Say which cells were taken where squares of the spacing do not fill the body."""
     summary, asked, unit = result.summary, result.scene.spacing, result.summary["units"]["length"]
-    if summary["cell_size"] != [asked, asked]:
+    if any(side != asked for side in summary["cell_size"]):
         out.print(
             f"Cells of {' x '.join(f'{side:.6g}' for side in summary['cell_size'])} {unit} fill the body, the nearest to the spacing of "
             f"{asked:g}; the horizon is {summary['horizon']:.6g} {unit}",
@@ -216,14 +216,19 @@ def _print_levels(result) -> None:
     lateral = "lateral_displacement" if homogeneous else "greatest_lateral_displacement"
     table = Table(title=f"{summary['scene']}, force {summary['force']}, {summary['n_points']} points", title_justify="left")
     table.add_column("stretch", justify="right")
-    for quantity, unit in (("lateral" if homogeneous else "greatest lateral", units["length"]), ("stress", units["stress"])):
+    quantities = [
+        (lateral, "lateral" if homogeneous else "greatest lateral", units["length"]),
+        ("nominal_stress", "stress", units["stress"]),
+    ]
+    quantities = [row for row in quantities if any(row[0] in level for level in summary["levels"])]
+    for _, quantity, unit in quantities:
         table.add_column(f"{quantity} ({unit})", justify="right")
         if compared:
             table.add_column("exact" if homogeneous else "reference", justify="right")
             table.add_column("error (%)", justify="right")
     for level in summary["levels"]:
         cells = [f"{level['stretch']:g}"]
-        for key in (lateral, "nominal_stress"):
+        for key, *_ in quantities:
             cells.append(f"{level[key]:.5f}" if key in level else "")
             if compared:
                 error = level.get(f"{key}_error")
@@ -249,13 +254,16 @@ def _print_outputs(result) -> None:
     extent = float(np.ptp(result.body.points, axis=0).max())
     for name in dict.fromkeys(name for level in summary["levels"] for name in level["forces"]):
         forces = [level["forces"][name] for level in summary["levels"]]
-        moment = max(abs(level["moments"][name]) for level in summary["levels"])
-        least = max(LEAST_SHOWN, LEAST_SHARE * moment / extent)
-        shown = [component for component in (0, 1) if any(abs(force[component]) >= least for force in forces)]
+        # About x3 alone in the plane, about all three axes in space.
+        moments = np.array([np.atleast_1d(level["moments"][name]) for level in summary["levels"]])
+        least = max(LEAST_SHOWN, LEAST_SHARE * np.abs(moments).max() / extent)
+        shown = [component for component in range(len(forces[0])) if any(abs(force[component]) >= least for force in forces)]
         for component in shown:
             columns[f"{name} x{component + 1} ({unit})"] = [force[component] for force in forces]
-        if not shown:
-            columns[f"{name} moment ({result.scene.units.energy})"] = [level["moments"][name] for level in summary["levels"]]
+        turned = np.flatnonzero(np.abs(moments).max(axis=0) >= LEAST_SHOWN) if moments.shape[1] == 3 else [0] * (not shown)
+        for component in turned:
+            which = f" about x{component + 1}" if moments.shape[1] == 3 else ""
+            columns[f"{name} moment{which} ({result.scene.units.energy})"] = moments[:, component].tolist()
     for title in columns:
         table.add_column(title, justify="right")
     for number, level in enumerate(summary["levels"]):
@@ -277,7 +285,7 @@ def _print_probes(summary) -> None:
     table.add_column("t", justify="right")
     names = list(summary["levels"][0]["probes"])
     for name in names:
-        for component in (1, 2):
+        for component in range(1, len(summary["levels"][0]["probes"][name]["displacement"]) + 1):
             table.add_column(f"{name} x{component} ({summary['units']['length']})", justify="right")
     for level in summary["levels"]:
         values = [value for name in names for value in level["probes"][name]["displacement"]]
@@ -317,7 +325,9 @@ def scenes() -> None:
 
     table = Table(title="Scenes", title_justify="left")
     table.add_column("scene")
+    table.add_column("body")
     table.add_column("what it is")
     for name in scene_names():
-        table.add_row(name, load_scene(name).title)
+        scene = load_scene(name)
+        table.add_row(name, "in space" if scene.dimension == 3 else "in the plane", scene.title)
     show(table)

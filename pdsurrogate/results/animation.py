@@ -19,9 +19,9 @@ FRAMES_PER_SECOND = 8
 
 
 def save(result: Result, path: Path) -> None:
-    """Write a GIF of the dynamics, one frame a state, coloured by damage where there is any, else by the greatest stretch."""
+    """Write a GIF of the dynamics of a body in the plane, coloured by damage or else by the greatest stretch."""
     frames = result.in_dynamics()
-    if not frames:
+    if not frames or result.body.dimension == 3:  # a series of states in space is for ParaView
         return
     fields = result.states[frames[-1]][1]
     quantity, limits = (

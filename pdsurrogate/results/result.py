@@ -48,8 +48,8 @@ class Result:
         return self.summary["levels"]
 
     def displacement(self, level: int = -1) -> np.ndarray:
-        """Displacements at a level, shape (n, 2)."""
-        return self.states[level][1]["displacement"][:, :2]
+        """Displacements at a level, shape (n, d)."""
+        return self.states[level][1]["displacement"][:, : self.body.dimension]
 
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
         """Write ``summary.json``, ``history.csv``, a VTU series with its PVD index and a figure of the deformed body.
@@ -93,22 +93,28 @@ class Result:
     def figure(self):
         """The deformed body at every level, coloured by the displacement across the loaded direction (Fig. 6).
 
-        Of a general programme at a few outputs, coloured by the size of the displacement; where bonds break, by damage.
+        Of a general programme at a few outputs, coloured by the size of the displacement; where bonds break, by damage.  Of a body in space
+        the view from outside and a cut through the middle.
         """
-        from . import figures
-
         chosen = self.chosen_states()
         states = [self.states[n][1] for n in chosen]  # once: a state may have to be read from its file
-        cells = [figures.deformed_cells(self.body.points, fields, self.body.cell) for fields in states]
         if self.scene.fracture is not None and chosen[-1] in self.in_dynamics():
             label, values = "damage", [fields.get("damage", np.zeros(len(self.body))) for fields in states]
         elif not self.scene.stretched:
             label = f"|u| ({self.scene.units.length})"
             values = [np.linalg.norm(fields["displacement"], axis=1) for fields in states]
         else:
-            lateral = 1 - self.scene.loaded_axis
+            lateral = (self.scene.loaded_axis + 1) % self.body.dimension
             label, values = f"u{lateral + 1} ({self.scene.units.length})", [fields["displacement"][:, lateral] for fields in states]
-        return figures.contour_figure(cells, values, label, [self.title(n) for n in chosen])
+        titles = [self.title(n) for n in chosen]
+        if self.body.dimension == 3:
+            from . import views
+
+            return views.contour_figure(self.body, states, values, label, titles)
+        from . import figures
+
+        cells = [figures.deformed_cells(self.body.points, fields, self.body.cell) for fields in states]
+        return figures.contour_figure(cells, values, label, titles)
 
     def in_dynamics(self) -> list[int]:
         """Numbers of the states that were recorded in dynamics."""

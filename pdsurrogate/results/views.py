@@ -1,0 +1,131 @@
+"""Pictures of bodies in space: deformed, from outside and cut through the middle."""
+
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import LightSource, Normalize
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from ..body import Body, CellMesh
+from .deformed import deformed_cells
+from .figures import STYLE
+
+ELEVATION, AZIMUTH = 22.0, -58.0
+"""Where the body is seen from, in degrees: from the front right, a little above; x3 points up."""
+
+EDGES_OF_CELLS = {
+    4: ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)),
+    8: ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+}
+"""By the number of corners."""
+
+
+def contour_figure(body: Body, states: list[dict[str, np.ndarray]], values: list[np.ndarray], label: str, titles: list[str]) -> Figure:
+    """One row a state: the body from outside, and its cut through the middle across the thinnest direction, coloured by values.
+
+    Parameters
+    ----------
+    body : Body
+    states : list of dict
+        Fields of recorded states.
+    values : list of ndarray, shape (n,)
+        What they are coloured by.
+    label : str
+        Of the colour bars.
+    titles : list of str
+    """
+    moved = [deformed_cells(body, fields) for fields in states]
+    places = [cells.nodes + displacement for cells, displacement in moved]
+    low, high = np.min([nodes.min(axis=0) for nodes in places], axis=0), np.max([nodes.max(axis=0) for nodes in places], axis=0)
+    # The last of directions alike, so that a cube is cut along x1, in which bodies are pulled.
+    axis = 2 - int(np.argmin(np.ptp(body.cells.nodes, axis=0)[::-1].round(9)))
+    middle = (body.points[:, axis].min() + body.points[:, axis].max()) / 2
+    across = [other for other in range(3) if other != axis]
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 2.9 * len(states)), layout="constrained")
+        for number, ((cells, _), nodes, value, title) in enumerate(zip(moved, places, values, titles, strict=True)):
+            # What is nearly one colour is shown as such: rounding is not worth a rainbow.
+            span = max(value.max() - value.min(), 1e-9 * max(np.abs(value).max(), 1e-300))
+            limits = Normalize(value.min(), value.min() + span)
+            outside = figure.add_subplot(len(states), 2, 2 * number + 1, projection="3d", computed_zorder=False)
+            _draw_outside(outside, cells, nodes, value, limits)
+            outside.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+            outside.set_box_aspect(high - low, zoom=1.1)
+            outside.set_title(title, pad=0)
+            cut = figure.add_subplot(len(states), 2, 2 * number + 2)
+            polygons, owners = section(cells, nodes, axis, middle)
+            drawn = PolyCollection([polygon[:, across] for polygon in polygons], array=value[owners], cmap="turbo", norm=limits, lw=0.2)
+            drawn.set_edgecolor("face")
+            cut.add_collection(drawn)
+            cut.set(aspect="equal", xlim=(low[across[0]], high[across[0]]), ylim=(low[across[1]], high[across[1]]))
+            cut.set_axis_off()
+            cut.set_title(f"cut at x{axis + 1} = {middle:.4g} of the undeformed body", pad=2)
+            figure.colorbar(drawn, ax=cut, label=label, fraction=0.05, pad=0.01)
+        return figure
+
+
+def _draw_outside(axes, cells: CellMesh, nodes: np.ndarray, values: np.ndarray, limits: Normalize) -> None:
+    """Those sides of cells that face the eye and have no cell beyond them, far ones first."""
+    axes.view_init(ELEVATION, AZIMUTH)
+    axes.set_proj_type("ortho")
+    axes.set_axis_off()
+    corners, beside = cells.faces
+    outer = beside[:, 1] < 0
+    sides, owners = nodes[corners[outer]], beside[outer, 0]
+    normals = np.cross(sides[:, 2] - sides[:, 0], sides[:, 3] - sides[:, 1])
+    # A triangle repeats its last corner; whichever way the corners of a mesh's cell turn, its normal points away from the cell.
+    normals = np.where(
+        np.linalg.norm(normals, axis=1, keepdims=True) > 0, normals, np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
+    )
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    elevation, azimuth = np.radians([ELEVATION, AZIMUTH])
+    eye = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    seen = np.flatnonzero(normals @ eye > 0)
+    seen = seen[np.argsort(sides[seen].mean(axis=1) @ eye)]
+    light = LightSource(AZIMUTH, 45).direction
+    brightness = 0.8 + 0.2 * np.clip(normals[seen] @ light, 0, 1)
+    colours = matplotlib.colormaps["turbo"](limits(values[owners[seen]]))
+    colours[:, :3] *= brightness[:, None]
+    axes.add_collection3d(Poly3DCollection(sides[seen], facecolors=colours, edgecolors=colours, linewidths=0.2, zsort="average"))
+
+
+def section(cells: CellMesh, nodes: np.ndarray, axis: int, position: float) -> tuple[list[np.ndarray], np.ndarray]:
+    """Cells cut by a plane of the undeformed body, as polygons where their corners have moved to.
+
+    Parameters
+    ----------
+    cells : CellMesh
+        In space.
+    nodes : ndarray, shape (k, 3)
+        Where its nodes are.
+    axis : int
+        That the plane is normal to.
+    position : float
+        Coordinate along it.
+
+    Returns
+    -------
+    polygons : list of ndarray, each of shape (corners, 3)
+    owners : ndarray of int
+        Their cells.
+    """
+    # Not through the corners themselves: a cell that is only touched has no cut, and one of two that share a side there has all of it.
+    above = cells.nodes[:, axis] > position
+    polygons, owners, begin = [], [], 0
+    for block in cells.blocks:
+        edges = np.array(EDGES_OF_CELLS[block.shape[1]])
+        cut = np.flatnonzero(above[block].any(axis=1) & ~above[block].all(axis=1))
+        for number in cut:
+            ends = block[number][edges]
+            ends = ends[above[ends[:, 0]] != above[ends[:, 1]]]
+            heights = cells.nodes[ends, axis]
+            share = ((position - heights[:, 0]) / (heights[:, 1] - heights[:, 0]))[:, None]
+            was, now = ((1 - share) * at[ends[:, 0]] + share * at[ends[:, 1]] for at in (cells.nodes, nodes))
+            flat = np.delete(was - was.mean(axis=0), axis, axis=1)
+            polygons.append(now[np.argsort(np.arctan2(flat[:, 1], flat[:, 0]))])
+        owners.append(begin + cut)
+        begin += len(block)
+    return polygons, np.concatenate(owners)
