@@ -199,7 +199,7 @@ def test_in_plane_strain_either_side_of_a_straight_interface_is_exact_too(case):
     exact = np.where(beyond[:, None, None], FB, FA)
     np.testing.assert_allclose(force.deformation_gradients()[inner], exact[inner], atol=1e-10)
     np.testing.assert_allclose(force.volume_ratios()[inner], np.linalg.det(exact)[inner], atol=1e-11)
-    stress = PointState(force, y).stress()[:, :2, :2]
+    stress = PointState(force, y).stress[:, :2, :2]
     for law, F, side in ((SOFT, FA, inner & ~beyond), (STIFF, FB, inner & beyond)):
         expected = np.broadcast_to(plane_strain.first_piola_stress(law, F), (side.sum(), 2, 2))
         np.testing.assert_allclose(stress[side], expected, atol=1e-8)
