@@ -120,7 +120,7 @@ def full_disk(monkeypatch) -> None:
 
 def assert_one_clear_line(done, *words) -> None:
     assert done.exit_code == 1, done.output
-    lines = [line for line in done.stderr.strip().splitlines() if "Compiling" not in line]
+    lines = [line for line in done.stderr.splitlines() if line.strip() and "Compiling" not in line]
     assert len(lines) == 1
     assert all(word in lines[0] for word in words)
     assert "Traceback" not in done.output
