@@ -116,6 +116,41 @@ class Result:
         cells = [figures.deformed_cells(self.body.points, fields, self.body.cell) for fields in states]
         return figures.contour_figure(cells, values, label, titles)
 
+    def render(self, path: str | Path, field: str = "von_mises", component: int = 0, level: int = -1) -> None:
+        """Write a picture of a state in space, coloured by a field: by pyvista where it is installed, else by matplotlib with a warning.
+
+        Parameters
+        ----------
+        path : str or path
+            Of the PNG.
+        field : str
+            One of `pdsurrogate.results.measures.POINT_FIELDS` that the state has.
+        component : int
+            Of a field that has several, from 0; tensors row by row.
+        level : int
+            Number of the state.
+
+        Raises
+        ------
+        ValueError
+            If the body is in the plane, or the state has no such field or component.
+        """
+        from . import rendering
+        from .measures import POINT_FIELDS
+
+        if self.body.dimension == 2:
+            raise ValueError("render draws bodies in space; figure draws those in the plane")
+        fields = self.states[level][1]
+        if field not in fields:
+            raise ValueError(f"field: the state has no {field!r}; there are {', '.join(fields)}")
+        values = fields[field].reshape(len(self.body), -1)
+        if not 0 <= component < values.shape[1]:
+            raise ValueError(f"component: {field} has the components 0 to {values.shape[1] - 1}, not {component}")
+        kind = POINT_FIELDS[field].unit
+        label = field + (f" {component}" if values.shape[1] > 1 else "") + (f" ({getattr(self.scene.units, kind)})" if kind else "")
+        number = range(len(self.states))[level]
+        rendering.save(self.body, fields, values[:, component], label, self.title(number), Path(path))
+
     def in_dynamics(self) -> list[int]:
         """Numbers of the states that were recorded in dynamics."""
         if self.scene.stretched:

@@ -16,6 +16,10 @@ from .figures import STYLE
 ELEVATION, AZIMUTH = 22.0, -58.0
 """Where the body is seen from, in degrees: from the front right, a little above; x3 points up."""
 
+_UP, _ROUND = np.radians([ELEVATION, AZIMUTH])
+EYE = np.array([np.cos(_UP) * np.cos(_ROUND), np.cos(_UP) * np.sin(_ROUND), np.sin(_UP)])
+"""Direction towards it."""
+
 EDGES_OF_CELLS = {
     4: ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)),
     8: ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
@@ -40,9 +44,7 @@ def contour_figure(body: Body, states: list[dict[str, np.ndarray]], values: list
     moved = [deformed_cells(body, fields) for fields in states]
     places = [cells.nodes + displacement for cells, displacement in moved]
     low, high = np.min([nodes.min(axis=0) for nodes in places], axis=0), np.max([nodes.max(axis=0) for nodes in places], axis=0)
-    # The last of directions alike, so that a cube is cut along x1, in which bodies are pulled.
-    axis = 2 - int(np.argmin(np.ptp(body.cells.nodes, axis=0)[::-1].round(9)))
-    middle = (body.points[:, axis].min() + body.points[:, axis].max()) / 2
+    axis, middle = cut_of(body)
     across = [other for other in range(3) if other != axis]
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(7.2, 2.9 * len(states)), layout="constrained")
@@ -67,6 +69,13 @@ def contour_figure(body: Body, states: list[dict[str, np.ndarray]], values: list
         return figure
 
 
+def cut_of(body: Body) -> tuple[int, float]:
+    """The plane that a body is cut by for a picture: the axis that it is normal to, and where on it."""
+    # The last of directions alike, so that a cube is cut along x1, in which bodies are pulled.
+    axis = 2 - int(np.argmin(np.ptp(body.cells.nodes, axis=0)[::-1].round(9)))
+    return axis, float(body.points[:, axis].min() + body.points[:, axis].max()) / 2
+
+
 def _draw_outside(axes, cells: CellMesh, nodes: np.ndarray, values: np.ndarray, limits: Normalize) -> None:
     """Those sides of cells that face the eye and have no cell beyond them, far ones first."""
     axes.view_init(ELEVATION, AZIMUTH)
@@ -81,10 +90,8 @@ def _draw_outside(axes, cells: CellMesh, nodes: np.ndarray, values: np.ndarray, 
         np.linalg.norm(normals, axis=1, keepdims=True) > 0, normals, np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
     )
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
-    elevation, azimuth = np.radians([ELEVATION, AZIMUTH])
-    eye = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
-    seen = np.flatnonzero(normals @ eye > 0)
-    seen = seen[np.argsort(sides[seen].mean(axis=1) @ eye)]
+    seen = np.flatnonzero(normals @ EYE > 0)
+    seen = seen[np.argsort(sides[seen].mean(axis=1) @ EYE)]
     light = LightSource(AZIMUTH, 45).direction
     brightness = 0.8 + 0.2 * np.clip(normals[seen] @ light, 0, 1)
     colours = matplotlib.colormaps["turbo"](limits(values[owners[seen]]))

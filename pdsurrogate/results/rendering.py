@@ -1,0 +1,50 @@
+"""Pictures of bodies in space by pyvista, which shades them and hides what lies behind; where it is not installed, by matplotlib."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from ..body import Body
+from . import figures, views
+from .deformed import deformed_cells
+from .files import write_with
+from .vtk import CELL_TYPES
+
+SIZE = (1400, 700)
+"""Of a picture, in pixels."""
+
+
+def save(body: Body, fields: dict[str, np.ndarray], values: np.ndarray, label: str, title: str, path: Path) -> None:
+    """Write a PNG of a state: the deformed body from outside, and cut through the middle, coloured by values (n,).
+
+    A warning says so where matplotlib draws it, and why.
+    """
+    try:
+        import pyvista
+    except ImportError:
+        warnings.warn("pyvista is not installed, so matplotlib draws; pip install 'pdsurrogate[results]'", stacklevel=3)
+        figures.save(views.contour_figure(body, [fields], [values], label, [title]), path)
+        return
+    axis, middle = views.cut_of(body)
+    cells, moved = deformed_cells(body, fields)
+    kinds = {getattr(pyvista.CellType, CELL_TYPES[3, block.shape[1]].upper()): block for block in cells.blocks}
+    # Cut before it is deformed, so that the cut is a plane of the undeformed body, as in the pictures by matplotlib.
+    grid = pyvista.UnstructuredGrid(kinds, cells.nodes)
+    grid.cell_data[label], grid.point_data["u"] = values, moved
+    cut = grid.slice(normal=np.eye(3)[axis], origin=np.eye(3)[axis] * middle)
+    limits = float(values.min()), float(values.max())
+    drawn = pyvista.Plotter(off_screen=True, shape=(1, 2), window_size=SIZE, border=False)
+    for number, part in enumerate((grid, cut)):
+        drawn.subplot(0, number)
+        drawn.add_mesh(part.warp_by_vector("u"), scalars=label, cmap="turbo", clim=limits, show_scalar_bar=number == 1)
+        # From outside as by matplotlib; of the cut, its lower coordinate runs to the right and the other one up.
+        eye = views.EYE if number == 0 else np.eye(3)[axis] * (-1 if axis == 1 else 1)
+        drawn.view_vector(eye, viewup=np.eye(3)[2 if number == 0 or axis != 2 else 1])
+        drawn.enable_parallel_projection()
+    drawn.subplot(0, 0)
+    drawn.add_text(title, font_size=10)
+    write_with(path, lambda temporary: drawn.screenshot(str(temporary)))
+    drawn.close()
