@@ -82,6 +82,7 @@ _HOMES = {
     "simulate": "run.simulate",
     "store": "learning",
     "store_energy": "learning",
+    "tearing_energy": "run.fracture",
     "wide_design": "learning",
 }
 

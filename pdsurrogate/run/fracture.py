@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.optimize import brentq
 
@@ -58,7 +60,7 @@ class Damage:
 
         Parameters
         ----------
-        positions : ndarray, shape (n + m, 2)
+        positions : ndarray, shape (n + m, d)
             Of the points and their images.
         """
         self._find.give("positions", positions)
@@ -99,17 +101,18 @@ def _cut_weights(body: Body) -> np.ndarray:
     return total[:n]
 
 
-TIP_DIAMETER = 1.15
-"""Effective diameter of a crack tip in horizons: energy release rate at which a crack runs, over the uniaxial energy density
-at the critical stretch.  Measured in the tear scene at spacings of 0.02 to 0.05 cm, between 1.11 and 1.22
-(`pipelines/reproduce_paper.py`)."""
+TIP_DIAMETERS = {"stress": 1.15, "space": 1.26}
+"""Effective diameter of a crack tip in horizons, by the plane: energy release rate at which a crack runs, over the uniaxial energy density
+at the critical stretch.  Of sheets it was measured in the tear scene at spacings of 0.02 to 0.05 cm, between 1.11 and 1.22
+(`pipelines/reproduce_paper.py`); in space in the scene trousers, at the default horizon of 1.75 spacings
+(`pipelines/cracks_in_space.py`)."""
 
 
-def critical_stretch_of(law: Law, fracture_energy: float, horizon: float) -> float:
+def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, plane: str = "stress") -> float:
     """Critical bond stretch at which a crack runs once its energy release rate reaches the fracture energy.
 
     At a blunted tip rubber fails in uniaxial tension, and the fracture energy is the energy density at failure times an effective diameter
-    of the tip (Thomas 1955).  Here the horizon sets that diameter, d = `TIP_DIAMETER` delta:
+    of the tip (Thomas 1955).  Here the horizon sets that diameter, d = `TIP_DIAMETERS` delta:
 
         G = psi_uniaxial(lambda_c) d,
 
@@ -121,6 +124,8 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float) -> flo
     fracture_energy : float
         Energy per unit area of crack in the undeformed state, in units of stress times length.
     horizon : float
+    plane : {"stress", "space"}
+        Of a sheet, or of a body in space with a horizon of 1.75 spacings.
 
     Returns
     -------
@@ -129,34 +134,87 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float) -> flo
     Raises
     ------
     ValueError
-        If the energy or the horizon is not positive, or no stretch up to the law's limit holds as much.
+        If the plane is another, the energy or the horizon is not positive, or no stretch up to the law's limit holds as much.
 
     References
     ----------
     Thomas, J. Polym. Sci. 18 (1955) 177-188.
     """
     checked_law(law)
+    if plane not in TIP_DIAMETERS:
+        raise ValueError(f"the plane must be {' or '.join(TIP_DIAMETERS)}, where the diameter of a tip has been measured, not {plane!r}")
     for name, value in (("fracture energy", fracture_energy), ("horizon", horizon)):
         check_number(value, f"the {name}")
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"the {name} must be positive and finite, not {value}")
-    wanted = fracture_energy / (TIP_DIAMETER * horizon)
+    wanted = fracture_energy / (TIP_DIAMETERS[plane] * horizon)
 
     def excess(stretch: float) -> float:
         return homogeneous.uniaxial(law, stretch).energy_density - wanted
 
+    return float(brentq(excess, 1.0, _first_above(excess, law, "that fracture energy"), xtol=1e-12))
+
+
+def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:
+    """Energy per undeformed area that a trouser tear takes at a force on its legs.
+
+    While the tear goes on by dc each leg, in simple tension lambda, grows longer by lambda dc under the force F, and 2 b h dc of unstrained
+    material comes into the legs (Rivlin and Thomas 1953):
+
+        T = 2 F lambda / h - w(lambda),   w = 2 b psi(lambda),
+
+    with F = b h P(lambda).  For legs that hardly stretch T = 2 F / h.
+
+    Parameters
+    ----------
+    law : Law
+    force : float
+        On each leg.
+    leg_width, thickness : float
+        b and h of a leg, undeformed.
+
+    Returns
+    -------
+    float
+        In units of stress times length.
+
+    Raises
+    ------
+    ValueError
+        If one of the numbers is not positive and finite, or the law holds no such stress.
+
+    References
+    ----------
+    Rivlin and Thomas, J. Polym. Sci. 10 (1953) 291-318.
+    """
+    checked_law(law)
+    for name, value in (("force", force), ("leg's width", leg_width), ("thickness", thickness)):
+        check_number(value, f"the {name}")
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"the {name} must be positive and finite, not {value}")
+    wanted = force / (leg_width * thickness)
+
+    def excess(stretch: float) -> float:
+        return homogeneous.uniaxial(law, stretch).nominal_stress - wanted
+
+    stretch = brentq(excess, 1.0, _first_above(excess, law, "that stress"), xtol=1e-12)
+    return 2 * force * stretch / thickness - 2 * leg_width * homogeneous.uniaxial(law, stretch).energy_density
+
+
+def _first_above(excess: Callable[[float], float], law: Law, what: str) -> float:
+    """A stretch at which a rising function of it is no longer negative; ValueError where the law ends before."""
     upper = 1.1
     while excess(upper) < 0:
         lower, upper = upper, 1.1 * upper
         try:
             excess(upper)
         except ValueError:
-            raise ValueError(f"{law.name} reaches its limit at stretch {lower:.3g}, before it holds that fracture energy") from None
-    return float(brentq(excess, 1.0, upper, xtol=1e-12))
+            raise ValueError(f"{law.name} reaches its limit at stretch {lower:.3g}, before it holds {what}") from None
+    return upper
 
 
 def greatest_bond_stretch(body: Body, positions: np.ndarray) -> float:
-    """Greatest stretch of the bonds between points of a body at positions (n, 2).
+    """Greatest stretch of the bonds between points of a body at positions (n, d).
 
     With the equilibrium of a precut body at the loading at which its crack is seen to start, this is the critical stretch that
     makes it start there: the paper's calibration from a loading curve.

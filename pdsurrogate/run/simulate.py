@@ -178,7 +178,7 @@ def _go(run: Run, resume: bool) -> None:
         from .fracture import Damage, critical_stretch_of
 
         spec = run.scene.fracture
-        run.critical_stretch = spec.critical_stretch or critical_stretch_of(run.law, spec.energy, run.body.horizon)
+        run.critical_stretch = spec.critical_stretch or critical_stretch_of(run.law, spec.energy, run.body.horizon, run.scene.plane)
         run.damage = Damage(run.body, run.critical_stretch)
     solver, transient = solver_of(run), None
     if resume:

@@ -249,6 +249,9 @@ class Transient:
                 error = invalid
             failed = self._bonds_of_failed_points()
             if run.reductions.any(len(failed) > 0):
+                # The evaluation was ahead by the viscosity.  What broke at these positions may have left a state that soon collapses, with
+                # huge forces: they cancel in the sum of both releases where both are taken at the same positions.
+                run.force.place(run.positions)
                 self._break(failed)
             elif error is not None:
                 raise error
