@@ -139,7 +139,7 @@ def test_critical_stretch_from_a_fracture_energy():
 def test_a_tip_in_space_has_a_diameter_of_its_own():
     stretch = critical_stretch_of(LAW, 2.0, 0.3, "space")
     assert homogeneous.uniaxial(LAW, stretch).energy_density * TIP_DIAMETERS["space"] * 0.3 == pytest.approx(2.0, rel=1e-9)
-    with pytest.raises(ValueError, match="the plane must be stress or space, .* not 'strain'"):
+    with pytest.raises(ValueError, match=r"the plane must be stress or space, .* not 'strain'"):
         critical_stretch_of(LAW, 2.0, 0.3, "strain")
 
 
