@@ -30,6 +30,7 @@ _HOMES = {
     "FullNetwork": "materials",
     "Gent": "materials",
     "InputAwareTargetRegressor": "learning",
+    "IsochoricNetwork": "forces",
     "LAWS": "materials",
     "LawRegressor": "identification",
     "LevenbergMarquardtRegressor": "learning",

@@ -18,7 +18,7 @@ import joblib
 import numpy as np
 
 from ..array_files import read_arrays
-from ..forces import FORCES, EnergyNetwork, ForceModel, LearntBondForce, NetworkForce, PolynomialForce
+from ..forces import FORCES, EnergyNetwork, ForceModel, IsochoricNetwork, LearntBondForce, LearntEnergy, NetworkForce, PolynomialForce
 from ..materials import Law
 from ..scenes import Scene
 from .card import FORMAT, NAME_PATTERN, SCHEMA_VERSION, VERSION_PATTERN, Card, CardError, read_card
@@ -28,7 +28,7 @@ CARD, SURROGATE, PIPELINE = "card.json", "surrogate.npz", "pipeline.joblib"
 MOST_BYTES = 64 * 2**20
 """Size of the largest payload that is read without trust."""
 
-KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, EnergyNetwork)}
+KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, EnergyNetwork, IsochoricNetwork)}
 """Force models that can be stored, by the kind their card states."""
 
 
@@ -220,24 +220,27 @@ def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
 
 
 @_reading()
-def surrogate_for(law: Law, family: str = "bond force") -> ForceModel:
+def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -> ForceModel:
     """The force model to take for a material where none is asked for.
 
-    The artefact that carries the law's name on the search path (of bond energies, with ``-energy`` behind it), if there is one and it
-    describes this material; else the exact model of that kind, which serves every law.
+    The artefact that carries the law's name on the search path (of bond energies, with ``-energy`` behind it under plane stress and
+    ``-isochoric`` elsewhere), if there is one and it describes this material; else the exact model of that kind, which serves every law.
 
     Parameters
     ----------
     law : Law
     family : str
         Kind of the model, see `ForceModel.family`.
+    plane : str
+        Of the body.
 
     Raises
     ------
     ArtifactError
         If that artefact cannot be read.
     """
-    name, exact = {"bond force": (law.name, "analytic"), "bond energy": (f"{law.name}-energy", "bond-energy")}.get(family, (None, family))
+    energy = f"{law.name}-energy" if plane == "stress" else f"{law.name}-isochoric"
+    name, exact = {"bond force": (law.name, "analytic"), "bond energy": (energy, "bond-energy")}.get(family, (None, family))
     folder = name and _by_name(name)
     if not folder:
         return load_surrogate(exact)
@@ -296,7 +299,7 @@ def new_artifact(folder: str | Path, name: str, version: str) -> Path:
     return target
 
 
-def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce | EnergyNetwork, pipeline=None) -> Path:
+def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce | LearntEnergy, pipeline=None) -> Path:
     """Write an artefact, whole or not at all.
 
     Parameters
@@ -305,7 +308,7 @@ def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce | E
         The folder that holds artefacts; this one becomes ``folder/NAME/VERSION``.
     card : dict
         All of `Card` but the format, schema version and payloads.
-    surrogate : LearntBondForce or EnergyNetwork
+    surrogate : LearntBondForce or LearntEnergy
     pipeline : estimator, optional
         The fitted pipeline.
 

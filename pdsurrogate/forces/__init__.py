@@ -5,7 +5,7 @@ from .ba_nosb import BANOSBForce
 from .bond_energy import BondEnergyForce, EnergySurrogate, PlainBondEnergyForce
 from .bond_force import ForceSurrogate
 from .learnt import LearntBondForce
-from .learnt_energy import EnergyNetwork
+from .learnt_energy import EnergyNetwork, IsochoricNetwork, LearntEnergy
 from .network import NetworkForce
 from .nosb import NOSBForce
 from .polynomial import PolynomialForce
@@ -29,7 +29,9 @@ __all__ = [
     "ForceSurrogate",
     "InternalForce",
     "InvalidState",
+    "IsochoricNetwork",
     "LearntBondForce",
+    "LearntEnergy",
     "NOSBForce",
     "NetworkForce",
     "OutsideDomain",

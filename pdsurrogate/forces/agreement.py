@@ -82,6 +82,27 @@ def invariant_states(law: Law, first, second):
     return (trace, J, first, second), np.stack([p * first + q / first, p * second + q / second], axis=1)
 
 
+def isochoric_states(law: Law, first, second):
+    """I1bar, I2bar and the squares of three stretches of product 1, and the principal Kirchhoff stresses there."""
+    from ..materials import solid  # of which a sheet under plane stress has no need
+
+    logs = np.log([first, second, np.ones_like(first)])
+    low, high = logs.min(), logs.max()
+    logs -= logs.mean(axis=0)
+    # Within the bounds of the two that were given.
+    logs *= np.minimum(1, np.minimum(low / logs.min(axis=0), high / logs.max(axis=0)))
+    squares = np.exp(2 * logs)
+    I1, I2 = squares.sum(axis=0), (1 / squares).sum(axis=0)
+    p, _, r, _ = solid.isochoric_response(law, I1, I2, np.ones_like(I1))
+    return (I1, I2, squares), isochoric_stresses(squares, p / 2 + I1 * r / 2, -r / 2)
+
+
+def isochoric_stresses(squares, by_1, by_2) -> np.ndarray:
+    """Principal Kirchhoff stresses, shape (n, 3), from squares of the stretches (3, n) and the derivatives of W by I1bar and I2bar."""
+    stresses = 2 * (squares * by_1 - by_2 / squares)
+    return (stresses - stresses.mean(axis=0)).T
+
+
 def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
     """Check that a model gives the forces of a law.
 
@@ -90,7 +111,7 @@ def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
     model
         With its `name`, `domain` and `stated`.
     law : Law
-    exact : {`bond_states`, `invariant_states`}
+    exact : {`bond_states`, `invariant_states`, `isochoric_states`}
     answer : callable
         Of the arguments that `exact` gives: what the model answers there, shape (n, 2).
     serves : str

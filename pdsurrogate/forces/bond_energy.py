@@ -27,6 +27,7 @@ from .settings import OUTSIDE, OUTSIDE_POLICIES, PRECISIONS, ForceSettings
 
 if TYPE_CHECKING:
     from .energy_of_portions import EnergyOfPortions
+    from .selective_energy import IsochoricEnergy
     from .tangent import Tangent
 
 
@@ -99,6 +100,12 @@ class BondEnergyForce(EnergySurrogate):
         from .energy_of_portions import SelectiveEnergyOfPortions  # which stands on this module
 
         return SelectiveEnergyOfPortions(body, portions, settings)
+
+    def isochoric_energy(self, law: Law, plane: str, outside: str) -> IsochoricEnergy:
+        """What the pass over the pairs takes at the bonds in plane strain and in space; it holds everywhere."""
+        from .selective_energy import IsochoricEnergy  # which stands on this module
+
+        return IsochoricEnergy.exact(law, plane)
 
     def energy_derivatives(self, law: Law, trace, area_ratio) -> EnergyDerivatives:
         return EnergyDerivatives(*plane_stress.energy_derivatives(law, trace, area_ratio))

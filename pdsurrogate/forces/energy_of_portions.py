@@ -144,7 +144,8 @@ class SelectiveEnergyOfPortions(EnergyOfPortions):
             shown = np.flatnonzero((self.portion_of[view.numbers] == number) & (view.numbers < len(body)))
             self._shown_pressures.append((pressures, shown, view.numbers[shown]))
             arrays = view.positions, view.gradients, pressures, view.first, view.second, geometry
-            part = SelectivePairs(portion.law, kinematics, *arrays, volumes[starts[number] : starts[number + 1]])
+            isochoric = portion.model.isochoric_energy(portion.law, self.plane, self._outside)
+            part = SelectivePairs(isochoric, kinematics, *arrays, volumes[starts[number] : starts[number + 1]])
             part.share(np.arange(len(pairs)), kinematics, pairs, self.bond_shares * own)
             parts.append(part)
         self._find_dilatations = selective_energy.means_over_bonds.bind(
@@ -170,7 +171,7 @@ class SelectiveEnergyOfPortions(EnergyOfPortions):
             part.find_energies()
         without_force = self._add_parts(out)
         self._energy += float(sum_in_order(self.body.volumes * energies))
-        return [0] * len(self._parts), 0, without_force
+        return [part.count_outside() for part in self._parts], 0, without_force
 
     def _form_volumes(self) -> int:
         """Bring the smoothed dilatations up to date with the gradients last formed; the number of pairs turned inside out."""

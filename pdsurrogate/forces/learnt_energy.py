@@ -1,25 +1,44 @@
-"""Learnt plane-stress energies: networks of two invariants, from plain arrays."""
+"""Learnt energies: networks of two invariants from plain arrays, of a sheet under plane stress or of the isochoric part."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
+from ..body import Body
 from ..kernels.activations import ACTIVATIONS, SMOOTH
 from ..kernels.block_arrays import BLOCK
-from ..kernels.energy_density import ENERGY_ROWS, INVARIANT_ROWS, N_CONSTANTS, NETWORK_WORK_ROWS, network_energy_density, pack_network
-from ..materials import Law
-from .agreement import check_agreement, invariant_states
+from ..kernels.compile import STRESS_RESPONSE, block_function_of
+from ..kernels.energy_density import (
+    ENERGY_ROWS,
+    INVARIANT_ROWS,
+    N_CONSTANTS,
+    NETWORK_WORK_ROWS,
+    network_energy_density,
+    pack_network,
+    pack_units,
+)
+from ..materials import PLANES, Law
+from .agreement import check_agreement, invariant_states, isochoric_states, isochoric_stresses
 from .bond_energy import EnergySurrogate
-from .energy_density import EnergyDerivatives
+from .energy_density import BLEND, EnergyDerivatives
 from .learnt import check_described, checked_array, evaluate_block
-from .protocol import CompiledBondForce, Domain
+from .protocol import CompiledBondForce, Domain, ForceModel, InternalForce, Portion
+from .settings import OUTSIDE_POLICIES, ForceSettings
+
+if TYPE_CHECKING:
+    from .selective_energy import IsochoricEnergy
 
 ENERGY_FEATURES = ("log J", "log(tr C/(2 J))")
 """What an energy network sees: the logarithms of the area ratio and of cosh(log lambda_1/lambda_2); both vanish at rest."""
+
+ISOCHORIC_FEATURES = ("log(I1bar/3)", "log(I2bar/3)")
+"""What a network of the isochoric energy sees.  Near rest both are quadratic in the strains and nearly equal.  A law of principal stretches
+is smooth in them there too, as every smooth symmetric function of three logarithms with sum zero is of their second and third elementary
+symmetric functions."""
 
 CHUNK = 65_536
 """States evaluated at once in NumPy."""
@@ -31,8 +50,8 @@ def energy_shape(law: Law) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class EnergyNetwork(EnergySurrogate):
-    """A network of one hidden layer for psi(tr C, J), without energy and stress at rest by construction.
+class LearntEnergy(ForceModel):
+    """A network of one hidden layer for an energy of two invariants.
 
     Parameters
     ----------
@@ -41,13 +60,13 @@ class EnergyNetwork(EnergySurrogate):
         One of `pdsurrogate.kernels.activations.SMOOTH`.
     hidden_weights : ndarray, shape (2, n)
     hidden_biases, output_weights : ndarray, shape (n,)
-        On the features `ENERGY_FEATURES` as they are, unscaled.
+        On the features as they are, unscaled.
     domain : Domain
         Principal stretches trained on; its bounds of J3^2 are those of the training states, and not tested.
     law : str
         Name of the law that it describes.
     shape : mapping
-        See `energy_shape`.
+        Those dimensionless parameters of the law that its energy depends on.
     stated : mapping, optional
         Relative errors of the stress, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
         of the training states; None without a card.
@@ -63,15 +82,57 @@ class EnergyNetwork(EnergySurrogate):
     shape: Mapping[str, float]
     stated: Mapping[str, float] | None = field(default=None, kw_only=True)
 
-    kind: ClassVar[str] = "energy-network"
-    default_precision: ClassVar[str] = "float32"
-    feature_set: ClassVar[str] = "invariants"
-    features: ClassVar[tuple[str, ...]] = ENERGY_FEATURES
+    kind: ClassVar[str]
+    feature_set: ClassVar[str]
+    features: ClassVar[tuple[str, ...]]
 
     @property
     def size(self) -> str:
         """The model's size in words, for tables."""
         return f"{self.output_weights.size} units"
+
+    def payload(self) -> dict[str, np.ndarray | str]:
+        """Arrays of doubles and names that `from_payload` builds the same model from."""
+        return {
+            "activation": self.activation,
+            "hidden_weights": self.hidden_weights,
+            "hidden_biases": self.hidden_biases,
+            "output_weights": self.output_weights,
+        }
+
+    @classmethod
+    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> Self:
+        """Build a model from what `payload` gave.
+
+        Raises
+        ------
+        ValueError
+            If anything is missing, of the wrong shape, or not finite.
+        """
+        keys = ("hidden_weights", "hidden_biases", "output_weights")
+        if set(payload) != {"activation", *keys}:
+            raise ValueError(f"an energy network's payload has activation, {', '.join(keys)}")
+        if not isinstance(payload["activation"], str) or payload["activation"] not in SMOOTH:
+            raise ValueError(f"unknown activation {payload['activation']!r}")
+        output = checked_array(payload["output_weights"], "output_weights")
+        if output.ndim != 1 or output.size == 0:
+            raise ValueError(f"output_weights has shape {output.shape}, not that of a vector")
+        biases = checked_array(payload["hidden_biases"], "hidden_biases", output.shape)
+        weights = checked_array(payload["hidden_weights"], "hidden_weights", (2, output.size))
+        return cls(name, payload["activation"], weights, biases, output, domain, law, dict(shape))
+
+
+@dataclass(frozen=True)
+class EnergyNetwork(LearntEnergy, EnergySurrogate):
+    """A network for psi(tr C, J) of a sheet under plane stress, without energy and stress at rest by construction.
+
+    Its features are `ENERGY_FEATURES` and its parameters those of `LearntEnergy`; the shape is that of `energy_shape`.
+    """
+
+    kind: ClassVar[str] = "energy-network"
+    default_precision: ClassVar[str] = "float32"
+    feature_set: ClassVar[str] = "invariants"
+    features: ClassVar[tuple[str, ...]] = ENERGY_FEATURES
 
     @property
     def _at_rest(self) -> tuple[float, float]:
@@ -130,32 +191,83 @@ class EnergyNetwork(EnergySurrogate):
         _, by_trace, by_J, *_ = self._derivatives(trace, J)
         return np.stack([2 * by_trace * first + by_J * second, 2 * by_trace * second + by_J * first], axis=1)
 
-    def payload(self) -> dict[str, np.ndarray | str]:
-        """Arrays of doubles and names that `from_payload` builds the same model from."""
+
+@dataclass(frozen=True)
+class IsochoricNetwork(LearntEnergy):
+    """A network for W(I1bar, I2bar), which serves plane strain, space and every bulk modulus: U(J) is the law's own.
+
+    Its features are `ISOCHORIC_FEATURES` and its parameters those of `LearntEnergy`; the shape is the law's, and a domain's stretches are
+    the isochoric principal stretches.  Stress vanishes at rest, as that of every function of these invariants, and so does the energy.
+    """
+
+    kind: ClassVar[str] = "isochoric-network"
+    family: ClassVar[str] = "bond energy"
+    default_precision: ClassVar[str] = "float64"
+    feature_set: ClassVar[str] = "isochoric invariants"
+    features: ClassVar[tuple[str, ...]] = ISOCHORIC_FEATURES
+
+    @property
+    def honours(self) -> Mapping[str, tuple]:
+        # At plane stress every bond would ask it in every step of a Newton iteration for the thickness.
         return {
-            "activation": self.activation,
-            "hidden_weights": self.hidden_weights,
-            "hidden_biases": self.hidden_biases,
-            "output_weights": self.output_weights,
+            "precision": ("float64",),
+            "correction": ("none",),
+            "breakable": (True,),
+            "plane": ("strain", "space"),
+            "outside": tuple(OUTSIDE_POLICIES),
         }
 
-    @classmethod
-    def from_payload(cls, name: str, payload: dict, domain: Domain, law: str, shape: Mapping[str, float]) -> EnergyNetwork:
-        """Build a model from what `payload` gave.
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
+        from .selective_energy import SelectiveEnergyEvaluation  # of which a sheet under plane stress has no need
 
-        Raises
-        ------
-        ValueError
-            If anything is missing, of the wrong shape, or not finite.
-        """
-        keys = ("hidden_weights", "hidden_biases", "output_weights")
-        if set(payload) != {"activation", *keys}:
-            raise ValueError(f"an energy network's payload has activation, {', '.join(keys)}")
-        if not isinstance(payload["activation"], str) or payload["activation"] not in SMOOTH:
-            raise ValueError(f"unknown activation {payload['activation']!r}")
-        output = checked_array(payload["output_weights"], "output_weights")
-        if output.ndim != 1 or output.size == 0:
-            raise ValueError(f"output_weights has shape {output.shape}, not that of a vector")
-        biases = checked_array(payload["hidden_biases"], "hidden_biases", output.shape)
-        weights = checked_array(payload["hidden_weights"], "hidden_weights", (2, output.size))
-        return cls(name, payload["activation"], weights, biases, output, domain, law, dict(shape))
+        return SelectiveEnergyEvaluation(self, body, law, settings)
+
+    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> InternalForce:
+        from .energy_of_portions import SelectiveEnergyOfPortions
+
+        return SelectiveEnergyOfPortions(body, portions, settings)
+
+    def isochoric_derivatives(self, I1, I2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """W and its derivatives by I1bar and I2bar, of states of one shape, in NumPy."""
+        I1, I2 = (np.asarray(value, dtype=float)[..., None] for value in (I1, I2))
+        w1, w2, v = *self.hidden_weights, self.output_weights
+        value, slope, _ = ACTIVATIONS[self.activation](np.log(I1 / 3) * w1 + np.log(I2 / 3) * w2 + self.hidden_biases)
+        slope = slope * v
+        # Sums written out, as in `EnergyNetwork`.
+        W = (value * v).sum(axis=-1) - self._at_rest
+        return W, (slope * w1).sum(axis=-1) / I1[..., 0], (slope * w2).sum(axis=-1) / I2[..., 0]
+
+    @property
+    def _at_rest(self) -> float:
+        """Sum over the units at rest, which is taken off."""
+        return float((ACTIVATIONS[self.activation](self.hidden_biases)[0] * self.output_weights).sum())
+
+    def isochoric_energy(self, law: Law, plane: str, outside: str) -> IsochoricEnergy:
+        """What the pass over the pairs takes at the bonds; by default the exact energy takes over towards the edge of the domain."""
+        from ..kernels import isochoric_energy as kernel
+        from .selective_energy import IsochoricEnergy
+
+        response, exact = PLANES[plane].isochoric_response, IsochoricEnergy.exact(law, plane)
+        parts = ACTIVATIONS[self.activation], kernel.take_over, response.invariants, response.of_invariants
+        block = block_function_of(kernel.network_block, STRESS_RESPONSE, *parts)
+        weights = pack_units(self.hidden_weights, self.hidden_biases, self.output_weights)
+        parameters = np.zeros(kernel.WEIGHTS + len(weights) + len(exact.parameters))
+        parameters[kernel.UNITS] = len(weights) // 4
+        parameters[kernel.GUARD] = {"fallback": kernel.TAKE_OVER, "extrapolate": kernel.EXTRAPOLATE}.get(outside, kernel.COUNT)
+        addresses = parameters.view(np.int64)
+        addresses[kernel.EXACT], addresses[kernel.COUNTER] = exact.address, exact.outside.ctypes.data
+        low, high = self.domain.least_stretch, self.domain.greatest_stretch
+        parameters[kernel.LOW : kernel.BAND] = kernel.distance_coefficients(low, high).ravel()
+        parameters[kernel.BAND], parameters[kernel.AT_REST] = BLEND, self._at_rest
+        parameters[kernel.WEIGHTS : -len(exact.parameters)] = weights
+        parameters[-len(exact.parameters) :] = exact.parameters
+        return IsochoricEnergy(block.address, parameters, exact.outside)
+
+    def check_material(self, law: Law) -> None:
+        """Raise ValueError if the model was not trained for this material, or its stress is not that of the law as it is now."""
+        check_described(self, law, law.shape, "bond-energy")
+        check_agreement(self, law, isochoric_states, self._principal_stresses, "bond-energy")
+
+    def _principal_stresses(self, I1, I2, squares) -> np.ndarray:
+        _, by_1, by_2 = self.isochoric_derivatives(I1, I2)
+        return isochoric_stresses(squares, by_1, by_2)

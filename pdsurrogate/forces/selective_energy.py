@@ -6,6 +6,8 @@ bonds locks.  A point's mean over its bonds is one condition a point.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 from scipy import sparse
 
@@ -27,8 +29,32 @@ SLAB = 4_000_000
 """Pairs that are looked at together while a body is prepared, so that passing arrays stay small beside the body's own."""
 
 
+@dataclass(frozen=True)
+class IsochoricEnergy:
+    """W and its stress for the pass over the pairs, as (p, q, r, energy) of `pdsurrogate.materials.response`, exact or learnt.
+
+    Attributes
+    ----------
+    address : int
+        Of the block function (`pdsurrogate.kernels.compile.STRESS_RESPONSE`).
+    parameters : ndarray
+        What it reads.
+    outside : ndarray of int64, shape (1,)
+        To which a learnt one adds the states that it finds outside its domain.
+    """
+
+    address: int
+    parameters: np.ndarray
+    outside: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+
+    @classmethod
+    def exact(cls, law: Law, plane: str) -> IsochoricEnergy:
+        """Of a law itself."""
+        return cls(PLANES[plane].isochoric_response.block(law).address, law.parameters)
+
+
 class SelectiveEnergyEvaluation(BondEnergyEvaluation):
-    """The exact energy in plane strain or in space, E = sum of bond volumes times W(F_ij) + sum of V_i U(J_i), bound to a body.
+    """The energy in plane strain or in space, E = sum of bond volumes times W(F_ij) + sum of V_i U(J_i), bound to a body.
 
     J_i is the mean of det F_ij over the bonds of a point, smoothed over its nearest neighbours.  The mean alone is exact in homogeneous
     states, but its pressure is rough; det F_i alone leaves a pressure that changes sign from point to point.
@@ -49,7 +75,8 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         # Ghosts' volumes lie beyond the body: they have no pressure, and no share.
         self._pressures = np.zeros(len(body.all_points))
         places = kinematics.positions, kinematics.gradients, self._pressures
-        self._pairs = SelectivePairs(self.law, kinematics, *places, first, second, self.geometry, self._pair_volumes)
+        self._isochoric = self.model.isochoric_energy(self.law, self.plane, self.outside)
+        self._pairs = SelectivePairs(self._isochoric, kinematics, *places, first, second, self.geometry, self._pair_volumes)
         self._share_ends(np.arange(self._n_pairs))
         self._volume_energies = np.zeros(-(-n // BLOCK))
         self._forces, self._moments = self._pairs.forces, self._pairs.moments
@@ -80,7 +107,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
             return [0], invalid, 0
         self._find_energies()
         self._energy = self._pairs.energy + float(sum_in_order(self._volume_energies))
-        return [0], 0, self._own_sums(out)
+        return [self._pairs.count_outside()], 0, self._own_sums(out)
 
     def _form_volumes(self) -> int:
         """Bring the smoothed dilatations up to date with the gradients last formed; the number of pairs turned inside out."""
@@ -126,7 +153,7 @@ class SelectivePairs:
 
     Parameters
     ----------
-    law : Law
+    isochoric : IsochoricEnergy
     kinematics : Kinematics
         Of the body.
     positions, gradients : ndarray, shapes (k, d) and (k, d d)
@@ -152,7 +179,7 @@ class SelectivePairs:
 
     def __init__(
         self,
-        law: Law,
+        isochoric: IsochoricEnergy,
         kinematics: Kinematics,
         positions: np.ndarray,
         gradients: np.ndarray,
@@ -163,7 +190,7 @@ class SelectivePairs:
         volumes: np.ndarray,
     ) -> None:
         dimension, chunks = positions.shape[1], kinematics.chunks
-        self._response = PLANES[kinematics.plane].isochoric_response.block(law)
+        self._isochoric = isochoric
         self.end_shares, self._energies = aligned_rows((len(geometry), 2, BLOCK)), np.zeros(len(geometry))
         self.buffers = aligned_rows((chunks.threads, selective_energy.buffer_rows(dimension), BLOCK), value=1)
         self.forces, self.moments = aligned_rows((len(first), dimension)), aligned_rows((len(first), dimension**2))
@@ -174,14 +201,20 @@ class SelectivePairs:
             pressures,
             *pairs,
             self.end_shares,
-            self._response.address,
-            law.parameters,
+            isochoric.address,
+            isochoric.parameters,
             self.buffers,
             self._energies,
             self.forces,
             self.moments,
             chunks=chunks,
         )
+
+    def count_outside(self) -> int:
+        """Pairs that the energies last found outside the domain of a learnt energy; to be asked once after every evaluation."""
+        outside = int(self._isochoric.outside[0])
+        self._isochoric.outside[:] = 0
+        return outside
 
     @property
     def energy(self) -> float:

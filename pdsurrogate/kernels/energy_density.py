@@ -85,13 +85,16 @@ def pack_network(hidden_weights, hidden_biases, output_weights, constant, slope,
     sizes : ndarray of int64
     weights : ndarray of `dtype`
     """
+    units = pack_units(hidden_weights, hidden_biases, output_weights)
+    return np.array([units.size // 4]), np.concatenate([units, [constant, slope, slope]]).astype(dtype)
+
+
+def pack_units(hidden_weights, hidden_biases, output_weights):
+    """Units in whole groups, of each four biases, four weights of each of the two features and four output weights; a vector."""
     n = output_weights.size
-    units = -(-n // GROUP) * GROUP
-    rows = np.zeros((4, units))
+    rows = np.zeros((4, -(-n // GROUP) * GROUP))
     rows[0, :n], rows[1, :n], rows[2, :n], rows[3, :n] = hidden_biases, hidden_weights[0], hidden_weights[1], output_weights
-    # By groups: four biases, four weights of each feature, four output weights.
-    parts = [rows[:, group : group + GROUP].ravel() for group in range(0, units, GROUP)]
-    return np.array([units]), np.concatenate([*parts, [constant, slope, slope]]).astype(dtype)
+    return np.concatenate([rows[:, group : group + GROUP].ravel() for group in range(0, rows.shape[1], GROUP)])
 
 
 @cache

@@ -2,7 +2,6 @@
 
 from .chebyshev import ChebyshevRegressor
 from .energy import (
-    EnergySamples,
     cross_validate_energy,
     energy_design,
     energy_pipeline,
@@ -10,6 +9,7 @@ from .energy import (
     evaluate_energy,
     store_energy,
 )
+from .energy_form import EnergySamples
 from .export import surrogate_of
 from .fitting import cross_validate, domain_of, store
 from .levenberg_marquardt import LevenbergMarquardtRegressor

@@ -1,8 +1,8 @@
-"""Learning a plane-stress energy: samples, pipeline, errors, and the artefact."""
+"""Learning energies, a sheet's under plane stress and the isochoric one: samples, pipeline, errors, and the artefact."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -13,105 +13,26 @@ from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.validation import check_is_fitted
 
 from ..artifacts import new_artifact, save_artifact
-from ..forces import Domain, EnergyNetwork
+from ..forces import Domain, EnergyNetwork, IsochoricNetwork, LearntEnergy
 from ..forces.bond_energy import EnergySurrogate
 from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
 from ..materials import Law, plane_stress
 from ..materials.law import checked_law
+from .energy_form import EnergyForm, EnergySamples, checked_derivatives, checked_invariants
 from .fitting import check_worth_storing, versions
+from .isochoric import ISOCHORIC
 from .sampling import checked_count, checked_range, log_stretches, stretches_of_strain
 from .sobolev import SobolevNetwork, SobolevRegressor
-from .target import InputAwareTargetRegressor, check_targets
+from .target import InputAwareTargetRegressor
 from .validation import strain_bins
 
-INVARIANTS = ("tr C", "J")
-"""Columns of X: tr C and det F, in the plane."""
-
-ENERGY_TARGETS = ("psi", "dpsi/dtr C", "dpsi/dJ")
-"""Columns of y, in units of the shear modulus."""
-
-
-ANCHOR, FLAT = (0.0, 0.0), (0,)
-"""Features at rest, where the energy is zero, and those by which its derivative is."""
-
-
-@dataclass(frozen=True)
-class EnergySamples:
-    """Samples of a plane-stress energy and its derivatives.
-
-    Attributes
-    ----------
-    X : ndarray, shape (n, 2)
-        See `INVARIANTS`.
-    y : ndarray, shape (n, 3)
-        See `ENERGY_TARGETS`.
-    stretches : ndarray, shape (n, 2)
-        Principal stretches.
-    design : dict
-        How they were drawn.
-    """
-
-    X: np.ndarray
-    y: np.ndarray
-    stretches: np.ndarray
-    design: dict
-
-    def __len__(self) -> int:
-        return len(self.X)
-
-    @classmethod
-    def of(cls, law: Law, stretches: np.ndarray, design: dict) -> EnergySamples:
-        """Samples at given principal stretches, shape (n, 2)."""
-        trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)
-        J3 = plane_stress.volume_ratio(law, trace, J)
-        p, q, _, _, energy = plane_stress.response(law, trace, J, J3)
-        return cls(np.stack([trace, J], axis=1), np.stack([energy, p / 2, q / J], axis=1), stretches, design)
-
-
-def energy_design(
-    law: Law, n_samples: int = 2000, stretch_range: tuple[float, float] = (0.5, 5.0), near_rest: float = 0.25, random_state: int = 0
-) -> EnergySamples:
-    """States even in log-stretch, a share of them near rest with strains from 0.1 % to 30 %, even in the logarithm of the strain."""
-    checked_law(law)
-    checked_count(n_samples)
-    low, high = checked_range(stretch_range)
-    logs = log_stretches(np.random.default_rng(random_state), n_samples, low, high, near_rest)
-    design = {
-        "name": "energy",
-        "n_samples": n_samples,
-        "stretch_range": [low, high],
-        "near_rest": near_rest,
-        "random_state": random_state,
-    }
-    return EnergySamples.of(law, np.exp(logs), design)
-
-
-def energy_pipeline(regressor: SobolevNetwork | None = None) -> InputAwareTargetRegressor:
-    """A scikit-learn regressor from the invariants (columns of `EnergySamples.X`) to the energy and its derivatives.
-
-    The regressor sees log J and log(tr C/(2 J)), both zero at rest.  There the energy and its derivative by log J are zero by construction,
-    and with them the stress.  Residuals are divided by the size of a rubber's energy, (tr C + J^-2)/2.
-
-    Parameters
-    ----------
-    regressor : SobolevNetwork, optional
-        `SobolevRegressor` with 12 units by default; its `anchor`, `flat` and `size` are set here.
-    """
-    if regressor is not None and not isinstance(regressor, SobolevNetwork):
-        raise ValueError(
-            f"an energy is learnt with its derivatives, by a SobolevRegressor or TorchSobolevRegressor, not by a {type(regressor).__name__}"
-        )
-    inner = SobolevRegressor(random_state=0) if regressor is None else clone(regressor)
-    inner.set_params(anchor=ANCHOR, flat=FLAT, size=rubber_energy_size)
-    features = FunctionTransformer(log_invariants, feature_names_out=_names, check_inverse=False)
-    return InputAwareTargetRegressor(
-        Pipeline([("features", features), ("regressor", inner)]), func=derivatives_by_features, inverse_func=derivatives_by_invariants
-    )
+ANCHOR = (0.0, 0.0)
+"""Features at rest, where the energy is zero."""
 
 
 def log_invariants(X) -> np.ndarray:
     """Log J and log(tr C/(2 J)), shape (n, 2)."""
-    trace, J = _invariants(X)
+    trace, J = checked_invariants(X, SHEET)
     return np.stack([np.log(J), np.log(trace / (2 * J))], axis=1)
 
 
@@ -123,16 +44,172 @@ def rubber_energy_size(features) -> np.ndarray:
 
 def derivatives_by_features(X, y) -> np.ndarray:
     """Energy and its derivatives by log J and log(tr C/(2 J)), from those by tr C and J."""
-    trace, J = _invariants(X)
-    check_targets(y, ENERGY_TARGETS)
-    by_ratio = trace * y[:, 1]
-    return np.stack([y[:, 0], J * y[:, 2] + by_ratio, by_ratio], axis=1)
+    (trace, J), (energy, by_trace, by_J) = checked_derivatives(X, y, SHEET)
+    by_ratio = trace * by_trace
+    return np.stack([energy, J * by_J + by_ratio, by_ratio], axis=1)
 
 
 def derivatives_by_invariants(X, z) -> np.ndarray:
     """The inverse of `derivatives_by_features`."""
-    trace, J = _invariants(X)
+    trace, J = checked_invariants(X, SHEET)
     return np.stack([z[:, 0], z[:, 2] / trace, (z[:, 1] - z[:, 2]) / J], axis=1)
+
+
+def _names(transformer, input_features):
+    return np.asarray(ENERGY_FEATURES, dtype=object)
+
+
+class _Sheet(EnergyForm):
+    name = "energy"
+    invariants = ("tr C", "J")
+    targets = ("psi", "dpsi/dtr C", "dpsi/dJ")
+    surrogate = EnergyNetwork
+    stretch_range = (0.5, 5.0)
+    n_units = 12
+    flat = (0,)
+    log_features = staticmethod(log_invariants)
+    feature_names = staticmethod(_names)
+    size = staticmethod(rubber_energy_size)
+    derivatives_by_features = staticmethod(derivatives_by_features)
+    derivatives_by_invariants = staticmethod(derivatives_by_invariants)
+
+    @staticmethod
+    def states(law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)
+        J3 = plane_stress.volume_ratio(law, trace, J)
+        p, q, _, _, energy = plane_stress.response(law, trace, J, J3)
+        return np.stack([trace, J], axis=1), np.stack([energy, p / 2, q / J], axis=1)
+
+    @staticmethod
+    def draw(random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
+        return log_stretches(random, n_samples, low, high, near_rest)
+
+    @staticmethod
+    def of_strain(random: np.random.Generator, strains: tuple[float, float], low: float, high: float, n_samples: int) -> np.ndarray:
+        return np.stack(stretches_of_strain(random, strains, low, high, n_samples), axis=1)
+
+    @staticmethod
+    def stresses(stretches: np.ndarray, first, second) -> np.ndarray:
+        return principal_stresses(stretches, first, second)
+
+    @staticmethod
+    def derivatives(model: EnergySurrogate, law: Law, X: np.ndarray) -> np.ndarray:
+        found = model.energy_derivatives(law, *X.T)
+        return np.stack([found.psi, found.by_trace, found.by_area], axis=1)
+
+    @staticmethod
+    def stability(model: EnergySurrogate, law: Law, samples: EnergySamples) -> dict[str, float]:
+        rest = model.energy_derivatives(law, np.array([2.0]), np.array([1.0]))
+        least = _stability(model.energy_derivatives(law, *samples.X.T), samples)
+        exact = _stability(_exact(law, samples), samples)
+        return {
+            "at_rest": float(max(abs(rest.psi[0]), abs(2 * rest.by_trace[0] + rest.by_area[0]))),
+            "least_acoustic": least[0],
+            "least_acoustic_exact": exact[0],
+            "least_curvature": least[1],
+            "least_curvature_exact": exact[1],
+        }
+
+    @staticmethod
+    def shape(law: Law) -> dict[str, float]:
+        return energy_shape(law)
+
+    @staticmethod
+    def bulk_range(law: Law, X: np.ndarray) -> tuple[float, float]:
+        # J3^2 = J^2 C33 of the training states.
+        bulk = plane_stress.volume_ratio(law, *X.T) ** 2
+        return float(bulk.min()), float(bulk.max())
+
+    @staticmethod
+    def range_of(X: np.ndarray) -> tuple[float, float]:
+        return range_of_stretches(*X.T)
+
+
+SHEET = _Sheet()
+"""Psi of a sheet under plane stress with C33 condensed out, a function of tr C and J in the plane."""
+
+FORMS = (SHEET, ISOCHORIC)
+
+
+def form_of(model: InputAwareTargetRegressor) -> EnergyForm | None:
+    """Which energy a pipeline is of; None of a pipeline of something else."""
+    return next((form for form in FORMS if model.func is form.derivatives_by_features), None)
+
+
+def range_of_stretches(trace, J) -> tuple[float, float]:
+    """Least and greatest principal stretch of states of a sheet with tr C and J."""
+    total, difference = np.sqrt(trace + 2 * J), np.sqrt(np.maximum(trace - 2 * J, 0))
+    return float((total - difference).min() / 2), float((total + difference).max() / 2)
+
+
+def energy_design(
+    law: Law,
+    n_samples: int = 2000,
+    stretch_range: tuple[float, float] | None = None,
+    near_rest: float = 0.25,
+    random_state: int = 0,
+    isochoric: bool = False,
+) -> EnergySamples:
+    """States even in log-stretch, a share of them near rest with strains from 0.1 % to 30 %, even in the logarithm of the strain.
+
+    Parameters
+    ----------
+    law : Law
+    n_samples : int
+    stretch_range : tuple of float, optional
+        Of the principal stretches; 0.5 to 5, or 0.25 to 4 of three stretches of product 1.
+    near_rest : float
+        Share of states near rest.
+    random_state : int
+        Seed.
+    isochoric : bool
+        Whether the energy is W(I1bar, I2bar), for plane strain, space and every bulk modulus; else that of a sheet under plane stress.
+    """
+    checked_law(law)
+    checked_count(n_samples)
+    form = ISOCHORIC if isochoric else SHEET
+    low, high = checked_range(stretch_range or form.stretch_range)
+    logs = form.draw(np.random.default_rng(random_state), n_samples, low, high, near_rest)
+    design = {
+        "name": form.name,
+        "n_samples": n_samples,
+        "stretch_range": [low, high],
+        "near_rest": near_rest,
+        "random_state": random_state,
+    }
+    samples = EnergySamples.of(law, np.exp(logs), design, form)
+    if not np.isfinite(samples.y).all():
+        raise ValueError(f"{law.name} ends before all states of stretches from {low:g} to {high:g}; see reachable_stretches")
+    return samples
+
+
+def energy_pipeline(regressor: SobolevNetwork | None = None, isochoric: bool = False) -> InputAwareTargetRegressor:
+    """A scikit-learn regressor from the invariants (columns of `EnergySamples.X`) to the energy and its derivatives.
+
+    Of a sheet the regressor sees log J and log(tr C/(2 J)), of the isochoric energy log(I1bar/3) and log(I2bar/3), all zero at rest.  There
+    the energy is zero by construction, and so is the stress: of a sheet since the derivative by log J is made zero, of isochoric invariants
+    by itself.  Residuals are divided by the size of a rubber's energy, (tr C + J^-2)/2 or (I1bar + I2bar)/6.
+
+    Parameters
+    ----------
+    regressor : SobolevNetwork, optional
+        `SobolevRegressor` with 12 units by default, 8 of the isochoric energy; its `anchor`, `flat` and `size` are set here.
+    isochoric : bool
+        See `energy_design`.
+    """
+    if regressor is not None and not isinstance(regressor, SobolevNetwork):
+        raise ValueError(
+            f"an energy is learnt with its derivatives, by a SobolevRegressor or TorchSobolevRegressor, not by a {type(regressor).__name__}"
+        )
+    form = ISOCHORIC if isochoric else SHEET
+    inner = SobolevRegressor(form.n_units, random_state=0) if regressor is None else clone(regressor)
+    inner.set_params(anchor=ANCHOR, flat=form.flat, size=form.size)
+    features = FunctionTransformer(form.log_features, feature_names_out=form.feature_names, check_inverse=False)
+    return InputAwareTargetRegressor(
+        Pipeline([("features", features), ("regressor", inner)]),
+        func=form.derivatives_by_features,
+        inverse_func=form.derivatives_by_invariants,
+    )
 
 
 def network_of(model: InputAwareTargetRegressor) -> SobolevNetwork:
@@ -144,46 +221,47 @@ def network_of(model: InputAwareTargetRegressor) -> SobolevNetwork:
         If the pipeline is not of that make, so that it cannot become an energy surrogate.
     """
     pipeline = getattr(model, "regressor_", getattr(model, "regressor", None))
+    form = form_of(model) if isinstance(model, InputAwareTargetRegressor) else None
     if (
-        not isinstance(model, InputAwareTargetRegressor)
+        form is None
         or not isinstance(pipeline, Pipeline)
         or not isinstance(pipeline[-1], SobolevNetwork)
-        or model.func is not derivatives_by_features
-        or getattr(pipeline[0], "func", None) is not log_invariants
+        or getattr(pipeline[0], "func", None) is not form.log_features
     ):
         raise ValueError("only an energy_pipeline, which ends in a SobolevNetwork, can become an energy surrogate")
     network = pipeline[-1]
-    if (network.anchor, network.flat) != (ANCHOR, FLAT):
-        raise ValueError(f"the network of an energy has anchor {ANCHOR} and flat {FLAT}, not {network.anchor} and {network.flat}")
+    if (network.anchor, network.flat) != (ANCHOR, form.flat):
+        raise ValueError(f"the network of an {form.name} has anchor {ANCHOR} and flat {form.flat}, not {network.anchor} and {network.flat}")
     return network
 
 
-def energy_surrogate_of(model: InputAwareTargetRegressor, law: Law, samples: EnergySamples, name: str = "unsaved") -> EnergyNetwork:
+def energy_surrogate_of(model: InputAwareTargetRegressor, law: Law, samples: EnergySamples, name: str = "unsaved") -> LearntEnergy:
     """The surrogate of a fitted `energy_pipeline`: the same function, as plain arrays.
 
     Raises
     ------
     ValueError
-        If the pipeline is not of that make, or not fitted.
+        If the pipeline is not of that make, or not fitted, or of another energy than the samples.
     """
+    network_of(model)
+    if form_of(model) is not samples.form:
+        raise ValueError(f"the pipeline is of an {form_of(model).name} and the samples are of an {samples.form.name}")
     return energy_network(model, law, samples.design["stretch_range"], samples.X, name)
 
 
-def energy_network(model: InputAwareTargetRegressor, law: Law, stretch_range, X: np.ndarray, name: str = "unsaved") -> EnergyNetwork:
-    """The same from the range of principal stretches and the training states (columns `INVARIANTS`)."""
-    network = network_of(model)
+def energy_network(model: InputAwareTargetRegressor, law: Law, stretch_range, X: np.ndarray, name: str = "unsaved") -> LearntEnergy:
+    """The same from the range of principal stretches and the training states (columns `EnergyForm.invariants`)."""
+    network, form = network_of(model), form_of(model)
     check_is_fitted(model)
-    # J3^2 = J^2 C33 of the training states, for the card.
-    bulk = plane_stress.volume_ratio(law, *X.T) ** 2
-    return EnergyNetwork(
+    return form.surrogate(
         name,
         network.activation,
         np.ascontiguousarray(network.hidden_weights_),
         network.hidden_biases_.copy(),
         network.output_weights_.copy(),
-        Domain(*stretch_range, float(bulk.min()), float(bulk.max())),
+        Domain(*stretch_range, *form.bulk_range(law, X)),
         law.name,
-        energy_shape(law),
+        form.shape(law),
     )
 
 
@@ -193,21 +271,21 @@ def principal_stresses(stretches, by_trace, by_J) -> np.ndarray:
 
 
 def energy_errors(derivatives, samples: EnergySamples) -> dict:
-    """Relative errors of a model's stress and energy on samples; `derivatives` are (psi, psi_I, psi_J)."""
-    psi, by_trace, by_J = derivatives
-    exact = principal_stresses(samples.stretches, *samples.y.T[1:])
-    error = np.linalg.norm(principal_stresses(samples.stretches, by_trace, by_J) - exact, axis=1)
+    """Relative errors of a model's stress and energy on samples; `derivatives` are the energy and its derivatives by the invariants."""
+    energy, first, second = derivatives
+    exact = samples.form.stresses(samples.stretches, *samples.y.T[1:])
+    error = np.linalg.norm(samples.form.stresses(samples.stretches, first, second) - exact, axis=1)
     size = np.sqrt((exact**2).sum(axis=1).mean())
-    size_psi = np.sqrt((samples.y[:, 0] ** 2).mean())
+    size_of_energy = np.sqrt((samples.y[:, 0] ** 2).mean())
     return {
         "rms": float(np.sqrt((error**2).mean()) / size),
         "max": float(error.max() / size),
-        "energy_rms": float(np.sqrt(((psi - samples.y[:, 0]) ** 2).mean()) / size_psi),
+        "energy_rms": float(np.sqrt(((energy - samples.y[:, 0]) ** 2).mean()) / size_of_energy),
     }
 
 
 def evaluate_energy(
-    model: EnergySurrogate,
+    model: EnergySurrogate | IsochoricNetwork,
     law: Law,
     stretch_range: tuple[float, float] | None = None,
     n_samples: int = 20_000,
@@ -217,7 +295,7 @@ def evaluate_energy(
 
     Parameters
     ----------
-    model : EnergySurrogate
+    model : EnergySurrogate or IsochoricNetwork
     law : Law
     stretch_range : tuple of float, optional
         Of the principal stretches; the model's own domain by default.
@@ -229,42 +307,38 @@ def evaluate_energy(
     -------
     dict
         ``on_surface``: relative errors of the stress (``rms``, ``max``) and of the energy (``energy_rms``) over the box of stretches, even
-        in their logarithms; ``by_strain``: the same by bins of greatest principal strain; ``at_rest``: size of energy and stress at rest;
-        ``least_acoustic``: least second derivative of the energy along a rank-one change m (x) n of F, unit m and n, over the states, with
-        ``least_acoustic_exact``: a positive value means that short waves are stable (strong ellipticity); ``least_curvature`` and
+        in their logarithms, of an isochoric energy over the part of it with product 1, where stresses are Kirchhoff's; ``by_strain``: the
+        same by bins of greatest principal strain; ``at_rest``: size of energy and stress at rest;
+        ``least_acoustic``: least second derivative of the energy along a rank-one change m (x) n of F, unit m and n, over the states (of an
+        isochoric energy along those that keep the volume), with
+        ``least_acoustic_exact``: a positive value means that short waves are stable (strong ellipticity).  Of a sheet
+        ``least_curvature`` and
         ``least_curvature_exact``: least eigenvalue of the second derivative by the logarithms of the stretches, positive where the energy
-        is convex in them.
+        is convex in them; of an isochoric energy ``shear_modulus`` at rest, which is 1 of the law.
     """
     checked_law(law)
-    if not isinstance(model, EnergySurrogate):
+    if not isinstance(model, EnergySurrogate | IsochoricNetwork):
         raise TypeError(f"an energy surrogate is evaluated, such as energy_surrogate_of makes of a pipeline, not a {type(model).__name__}")
+    form = ISOCHORIC if isinstance(model, IsochoricNetwork) else SHEET
     domain = model.domain
     low, high = stretch_range or ((domain.least_stretch, domain.greatest_stretch) if domain else (0.5, 4.0))
-    samples = energy_design(law, n_samples, (low, high), 0.0, random_state)
+    samples = energy_design(law, n_samples, (low, high), 0.0, random_state, form is ISOCHORIC)
 
     def errors(samples):
-        found = model.energy_derivatives(law, *samples.X.T)
-        return energy_errors((found.psi, found.by_trace, found.by_area), samples)
+        return energy_errors(form.derivatives(model, law, samples.X).T, samples)
 
     bins = []
     random = np.random.default_rng(random_state + 1)
     for strains in strain_bins(low, high):
-        stretches = np.stack(stretches_of_strain(random, strains, low, high, max(n_samples // 10, 100)), axis=1)
-        bins.append({"strain": list(strains), **errors(EnergySamples.of(law, stretches, {}))})
-    rest = model.energy_derivatives(law, np.array([2.0]), np.array([1.0]))
-    least = _stability(model.energy_derivatives(law, *samples.X.T), samples)
-    exact = _stability(_exact(law, samples), samples)
+        stretches = form.of_strain(random, strains, low, high, max(n_samples // 10, 100))
+        bins.append({"strain": list(strains), **errors(EnergySamples.of(law, stretches, {}, form))})
     return {
         "stretch_range": [low, high],
         "n_samples": n_samples,
         "random_state": random_state,
         "on_surface": errors(samples),
         "by_strain": bins,
-        "at_rest": float(max(abs(rest.psi[0]), abs(2 * rest.by_trace[0] + rest.by_area[0]))),
-        "least_acoustic": least[0],
-        "least_acoustic_exact": exact[0],
-        "least_curvature": least[1],
-        "least_curvature_exact": exact[1],
+        **form.stability(model, law, samples),
     }
 
 
@@ -304,7 +378,7 @@ def cross_validate_energy(model, samples: EnergySamples, folds: int = 5, random_
     rows = []
     for number, (train, test) in enumerate(KFold(folds, shuffle=True, random_state=random_state).split(samples.X)):
         fitted = clone(model).fit(samples.X[train], samples.y[train])
-        left_out = EnergySamples(samples.X[test], samples.y[test], samples.stretches[test], samples.design)
+        left_out = EnergySamples(samples.X[test], samples.y[test], samples.stretches[test], samples.design, samples.form)
         rows.append({"fold": number, **energy_errors(fitted.predict(left_out.X).T, left_out)})
     return rows
 
@@ -325,7 +399,7 @@ def store_energy(
     surrogate = energy_surrogate_of(model, checked_law(law), samples, f"{name}@{version}")
     errors = evaluate_energy(surrogate, law)
     check_worth_storing(errors, f"{name}@{version}")
-    regressor = model.regressor_[-1]
+    regressor, form = model.regressor_[-1], samples.form
     parameters = {
         key: list(value) if isinstance(value, tuple) else getattr(value, "__name__", value) for key, value in regressor.get_params().items()
     }
@@ -334,13 +408,13 @@ def store_energy(
         "version": version,
         "kind": surrogate.kind,
         "description": description,
-        "material": {"law": law.name, "trained_with": law.describe(), "shape": energy_shape(law)},
+        "material": {"law": law.name, "trained_with": law.describe(), "shape": form.shape(law)},
         "weight_function": "any: the energy learnt is that of the material alone",
         "features": {
             "set": surrogate.feature_set,
-            "names": list(ENERGY_FEATURES),
-            "from": list(INVARIANTS),
-            "targets": list(ENERGY_TARGETS),
+            "names": list(surrogate.features),
+            "from": list(form.invariants),
+            "targets": list(form.targets),
             "units": "dimensionless; energy in the shear modulus",
         },
         "scaling": {"folded": "features are standardised and targets scaled within the regressor; the payload is on plain features"},
@@ -353,23 +427,8 @@ def store_energy(
             "search": search or [],
         },
         "domain": asdict(surrogate.domain),
-        "errors": {"box": errors, "stretches 0.8 to 4": evaluate_energy(surrogate, law, (0.8, 4.0))},
+        # Of a sheet the box's corners are states of little use that its errors are of.
+        "errors": {"box": errors} | ({"stretches 0.8 to 4": evaluate_energy(surrogate, law, (0.8, 4.0))} if form is SHEET else {}),
         "made_with": versions(),
     }
     return save_artifact(folder, card, surrogate, model)
-
-
-def _invariants(X):
-    X = np.asarray(X, dtype=float)
-    if X.ndim != 2 or X.shape[1] != len(INVARIANTS):
-        raise ValueError(f"X must have the columns {', '.join(INVARIANTS)}, not shape {X.shape}")
-    trace, J = X.T
-    if not (J > 0).all():
-        raise ValueError(f"J must be positive; the least given is {J.min():g}")
-    if not (trace > 0).all():
-        raise ValueError(f"tr C must be positive; the least given is {trace.min():g}")
-    return trace, J
-
-
-def _names(transformer, input_features):
-    return np.asarray(ENERGY_FEATURES, dtype=object)

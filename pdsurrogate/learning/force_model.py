@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
-from ..forces import Domain, EnergyNetwork, LearntBondForce
+from ..forces import Domain, LearntBondForce, LearntEnergy
 from ..materials import Law
-from .energy import derivatives_by_features, energy_network
+from .energy import energy_network, form_of, range_of_stretches
 from .export import surrogate_of
 from .sampling import COLUMNS
 from .target import InputAwareTargetRegressor
@@ -15,7 +15,7 @@ from .target import InputAwareTargetRegressor
 NAME = "fitted pipeline"
 
 
-def force_model_of(model: InputAwareTargetRegressor, law: Law) -> LearntBondForce | EnergyNetwork:
+def force_model_of(model: InputAwareTargetRegressor, law: Law) -> LearntBondForce | LearntEnergy:
     """The force model of a fitted `bond_force_pipeline` or `energy_pipeline`.
 
     Its domain are the states that it was fitted to.  A pipeline does not know its material: `law` is taken for it.
@@ -40,18 +40,12 @@ def force_model_of(model: InputAwareTargetRegressor, law: Law) -> LearntBondForc
             "a pipeline read from a file does not say which stretches it was fitted to: give the artefact instead, or fit it here"
         )
     X = model.training_inputs_
-    if model.func is derivatives_by_features:
-        low, high = _range_of(*X.T)
-        return energy_network(model, law, (low, high), X, NAME)
+    form = form_of(model)
+    if form is not None:
+        return energy_network(model, law, form.range_of(X), X, NAME)
     stretch, rotation, J, C33 = (X[:, COLUMNS.index(name)] for name in ("stretch", "rotation", "J", "C33"))
     # Of the stretch tensor U that a bond's stretch and rotation and the area ratio define.
     U_nn, U_nm = stretch * np.cos(rotation), stretch * np.sin(rotation)
-    low, high = _range_of(U_nn**2 + 2 * U_nm**2 + ((J + U_nm**2) / U_nn) ** 2, J)
+    low, high = range_of_stretches(U_nn**2 + 2 * U_nm**2 + ((J + U_nm**2) / U_nn) ** 2, J)
     bulk = J * J * C33
     return surrogate_of(model, law, Domain(low, high, float(bulk.min()), float(bulk.max())), NAME)
-
-
-def _range_of(trace, J) -> tuple[float, float]:
-    """Least and greatest principal stretch of states with tr C and J."""
-    total, difference = np.sqrt(trace + 2 * J), np.sqrt(np.maximum(trace - 2 * J, 0))
-    return float((total - difference).min() / 2), float((total + difference).max() / 2)

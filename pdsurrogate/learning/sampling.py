@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Integral
 
@@ -127,14 +128,19 @@ def perturb(U_nn, U_nm, C33, strain, random):
     return stretch * np.cos(rotation), stretch * np.sin(rotation), C33
 
 
-def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0)) -> tuple[float, float]:
-    """The part of a range of principal stretches in which a law has every state of `wide_design`.
+def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0), isochoric: bool = False) -> tuple[float, float]:
+    """The part of a range of principal stretches in which a law has every state of `wide_design`, or every isochoric state.
 
     A law that locks ends within any range; both bounds are then drawn in, evenly in their logarithms, until the perturbed
     corners of the box are short of the limit.
     """
     checked_law(law)
     low, high = np.log(checked_range(stretch_range))
+    if isochoric:
+        from .isochoric import all_isochoric_states  # which stands on this module
+
+        share = reachable_share(law, lambda share: all_isochoric_states(law, share * low, share * high))
+        return tuple(float(value) for value in (stretch_range if share == 1 else np.exp([share * low, share * high])))
     # The bond perturbation stretches one direction at a held area; rotation adds a little, hence the margin.
     stretch, thickness = 1.3 * PERTURBATION["log_stretch"], 1.1 * PERTURBATION["log_C33"]
 
@@ -149,16 +155,29 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0
                     return False
         return True
 
+    share = reachable_share(law, reached)
+    return tuple(float(value) for value in (stretch_range if share == 1 else np.exp(share * np.array([low, high]))))
+
+
+def reachable_share(law: Law, reached: Callable[[float], bool]) -> float:
+    """What share of a range of log-stretches a law that locks has all states of; 1 of one that does not.
+
+    Parameters
+    ----------
+    law : Law
+    reached : callable
+        Whether the law has all states of a share of the range.
+    """
     if reached(1.0):
-        return tuple(float(value) for value in stretch_range)
+        return 1.0
     inside, outside = 0.0, 1.0
     while outside - inside > 1e-3:
         middle = (inside + outside) / 2
         inside, outside = (middle, outside) if reached(middle) else (inside, middle)
     if inside == 0:
         raise ValueError(f"{law.name}: it locks too near the undeformed state for a surrogate")
-    # The force grows without bound towards the limit; a twentieth short of it a smooth model can still follow.
-    return float(np.exp(0.95 * low * inside)), float(np.exp(0.95 * high * inside))
+    # The energy grows without bound towards the limit; a twentieth short of it a smooth model can still follow.
+    return 0.95 * inside
 
 
 def states_of_strain(

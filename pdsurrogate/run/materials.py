@@ -37,7 +37,7 @@ def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:
                     raise ValueError(f"{own.name} is a {own.family}, and {model.name} of the rest a {model.family}; take two of one kind")
                 own.check_material(law)
             else:
-                own = model if _describes(model, law) else artifacts.surrogate_for(law, model.family)
+                own = model if _describes(model, law) else artifacts.surrogate_for(law, model.family, scene.plane)
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: materials.{number}{'.force' if part.force else ''}: {error}") from None
         found.append(own)

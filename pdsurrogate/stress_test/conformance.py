@@ -674,7 +674,9 @@ TABLE = (
     Row("full-network", MOMENTS),
     Row("bond-energy", plane="strain"),
     Row("neo-hookean", MOMENTS, plane="strain"),
+    Row("neo-hookean-isochoric", plane="strain"),
     Row("bond-energy", plane="space"),
+    Row("neo-hookean-isochoric", plane="space"),
     Row("nosb", plane="space"),
 )
 """Every force model that is shipped, and what it states that it does not do."""

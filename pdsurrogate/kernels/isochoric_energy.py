@@ -1,0 +1,155 @@
+"""The learnt isochoric energy W(I1bar, I2bar) as a response of the selective energy, the exact one taking over at the edge of its domain.
+
+The block function has the rows of an exact isochoric response, and all that it needs stands in its parameters: so the pass over the pairs
+is the same for both.  Outside are states in which a principal stretch is beyond its bounds L and H.  Of three stretches with product 1,
+where L >= 1/H^2 and H <= 1/L^2, that is where one of
+
+    (1 - s1/H^2) (1 - s2/H^2) (1 - s3/H^2),    (1 - L^2/s1) (1 - L^2/s2) (1 - L^2/s3),    s the squares of the stretches,
+
+is negative, and both are linear in I1bar and I2bar.  They are called distances here: near an edge they are the relative ones in s.
+"""
+
+import numpy as np
+from numba import carray, types
+from numba.extending import intrinsic
+
+from .block_arrays import BLOCK, block_rows, put_column, stack_rows
+from .compile import call_block, widest_vectors
+from .elementary import bits_of, logarithm, select
+from .energy_density import GROUP
+
+ROWS = 4
+"""Rows of the result: p, q, r (in the plane the stress across it) and the energy, of W alone."""
+
+UNITS, GUARD, EXACT, COUNTER, LOW, HIGH, BAND, AT_REST, WEIGHTS = 0, 1, 2, 3, 4, 7, 10, 11, 12
+"""Places in the parameters: number of units, what is done outside, addresses of the exact response and of the count of states outside (as
+bit patterns), the coefficients (1, I1bar, I2bar) of the two distances, the width of the band in which the exact energy takes over, what is
+taken off the sum of the units, their weights, and after these the parameters of the exact response."""
+
+MOST_PARAMETERS = 8192
+"""More than there are; no state is read beyond the parameters of the law."""
+
+EXTRAPOLATE, COUNT, TAKE_OVER = 0, 1, 2
+"""Guards: nothing is done about states outside, they are counted, or counted and handed over to the exact energy."""
+
+
+def distance_coefficients(low, high):
+    """Coefficients of the two distances from the edges by (1, I1bar, I2bar), shape (2, 3); bounds of the stretches as they are."""
+    low, high = max(low, high**-2), min(high, low**-2)
+    a, b = low**2, high**2
+    return np.array([[1 - a**3, a * a, -a], [1 - b**-3, -1 / b, b**-2]])
+
+
+@intrinsic
+def _add_to(typingctx, address, count):
+    """Add to a counter that all threads share."""
+
+    def codegen(context, builder, signature, arguments):
+        pointer = builder.inttoptr(arguments[0], context.get_value_type(types.int64).as_pointer())
+        builder.atomic_rmw("add", pointer, arguments[1], "monotonic")
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64), codegen
+
+
+def take_over(distance, band):
+    """Share that the exact energy has at a distance from an edge, and its derivative: 0 inside the band, 1 at the edge and beyond."""
+    t = 1 - distance / band
+    t = select(t > 0.0, t, 0.0)
+    t = select(t < 1.0, t, 1.0)
+    return t * t * t * (10 + t * (6 * t - 15)), -30 * t * t * (1 - t) * (1 - t) / band
+
+
+def network_block(activation, take_over, invariants, of_invariants):
+    """Builder of the block functions of networks: ``W = sum of v a(w1 log(I1bar/3) + w2 log(I2bar/3) + b) - constant``.
+
+    Both features vanish at rest, and the constant makes W vanish there; its stress does, as that of every function of isochoric invariants.
+
+    Parameters
+    ----------
+    activation : callable
+        One of `pdsurrogate.kernels.activations.SMOOTH`.
+    take_over : callable
+        `take_over`.
+    invariants, of_invariants : callable
+        Of an isochoric `pdsurrogate.materials.response.Response`.
+    """
+
+    def response(states, parameters, result):
+        widest_vectors()
+        states = carray(states, (3, BLOCK))
+        result = carray(result, (ROWS, BLOCK))
+        parameters = carray(parameters, (MOST_PARAMETERS,))
+        units = np.int64(parameters[UNITS])
+        guard = parameters[GUARD]
+        rows = block_rows(stack_rows(5))
+        for k in range(BLOCK):
+            I1, I2 = invariants((states[0, k], states[1, k], states[2, k]))
+            rows[0, k] = logarithm(I1 * (1.0 / 3.0))
+            rows[1, k] = logarithm(I2 * (1.0 / 3.0))
+            rows[2, k] = -parameters[AT_REST]
+            rows[3, k] = 0.0
+            rows[4, k] = 0.0
+        for group in range(0, units, GROUP):
+            w = parameters[WEIGHTS + 4 * group : WEIGHTS + 4 * (group + GROUP)]
+            b0, b1, b2, b3 = w[0], w[1], w[2], w[3]
+            p0, p1, p2, p3 = w[4], w[5], w[6], w[7]
+            q0, q1, q2, q3 = w[8], w[9], w[10], w[11]
+            v0, v1, v2, v3 = w[12], w[13], w[14], w[15]
+            for k in range(BLOCK):
+                u = rows[0, k]
+                v = rows[1, k]
+                a0, d0, _ = activation(b0 + p0 * u + q0 * v)
+                a1, d1, _ = activation(b1 + p1 * u + q1 * v)
+                a2, d2, _ = activation(b2 + p2 * u + q2 * v)
+                a3, d3, _ = activation(b3 + p3 * u + q3 * v)
+                d0 = v0 * d0
+                d1 = v1 * d1
+                d2 = v2 * d2
+                d3 = v3 * d3
+                rows[2, k] += v0 * a0 + v1 * a1 + v2 * a2 + v3 * a3
+                rows[3, k] += p0 * d0 + p1 * d1 + p2 * d2 + p3 * d3
+                rows[4, k] += q0 * d0 + q1 * d1 + q2 * d2 + q3 * d3
+        near = 0
+        outside = 0
+        for k in range(BLOCK):
+            state = states[0, k], states[1, k], states[2, k]
+            I1, I2 = invariants(state)
+            low = parameters[LOW] + parameters[LOW + 1] * I1 + parameters[LOW + 2] * I2
+            high = parameters[HIGH] + parameters[HIGH + 1] * I1 + parameters[HIGH + 2] * I2
+            least = min(low, high)
+            near += 1 if least < parameters[BAND] else 0
+            outside += 1 if least < 0.0 else 0
+            learnt = rows[2, k], rows[3, k] / I1, rows[4, k] / I2, 0.0, 0.0, 0.0
+            put_column(result, k, of_invariants(state, learnt, (0.0, 0.0, 0.0)))
+        if guard == EXTRAPOLATE or near == 0:
+            return
+        if outside > 0:
+            _add_to(bits_of(parameters[COUNTER]), outside)
+        if guard != TAKE_OVER:
+            return
+        exact = block_rows(stack_rows(4))
+        call_block(bits_of(parameters[EXACT]), states, parameters[WEIGHTS + 4 * units :], exact)
+        for k in range(BLOCK):
+            state = states[0, k], states[1, k], states[2, k]
+            I1, I2 = invariants(state)
+            low = parameters[LOW] + parameters[LOW + 1] * I1 + parameters[LOW + 2] * I2
+            high = parameters[HIGH] + parameters[HIGH + 1] * I1 + parameters[HIGH + 2] * I2
+            a, da = take_over(low, parameters[BAND])
+            b, db = take_over(high, parameters[BAND])
+            # W + s (exact - W), s = 1 - (1 - a) (1 - b): what s changes is a function of the invariants like W.
+            rest = (1.0 - a) * (1.0 - b)
+            da = da * (1.0 - b)
+            db = db * (1.0 - a)
+            more = exact[3, k] - result[3, k]
+            by_1 = more * (parameters[LOW + 1] * da + parameters[HIGH + 1] * db)
+            by_2 = more * (parameters[LOW + 2] * da + parameters[HIGH + 2] * db)
+            p, q, r, _ = of_invariants(state, (0.0, by_1, by_2, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+            inside = rest > 0.0
+            p = select(inside, rest * result[0, k] + p, 0.0) + select(rest < 1.0, (1.0 - rest) * exact[0, k], 0.0)
+            q = select(inside, rest * result[1, k] + q, 0.0) + select(rest < 1.0, (1.0 - rest) * exact[1, k], 0.0)
+            r = select(inside, rest * result[2, k] + r, 0.0) + select(rest < 1.0, (1.0 - rest) * exact[2, k], 0.0)
+            W = select(inside, rest * result[3, k], 0.0) + select(rest < 1.0, (1.0 - rest) * exact[3, k], 0.0)
+            put_column(result, k, (p, q, r, W))
+
+    return response
