@@ -26,15 +26,19 @@ def fit(
     change: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter of the law; may be repeated.")] = None,
     data: Annotated[Path | None, typer.Option(metavar="CSV", help=f"Identify the law's parameters first. {DATA_HELP}")] = None,
     terms: Annotated[int, typer.Option(help="Terms of Ogden's law, with --data.", min=1, max=4)] = 3,
+    energy: Annotated[
+        bool,
+        typer.Option("--energy", help="Its isochoric energy instead, for plane strain, space and every bulk modulus: a network."),
+    ] = False,
     features: Annotated[
         str | None, typer.Option(help="isochoric (for polynomials), symmetric (for networks), or the paper's five (paper).")
     ] = None,
     degree: Annotated[str | None, typer.Option(help="Degrees of a polynomial in the two isochoric features; 12,6 by default.")] = None,
     units: Annotated[str | None, typer.Option(help="Hidden units of a network instead; two layers with a comma between.")] = None,
     activation: Annotated[str | None, typer.Option(help="Of a network: algebraic (the default), logistic, tanh or relu.")] = None,
-    samples: Annotated[int, typer.Option(help="Training samples.", min=200)] = 8000,
+    samples: Annotated[int | None, typer.Option(help="Training samples; 8000, of an energy 1000.", min=200)] = None,
     least: Annotated[
-        float | None, typer.Option(help="Least principal stretch trained on, below 1; 0.5, or as far as the law goes.")
+        float | None, typer.Option(help="Least principal stretch trained on, below 1; 0.5 (of an energy 0.25), or as far as the law goes.")
     ] = None,
     greatest: Annotated[
         float | None, typer.Option(help="Greatest principal stretch trained on, above 1; 4, or as far as the law goes.")
@@ -44,21 +48,23 @@ def fit(
     seed: Annotated[int, typer.Option(help="Seed of samples, split and first weights.", min=0)] = 0,
     folder: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of artefacts.")] = Path("artifacts"),
 ) -> None:
-    """Fit a surrogate of a law's bond force, cross-validate it, and store it as an artefact."""
+    """Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."""
     from ..artifacts import ArtifactError, load_card, new_artifact
     from ..identification import report
-    from ..learning import cross_validate, reachable_stretches, store, wide_design
+    from ..learning import cross_validate, cross_validate_energy, energy_design, reachable_stretches, store, store_energy, wide_design
     from ..learning.fitting import TooInexact
     from ..learning.sampling import checked_range
     from ..results.files import check_writable
     from ..scenes import SceneError
 
     with bad_input(SceneError, ArtifactError, ValueError, OSError):
+        samples = samples or (1000 if energy else 8000)
         if folds == 1 or folds > samples:
             raise ValueError(f"--folds must be 0, or from 2 to the number of samples, not {folds}")
         new_artifact(folder, name, version)
-        box = checked_range((0.5 if least is None else least, 4.0 if greatest is None else greatest))
-        pipeline, what = _pipeline(features, degree, units, activation, iterations, seed)
+        box = checked_range(((0.25 if energy else 0.5) if least is None else least, 4.0 if greatest is None else greatest))
+        make = _energy_pipeline if energy else _pipeline
+        pipeline, what = make(features, degree, units, activation, iterations, seed)
         check_writable(folder)
         found = None
         if data is not None:
@@ -74,25 +80,28 @@ def fit(
                 )
         else:
             material = law_of(law, change)
-        reach = reachable_stretches(material, box)
-        design = wide_design(
-            material, samples, (reach[0] if least is None else least, reach[1] if greatest is None else greatest), random_state=seed
-        )
+        reach = reachable_stretches(material, box, isochoric=energy)
+        box = (reach[0] if least is None else least, reach[1] if greatest is None else greatest)
+        if energy:
+            design = energy_design(material, samples, box, random_state=seed, isochoric=True)
+        else:
+            design = wide_design(material, samples, box, random_state=seed)
         with err.status("Fitting"):
             pipeline.fit(design.X, design.y)
         table = []
         if folds:
             with err.status(f"Cross-validating, {folds} folds"):
-                table = cross_validate(pipeline, design, folds, seed)
-        description = f"Bond force of {law}, {what}"
+                table = (cross_validate_energy if energy else cross_validate)(pipeline, design, folds, seed)
+        description = f"{'Isochoric energy' if energy else 'Bond force'} of {law}, {what}"
         try:
             with writing(folder):
-                path = store(pipeline, design, material, folder, name, version, description, table, identification=found)
+                keep = store_energy if energy else store
+                path = keep(pipeline, design, material, folder, name, version, description, table, identification=found)
         except TooInexact as error:
             err.print(f"[red]pdsurrogate:[/] {escape(str(error))}", soft_wrap=True)
             raise typer.Exit(1) from None
         card = load_card(path)
-    _print_errors(card.errors["box"])
+    (_print_energy_errors if energy else _print_errors)(card.errors["box"])
     for row in card.training["cross_validation"]:
         out.print(f"fold {row['fold']}: relative RMS error {row['rms']:.2e} on samples left out")
     out.print(f"Wrote {path}", soft_wrap=True)
@@ -123,6 +132,20 @@ def _pipeline(features, degree, units, activation, iterations, seed):
     return pipeline, f"{chosen} features, {what}"
 
 
+def _energy_pipeline(features, degree, units, activation, iterations, seed):
+    """As `_pipeline`, of an isochoric energy."""
+    from ..learning import SobolevRegressor, energy_pipeline
+
+    for option, value in (("--features", features), ("--degree", degree)):
+        if value is not None:
+            raise ValueError(f"{option} is of bond forces; of the network of an energy --units are to choose")
+    hidden = _numbers(units or "8", "--units")
+    if len(hidden) != 1:
+        raise ValueError(f"the network of an energy has one layer, not --units {units}")
+    regressor = SobolevRegressor(*hidden, activation or "algebraic", max_iter=iterations or 500, n_init=2, random_state=seed)
+    return energy_pipeline(regressor, isochoric=True), f"{hidden[0]} units"
+
+
 def _numbers(text: str, option: str) -> tuple[int, ...]:
     try:
         return tuple(int(number) for number in text.split(","))
@@ -140,14 +163,14 @@ def evaluate(
     law: Annotated[str | None, typer.Option(help="Law to compare with; the artefact's own by default.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
-    """Compare a bond force with the exact one: on and off the plane-stress surface, by strain, at rest, and its stiffness."""
+    """Compare a bond force or an energy with the exact one: by strain, at rest, and its stiffness; a force on and off plane stress."""
     from ..artifacts import ArtifactError, load_surrogate
-    from ..forces import FORCES, EnergySurrogate, ForceSurrogate
+    from ..forces import FORCES, EnergySurrogate, ForceSurrogate, IsochoricNetwork
     from ..learning import evaluate as report_of
 
     with bad_input(ArtifactError, ValueError):
         model = load_surrogate(reference)
-        if isinstance(model, EnergySurrogate):
+        if isinstance(model, EnergySurrogate | IsochoricNetwork):
             _evaluate_energy(reference, model, law, (least, greatest), samples, seed, as_json)
             return
         if not isinstance(model, ForceSurrogate):
@@ -185,7 +208,7 @@ def _range(model, least: float | None, greatest: float | None) -> tuple[float, f
 
 
 def _evaluate_energy(reference, model, law, stretches, samples, seed, as_json) -> None:
-    """Compare a plane-stress energy with the exact one."""
+    """Compare an energy with the exact one."""
     from ..learning import evaluate_energy
 
     material = _compared_with(reference, model, law)
@@ -194,17 +217,25 @@ def _evaluate_energy(reference, model, law, stretches, samples, seed, as_json) -
     if as_json:
         sys.stdout.write(json.dumps(report, indent=2) + "\n")
         return
-    table = Table(title=f"Relative errors, stretches {low:g} to {high:g}, {samples} states", title_justify="left")
+    _print_energy_errors(report)
+
+
+def _print_energy_errors(report: dict) -> None:
+    low, high = report["stretch_range"]
+    table = Table(title=f"Relative errors, stretches {low:g} to {high:g}, {report['n_samples']} states", title_justify="left")
     for title in ("states", "stress, RMS", "greatest", "energy, RMS"):
         table.add_column(title, justify="left" if title == "states" else "right")
     rows = [("all", report["on_surface"]), *((f"strain {row['strain'][0]:g} to {row['strain'][1]:g}", row) for row in report["by_strain"])]
     for title, row in rows:
         table.add_row(title, f"{row['rms']:.1e}", f"{row['max']:.1e}", f"{row['energy_rms']:.1e}")
     show(table)
+    if "shear_modulus" in report:
+        more = f"shear modulus at rest {report['shear_modulus']:.7g} (exact: 1)"
+    else:
+        more = f"least curvature by log-stretches {report['least_curvature']:.3g} (exact: {report['least_curvature_exact']:.3g})"
     out.print(
         f"at rest {report['at_rest']:.1e}; least acoustic stiffness {report['least_acoustic']:.3g} "
-        f"(exact: {report['least_acoustic_exact']:.3g}); least curvature by log-stretches {report['least_curvature']:.3g} "
-        f"(exact: {report['least_curvature_exact']:.3g})"
+        f"(exact: {report['least_acoustic_exact']:.3g}); {more}"
     )
 
 
@@ -237,7 +268,7 @@ def artifacts(
         return
     table = Table(title="Artefacts", title_justify="left")
     for title in ("artefact", "law", "features", "RMS error", "where"):
-        table.add_column(title, overflow="fold" if title == "where" else "ellipsis")
+        table.add_column(title, overflow="ellipsis" if title == "RMS error" else "fold")
     for folder in list_artifacts():
         try:
             card = load_card(folder)

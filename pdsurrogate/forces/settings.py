@@ -21,7 +21,11 @@ ROTATIONS = {"polar": None, "convected": convected_rotations}
 after that one."""
 
 WHERE = {"stress": "", "strain": " in plane strain", "space": " in space"}
-OTHERS = {"strain": "force=analytic and force=bond-energy take both", "space": "force=bond-energy and force=nosb take bodies in space"}
+OTHERS = {
+    "stress": "force=analytic and force=bond-energy take every law under plane stress",
+    "strain": "force=analytic and force=bond-energy take both",
+    "space": "force=bond-energy and force=nosb take bodies in space",
+}
 """In words: what a plane is called, and which models take it where another does not."""
 
 ROTATION, OUTSIDE = "polar", "fallback"
@@ -88,7 +92,9 @@ class ForceSettings:
         """
         for field in fields(self):
             key, value = field.name, getattr(self, field.name)
-            if value == field.default or value in honours.get(key, ()):
+            # Of all but the plane the default is what a model does anyway.
+            usual = value == field.default and (key != "plane" or key not in honours)
+            if usual or value in honours.get(key, ()):
                 continue
             where = WHERE[self.plane] if key != "plane" else ""
             taken = {key: honours[key]} if key in honours else honours

@@ -393,6 +393,7 @@ def store_energy(
     description: str,
     cross_validation: list[dict] | None = None,
     search: list[dict] | None = None,
+    identification: dict | None = None,
 ) -> Path:
     """Write the artefact of a fitted energy pipeline with a full card; the arguments are those of `pdsurrogate.store`."""
     new_artifact(folder, name, version)
@@ -425,6 +426,7 @@ def store_energy(
             "outcome": {"n_iter": regressor.n_iter_, "loss": regressor.loss_},
             "cross_validation": cross_validation or [],
             "search": search or [],
+            **({"identification": identification} if identification else {}),
         },
         "domain": asdict(surrogate.domain),
         # Of a sheet the box's corners are states of little use that its errors are of.
