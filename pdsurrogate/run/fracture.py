@@ -101,7 +101,7 @@ def _cut_weights(body: Body) -> np.ndarray:
     return total[:n]
 
 
-TIP_DIAMETERS = {"stress": 1.15, "space": 1.26}
+TIP_DIAMETERS = {"stress": 1.15, "space": 1.2}
 """Effective diameter of a crack tip in horizons, by the plane: energy release rate at which a crack runs, over the uniaxial energy density
 at the critical stretch.  Of sheets it was measured in the tear scene at spacings of 0.02 to 0.05 cm, between 1.11 and 1.22
 (`pipelines/reproduce_paper.py`); in space in the scene trousers, at the default horizon of 1.75 spacings
