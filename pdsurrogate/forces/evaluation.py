@@ -8,6 +8,7 @@ import numpy as np
 
 from ..body import Body
 from ..materials import Law
+from ..materials.stretches import principal_stretches
 from .kinematics import Kinematics, matrices
 from .protocol import InternalForce, OutsideDomain, OutsideDomainWarning
 from .settings import ForceSettings
@@ -46,7 +47,7 @@ class Evaluation(InternalForce):
 
     def principal_stretches(self) -> np.ndarray:
         """Of the points at the positions last given, in the plane those within it, shape (n, d)."""
-        return np.linalg.svd(self.deformation_gradients(), compute_uv=False)
+        return principal_stretches(self.deformation_gradients())
 
     def gradients_at(self, numbers) -> np.ndarray:
         """F of the points and images of the given numbers as last formed, shape (k, d, d)."""

@@ -11,6 +11,7 @@ import numpy as np
 from ..body import Body
 from ..forces import InternalForce
 from ..materials import PLANES
+from ..materials.stretches import principal_stretches
 
 
 def strain_energy(force: InternalForce) -> float:
@@ -123,14 +124,17 @@ class PointState:
     @cached_property
     def principal_stretches(self) -> np.ndarray:
         """Square roots of the eigenvalues of F^T F, that of the thickness among them, the greatest first, shape (n, 3)."""
-        return np.linalg.svd(self.deformation_gradient, compute_uv=False)
+        within = principal_stretches(self.F)
+        if self.plane == "space":
+            return within
+        stretches = np.column_stack([within, self.deformation_gradient[:, 2, 2]])
+        return -np.sort(-stretches, axis=1)
 
     def greatest_stretch(self) -> np.ndarray:
         """Greatest principal stretch, of a body in the plane that within the plane, shape (n,)."""
         if self.plane == "space":
             return self.principal_stretches[:, 0].copy()
-        trace, area = (self.F * self.F).sum(axis=(1, 2)), np.linalg.det(self.F)
-        return np.sqrt((trace + np.sqrt(np.maximum(trace**2 - 4 * area**2, 0))) / 2)
+        return principal_stretches(self.F)[:, 0]
 
     def pressure(self) -> np.ndarray:
         """Minus a third of the trace of the Cauchy stress, shape (n,)."""
