@@ -11,7 +11,6 @@ from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.cli import app
 from pdsurrogate.forces import Domain, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning
 from pdsurrogate.kernels.block_arrays import BLOCK
-from pdsurrogate.kernels.compile import call_block, kernel
 from pdsurrogate.kernels.isochoric_energy import distance_coefficients
 from pdsurrogate.learning import energy as learning
 from pdsurrogate.learning.isochoric import ISOCHORIC
@@ -31,20 +30,6 @@ def ogden():
 def fitted():
     samples = pd.energy_design(LAW, 400, isochoric=True)
     return pd.energy_pipeline(pd.SobolevRegressor(4, max_iter=200, random_state=0), isochoric=True).fit(samples.X, samples.y), samples
-
-
-@kernel
-def evaluate(address, states, parameters, result):
-    call_block(address, states, parameters, result)
-
-
-def response(energy, states):
-    """Rows (4, n) of a block function for states (3, n), n at most a block."""
-    block, result = np.ones((3, BLOCK)), np.zeros((4, BLOCK))
-    block[0] = block[1] = 3
-    block[:, : states.shape[1]] = states
-    evaluate(energy.address, block, energy.parameters, result)
-    return result[:, : states.shape[1]]
 
 
 def states_of(stretches, plane, J):
@@ -138,7 +123,7 @@ def test_the_domain_is_told_from_the_invariants(bounds):
 def test_kernel_is_the_network(ogden, plane):
     """Energy and stress of the block function are those of NumPy, by the law's own expressions of W1 and W2."""
     states, _ = drawn(200, plane)
-    found = response(ogden.isochoric_energy(LAW, plane, "extrapolate"), states)
+    found = ogden.isochoric_energy(LAW, plane, "extrapolate").evaluate(*states)
     own = PLANES[plane].isochoric_response
     W, W1, W2 = ogden.isochoric_derivatives(*own.invariants(tuple(states)))
     expected = own.of_invariants(tuple(states), (W, W1, W2, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -152,7 +137,7 @@ def test_shipped_artefacts_are_as_exact_as_they_state(name, plane):
     model = load_surrogate(SHIPPED / f"{name}-isochoric")
     law = pd.LAWS[name]()
     states, squares = drawn(200, plane)
-    found = response(model.isochoric_energy(law, plane, "extrapolate"), states)
+    found = model.isochoric_energy(law, plane, "extrapolate").evaluate(*states)
     exact = np.array(PLANES[plane].isochoric_response(law, *states))
     assert np.sqrt(((found[3] - exact[3]) ** 2).mean() / (exact[3] ** 2).mean()) < 5e-5
     assert model.stated["rms"] < 1e-4
@@ -173,9 +158,9 @@ def test_the_exact_energy_takes_over_without_a_jump(ogden, plane):
     h = 1e-5
     energy, exact = ogden.isochoric_energy(LAW, plane, "fallback"), PLANES[plane].isochoric_response
     shift = h * (np.array([1, -1, 0]) if plane == "strain" else np.array([1, -0.5, -0.5]))
-    steps = [response(energy, states_of(np.exp(logs + sign * shift), plane, J))[3] for sign in (1, -1)]
+    steps = [energy.evaluate(*states_of(np.exp(logs + sign * shift), plane, J))[3] for sign in (1, -1)]
     states = states_of(np.exp(logs), plane, J)
-    p, q, r, W = response(energy, states)
+    p, q, r, W = energy.evaluate(*states)
     s = np.exp(2 * logs) * J[:, None] ** (2 / 3)
     stresses = kirchhoff(np.array([p, q, r, W]), s, J, plane)
     np.testing.assert_allclose(stresses @ shift[: stresses.shape[1]] / h, (steps[0] - steps[1]) / (2 * h), rtol=1e-6)
@@ -184,9 +169,9 @@ def test_the_exact_energy_takes_over_without_a_jump(ogden, plane):
     np.testing.assert_allclose(np.array([p, q, r, W])[:, far], np.array(exact(LAW, *states))[:, far], rtol=1e-9, atol=1e-9)
     inner = np.exp(t) < 3.7
     np.testing.assert_array_equal(
-        response(ogden.isochoric_energy(LAW, plane, "extrapolate"), states)[:, inner], np.array([p, q, r, W])[:, inner]
+        ogden.isochoric_energy(LAW, plane, "extrapolate").evaluate(*states)[:, inner], np.array([p, q, r, W])[:, inner]
     )
-    assert energy.outside[0] > 0
+    assert energy.outside[0] == 0  # of points' states, which are not the pairs'
 
 
 def block(plane, counts=6, reach=None):
@@ -220,6 +205,10 @@ def test_one_artefact_serves_every_bulk_modulus(ogden, plane):
         assert np.abs(found - expected).max() < 10 * ogden.stated["max"] * np.abs(expected).max()
         assert learnt.energy() == pytest.approx(exact.energy(), rel=ogden.stated["max"])
         assert learnt.pairs_outside == 0
+        (found, energy), (expected, density) = (force.stress_and_energy() for force in (learnt, exact))
+        assert 0 < np.abs(found - expected).max() < 10 * ogden.stated["max"] * np.abs(expected).max()
+        np.testing.assert_allclose(energy, density, rtol=1e-3)
+        assert (learnt.domain_deviation() < 0).all()
 
 
 @pytest.mark.parametrize("plane", PLANES)
@@ -231,9 +220,12 @@ def test_policies_outside_the_domain(ogden, plane):
         return ogden.bind(body, LAW, ForceSettings(plane=plane, outside=outside))
 
     force = bound("fallback")
+    assert force.domain_deviation() == pytest.approx(-np.log(4.0))
     exact = pd.BondEnergyForce().bind(body, LAW, ForceSettings(plane=plane))
     np.testing.assert_allclose(evaluated(force, far), evaluated(exact, far), rtol=1e-9, atol=1e-9)
     assert force.pairs_outside == len(body.bonds.first)
+    assert (force.domain_deviation() > 0).all()
+    np.testing.assert_allclose(force.stress_and_energy()[0], exact.stress_and_energy()[0], rtol=1e-9, atol=1e-9)
     evaluated(force, wavy(body.points))
     assert force.pairs_outside == len(body.bonds.first)
     with pytest.raises(OutsideDomain, match="are outside the domain of ogden-isochoric@1"):

@@ -52,6 +52,20 @@ class IsochoricEnergy:
         """Of a law itself."""
         return cls(PLANES[plane].isochoric_response.block(law).address, law.parameters)
 
+    def evaluate(self, *state) -> np.ndarray:
+        """The result at states given as three vectors of n numbers, shape (4, n); of points, whose states are not counted."""
+        states, n = np.stack(state), len(state[0])
+        found, counted = np.empty((selective_energy.RESULT_ROWS, n)), self.outside.copy()
+        for at in range(0, n, BLOCK):
+            size = min(BLOCK, n - at)
+            # Filled up with the first, which is a state.
+            rows, result = np.repeat(states[:, at : at + 1], BLOCK, axis=1), np.empty((selective_energy.RESULT_ROWS, BLOCK))
+            rows[:, :size] = states[:, at : at + size]
+            selective_energy.evaluate_response(self.address, rows, self.parameters, result)
+            found[:, at : at + size] = result[:, :size]
+        self.outside[:] = counted
+        return found
+
 
 class SelectiveEnergyEvaluation(BondEnergyEvaluation):
     """The energy in plane strain or in space, E = sum of bond volumes times W(F_ij) + sum of V_i U(J_i), bound to a body.
@@ -125,6 +139,22 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         if self._form_volumes():
             raise InvalidState(self._diagnose())
         return self._smoothed.copy()
+
+    def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
+        if self.model.domain is None:
+            return super().stress_and_energy()
+        F, plane = self.deformation_gradients(), PLANES[self.plane]
+        found = self._isochoric.evaluate(*plane.isochoric_state(F))
+        return plane.stress_and_energy(self.law, F, self.volume_ratios(), self.bulk_stresses(), found)
+
+    def domain_deviation(self) -> np.ndarray | None:
+        if self.model.domain is None:
+            return None
+        stretches = self.principal_stretches()
+        J = stretches.prod(axis=1, keepdims=True)
+        # In the plane the third one is held at 1.
+        full = np.hstack([stretches, np.ones((len(J), 3 - self.body.dimension))])
+        return self.model.domain.deviation(full / np.cbrt(J))
 
     def collapsed_pairs(self) -> np.ndarray:
         volumes = self._pair_volumes[: self._n_pairs]

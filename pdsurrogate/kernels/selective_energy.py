@@ -5,11 +5,17 @@ carries nothing, or that pads a block, has none, and its state is replaced by re
 """
 
 from .block_arrays import BLOCK, block_rows, put_column, rows_from
-from .compile import call_block, inlined, widest_vectors
+from .compile import call_block, inlined, kernel, widest_vectors
 from .passes import ByDimension, Pass, share_of
 
 STATE_ROWS, RESULT_ROWS = 3, 4
 """Rows of the states and of the result of an isochoric response, which ends with the energy."""
+
+
+@kernel
+def evaluate_response(response, states, parameters, result):
+    """An isochoric response over one block of states."""
+    call_block(response, states, parameters, result)
 
 
 def buffer_rows(dimension: int) -> int:

@@ -78,6 +78,12 @@ U adds J U' to q and to the stress across: its stress is U' times the cofactor o
 """
 
 
+def isochoric_state(F):
+    """What `isochoric_response` is asked with, from F."""
+    trace, J = plane_stress.invariants(F)
+    return trace, J, J
+
+
 def volume_ratio(law: Law, trace, area_ratio):
     """J3, which is det F in the plane."""
     return np.broadcast_arrays(np.asarray(trace, float), np.asarray(area_ratio, float))[1]
@@ -104,7 +110,7 @@ def energy_at(law: Law, F, volume_ratio):
     return isochoric_response(law, trace, J, J)[3] + law.volumetric(volume_ratio, law.parameters)[0]
 
 
-def stress_and_energy(law: Law, F, volume_ratio, bulk_stress):
+def stress_and_energy(law: Law, F, volume_ratio, bulk_stress, isochoric=None):
     """First Piola-Kirchhoff stress with the one across the plane, and energy density, of points.
 
     Parameters
@@ -115,6 +121,8 @@ def stress_and_energy(law: Law, F, volume_ratio, bulk_stress):
         Where U is taken: det F, or what a selective energy has in its place.
     bulk_stress : ndarray, shape (n,)
         U', in units of mu: at the volume ratio, or what the bonds feel of it (theory (51)).
+    isochoric : tuple, optional
+        Taken in the place of the law's own `isochoric_response`.
 
     Returns
     -------
@@ -124,7 +132,7 @@ def stress_and_energy(law: Law, F, volume_ratio, bulk_stress):
     """
     check_consistency(law)
     trace, J = plane_stress.invariants(F)
-    p, q, across, energy = isochoric_response(law, trace, J, J)
+    p, q, across, energy = isochoric_response(law, trace, J, J) if isochoric is None else isochoric
     pressure = J * bulk_stress
     stress = np.zeros((len(F), 3, 3))
     stress[:, :2, :2] = plane_stress.in_plane_stress(F, p, q + pressure)

@@ -121,6 +121,10 @@ def invariants(F):
     return (F * F).sum(axis=(-2, -1)), (cofactor * cofactor).sum(axis=(-2, -1)), (F[..., 0] * cofactor[..., 0]).sum(axis=-1)
 
 
+isochoric_state = invariants
+"""What `isochoric_response` is asked with, from F."""
+
+
 def stretch_squares(F):
     """Squares of the isochoric principal stretches, shape (..., 3)."""
     return np.linalg.svd(F, compute_uv=False) ** 2 / np.abs(np.linalg.det(F))[..., None] ** (2 / 3)
@@ -145,11 +149,11 @@ def energy_at(law: Law, F, volume_ratio):
     return isochoric_response(law, *invariants(F))[3] + law.volumetric(volume_ratio, law.parameters)[0]
 
 
-def stress_and_energy(law: Law, F, volume_ratio, bulk_stress):
+def stress_and_energy(law: Law, F, volume_ratio, bulk_stress, isochoric=None):
     """First Piola-Kirchhoff stress and energy density of points; see `plane_strain.stress_and_energy`, with F of shape (n, 3, 3)."""
     check_consistency(law)
     F = np.asarray(F, dtype=float)
-    p, q, r, energy = isochoric_response(law, *invariants(F))
+    p, q, r, energy = isochoric_response(law, *invariants(F)) if isochoric is None else isochoric
     p, q, r = (value[:, None, None] for value in (p, q + bulk_stress, r))
     stress = p * F + q * _cofactor(F) + r * (F @ (F.swapaxes(-1, -2) @ F))
     return law.shear_modulus * stress, law.shear_modulus * (energy + law.volumetric(volume_ratio, law.parameters)[0])
