@@ -383,7 +383,16 @@ class Scene(StrictModel):
                 )
             begin = step.to
         if self.fracture is not None and self.fracture.energy is not None and self.plane == "strain":
-            raise ValueError("fracture.energy gives a critical stretch under plane stress alone; give fracture.critical_stretch")
+            raise ValueError(
+                "fracture.energy gives a critical stretch under plane stress and in space alone; give fracture.critical_stretch"
+            )
+        usual = HORIZON_RATIOS[3]
+        if self.fracture is not None and self.fracture.energy is not None and self.dimension == 3 and self.horizon_ratio != usual:
+            # The diameter of a tip is no fixed number of short horizons: in a tear at 2.2 it is a third less.
+            raise ValueError(
+                f"fracture.energy gives a critical stretch in space with horizon_ratio={usual:g} alone, where the diameter of a tip was "
+                f"measured, not with {self.horizon_ratio:g}; give fracture.critical_stretch"
+            )
         if not self.stretched:
             return self
         if not self.stretches and self.dynamics is None:
