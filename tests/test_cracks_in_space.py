@@ -43,7 +43,8 @@ def torn(tmp_path_factory):
 def test_a_crack_in_space(torn):
     """The tip starts at the precut's end and goes on along its plane.
 
-    Of the energy 2 % may be lost to the trapezoidal rule: grips' work is summed over rows of 20 steps, and so small a strip is nearly all crack.
+    Of the energy 2 % may be lost to the trapezoidal rule: grips' work is summed over rows of 20 steps, and so small a strip is nearly all
+    crack.
     """
     crack, points = torn.summary["crack"], torn.body.points
     start, tip = crack["start"]["x"], crack["tips"][-1]["tip"]

@@ -388,7 +388,7 @@ class Scene(StrictModel):
             )
         usual = HORIZON_RATIOS[3]
         if self.fracture is not None and self.fracture.energy is not None and self.dimension == 3 and self.horizon_ratio != usual:
-            # The diameter of a tip is no fixed number of short horizons: in a tear at 2.2 it is a third less.
+            # The diameter of a tip is no fixed number of short horizons: in a tear at 2.2 it is a quarter less.
             raise ValueError(
                 f"fracture.energy gives a critical stretch in space with horizon_ratio={usual:g} alone, where the diameter of a tip was "
                 f"measured, not with {self.horizon_ratio:g}; give fracture.critical_stretch"
