@@ -262,3 +262,34 @@ def test_fitted_from_the_command_line(tmp_path):
     outcome = CliRunner().invoke(app, ["fit", "other", "--energy", "--degree", "4", "--out", str(tmp_path)])
     assert outcome.exit_code == 2
     assert "--degree is of bond forces" in outcome.output
+
+
+@pytest.mark.parametrize("scene", ["plane-strain-block", "bonded-block"])
+def test_bonded_blocks_agree_with_the_exact_energy(scene):
+    """Stress and probes of a scene within the error that the card states, and the solver's tolerance."""
+    changes = {"material.law": "ogden", "spacing": 0.25, "stretches": [1.3]}
+    learnt, exact = (pd.simulate(pd.load_scene(scene, changes), force).levels[-1] for force in ("ogden-isochoric", "bond-energy"))
+    for name, force in exact["forces"].items():
+        np.testing.assert_allclose(learnt["forces"][name], force, atol=1e-4 * np.abs(list(exact["forces"].values())).max())
+    for name, probe in exact["probes"].items():
+        np.testing.assert_allclose(learnt["probes"][name]["displacement"], probe["displacement"], atol=1e-4)
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_energy_stays_in_undamped_motion(ogden, plane):
+    """Let go at stretch 1.3, a free body swings for 400 steps of the leapfrog with its energy within 1e-4 of what was put in."""
+    body = block(plane, 4)
+    force = ogden.bind(body, LAW, ForceSettings(plane=plane))
+    y, velocity, out = wavy(body.points, 1.3), np.zeros_like(body.points), np.empty_like(body.points)
+    # A twentieth of the time that a wave of pressure takes over a spacing, K = 100 mu.
+    step, mass = 0.05 * body.spacing / np.sqrt(LAW.bulk_modulus), body.volumes[:, None]
+    force(y, out)
+    start, totals = force.energy(), []
+    for _ in range(400):
+        velocity += step / 2 * out / mass
+        y += step * velocity
+        force(y, out)
+        velocity += step / 2 * out / mass
+        totals.append(force.energy() + (mass * velocity**2).sum() / 2)
+    assert np.abs(np.array(totals) - start).max() < 1e-4 * start
+    assert (mass * velocity**2).sum() / 2 > 0.01 * start
