@@ -207,7 +207,7 @@ def test_between_rollers_the_sheet_is_in_its_homogeneous_state(name, stretch):
 
 def test_beyond_a_clamp_a_gradient_keeps_its_volume_and_beyond_a_mirror_it_is_mirrored():
     planes = ReflectionPlane(1, 0.0, -1, (-1, -1)), ReflectionPlane(0, 0.0, -1, (-1, 1))
-    ghosts = sheet(planes=planes).ghosts.keeping_volume()
+    ghosts = sheet(planes=planes).ghosts.held_by_clamps(1.0)
     n = int(ghosts.source.max()) + 1
     gradients = np.tile(F.T.ravel(), (n + len(ghosts), 1))
     ghosts.fill_gradients(gradients)
@@ -223,7 +223,7 @@ def test_a_bonded_edge_that_keeps_its_volume_is_no_longer_stiff(monkeypatch):
     """The block of 16 points a side at -5 %: the force is 0.5 % off finite elements; clamps continued oddly make it 5.0 %."""
     scene = pd.load_scene("plane-strain-block", {"material.bulk_modulus": 100.0, "stretches": 0.95, "spacing": 1 / 16})
     kept = pd.simulate(scene, "bond-energy").levels[0]["nominal_stress_error"]
-    monkeypatch.setattr(Ghosts, "keeping_volume", lambda ghosts: ghosts)
+    monkeypatch.setattr(Ghosts, "held_by_clamps", lambda ghosts, share: ghosts)
     odd = pd.simulate(scene, "bond-energy").levels[0]["nominal_stress_error"]
     assert 0 < kept < 0.01
     assert 0.04 < odd < 0.06

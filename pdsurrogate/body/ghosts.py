@@ -57,13 +57,13 @@ class Ghosts:
         Number of the reflection, or the product of reflections, that the ghost is the image under: the same for all its images.
     lever : ndarray, shape (m, planes, d)
         Displacement of each ghost by the displacement of each plane, component by component.
-    volume_parity, volume_reflection : ndarray, shape (m, d)
-        Parity and reflection of a deformation gradient that has the volume ratio of its source, see `keeping_volume`.
+    gradient_parity, gradient_reflection : ndarray, shape (m, d)
+        The same of deformation gradients; they differ where those are not continued as displacements are, see `held_by_clamps`.
     parent : ndarray of int64, shape (m,)
         Number, among points and ghosts, of what each ghost is the reflection of in `plane`: its source, or another ghost.
     planes : tuple of ReflectionPlane
-    continues_oddly : bool
-        Whether gradients beyond a clamped plane are continued as displacements are; not so where they keep their volume.
+    share_along : float or None
+        Of the gradient along a clamped plane that a ghost has from its source, see `held_by_clamps`; None where it is continued oddly.
     """
 
     source: np.ndarray
@@ -73,11 +73,11 @@ class Ghosts:
     plane: np.ndarray
     image: np.ndarray
     lever: np.ndarray
-    volume_parity: np.ndarray
-    volume_reflection: np.ndarray
+    gradient_parity: np.ndarray
+    gradient_reflection: np.ndarray
     parent: np.ndarray
     planes: tuple[ReflectionPlane, ...]
-    continues_oddly: bool = True
+    share_along: float | None = None
 
     @classmethod
     def reflected(cls, points: np.ndarray, planes: tuple[ReflectionPlane, ...], horizon: float) -> Ghosts:
@@ -90,7 +90,7 @@ class Ghosts:
         """
         n, dimension = points.shape
         source, places = np.arange(n), points
-        parity, reflection, volume_parity, volume_reflection = np.ones((4, n, dimension))
+        parity, reflection = np.ones((2, n, dimension))
         number, lever = np.full(n, -1), np.zeros((n, len(planes), dimension))
         axes, image, parent = np.full(n, -1), np.zeros(n, dtype=np.int64), np.arange(n)
         for added, plane in enumerate(planes):
@@ -108,23 +108,21 @@ class Ghosts:
             carried[:, added] += 1 - own
             source, places = np.concatenate([source, source[near]]), np.concatenate([places, images])
             parity, reflection = np.concatenate([parity, own * parity[near]]), np.concatenate([reflection, flip * reflection[near]])
-            kept, turned = (np.ones(dimension), np.ones(dimension)) if (own < 0).all() else (own, flip)
-            volume_parity = np.concatenate([volume_parity, kept * volume_parity[near]])
-            volume_reflection = np.concatenate([volume_reflection, turned * volume_reflection[near]])
             number, lever = np.concatenate([number, np.full(len(near), added)]), np.concatenate([lever, carried])
             axes = np.concatenate([axes, np.full(len(near), plane.axis)])
             image = np.concatenate([image, image[near] + 2**added])  # a sum over its planes
             parent = np.concatenate([parent, near])
+        parity, reflection = np.ascontiguousarray(parity[n:]), np.ascontiguousarray(reflection[n:])
         return cls(
             source[n:].astype(np.uint32),
             np.ascontiguousarray(places[n:]),
-            np.ascontiguousarray(parity[n:]),
-            np.ascontiguousarray(reflection[n:]),
+            parity,
+            reflection,
             number[n:].astype(np.int64),
             image[n:],
             np.ascontiguousarray(lever[n:]),
-            np.ascontiguousarray(volume_parity[n:]),
-            np.ascontiguousarray(volume_reflection[n:]),
+            parity,
+            reflection,
             parent[n:].astype(np.int64),
             planes,
         )
@@ -132,14 +130,21 @@ class Ghosts:
     def __len__(self) -> int:
         return len(self.source)
 
-    def keeping_volume(self) -> Ghosts:
+    def held_by_clamps(self, share: float) -> Ghosts:
         """The same ghosts for gradients of a material that hardly changes its volume.
 
-        A mirror image has the volume ratio of its source.  Continued oddly in all components, as beyond a clamped plane, the stretch along
-        the plane changes its sign and the one across does not: where the source has kept its volume, its image has not.  There the
-        gradient of the source itself is taken, which is the same on the plane (theory (53)).
+        A mirror image has the volume ratio of its source.  Continued oddly in all components, as displacements are beyond a clamped plane,
+        the stretch along the plane changes its sign and the one across does not: where the source has kept its volume, its image has not,
+        and bonded edges are too stiff.  Here the image has the gradient of its source across the plane, and along it a share of that,
+        the rest from the plane itself, of which it is known (theory (53)).
         """
-        return replace(self, parity=self.volume_parity, reflection=self.volume_reflection, continues_oddly=False)
+        parity, reflection = np.ones((2, *self.parity.shape))
+        for number, plane in enumerate(self.planes):
+            images = (self.image >> number) & 1 == 1
+            of_rows, of_columns, _ = _continuation(plane, share)
+            parity[images] *= of_rows
+            reflection[images] *= of_columns
+        return replace(self, gradient_parity=parity, gradient_reflection=reflection, share_along=share)
 
     def shifts(self, points: np.ndarray, displacements: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
         """What `fill_positions` adds, shape (m, d), with every plane displaced by u(X) = displacement + turn X.
@@ -176,14 +181,18 @@ class Ghosts:
     def gradient_shifts(self, turns: np.ndarray) -> np.ndarray | None:
         """What planes turned by (planes, d, d) add to the gradients of `fill_gradients`, by columns, shape (m, d d).
 
-        Along a plane the body is stretched and turned as that is, which the image shares; None where gradients keep their volume, since
-        those beyond a clamped plane are then those of their sources.
+        Along a plane the body is stretched and turned as that is, which the image shares; None where its gradient is all its source's.
         """
-        if not self.continues_oddly:
+        if self.share_along == 1:
             return None
-        along = np.array([[axis != plane.axis for axis in range(turns.shape[1])] for plane in self.planes], dtype=float)
-        shifts = np.einsum("mpr,prc,pc,mc->mcr", self.lever, turns, along, self.reflection)
-        return np.ascontiguousarray(shifts.reshape(len(self), -1))
+        shifts = np.zeros((len(self), turns.shape[1], turns.shape[1]))
+        # In their order: images of images have what those had that they mirror.
+        for number, plane in enumerate(self.planes):
+            images = (self.image >> number) & 1 == 1
+            of_rows, of_columns, of_plane = _continuation(plane, self.share_along)
+            along = np.arange(len(of_rows)) != plane.axis
+            shifts[images] = of_rows[:, None] * shifts[images] * of_columns + of_plane[:, None] * turns[number] * along
+        return shifts.transpose(0, 2, 1).reshape(len(self), -1)
 
     def levers_on_planes(self, positions: np.ndarray, gradients: np.ndarray, forces: np.ndarray, moments: np.ndarray) -> np.ndarray:
         """Of every plane the sum of f (x) y over the places y at which it exerts forces f on the body, by virtual work.
@@ -215,10 +224,12 @@ class Ghosts:
             flip = np.where(np.arange(dimension) == plane.axis, -1.0, 1.0)
             places = (positions[above] + positions[n + own]) / 2
             levers[number] -= np.einsum("gr,gc->rc", (1 - parity) * forces[own], places)
-            kept = not self.continues_oddly and (parity < 0).all()
-            of_gradients, of_directions = (np.ones(dimension), np.ones(dimension)) if kept else (parity, flip)
-            turned = (gradients[above] + gradients[n + own]) / 2
-            levers[number] += np.einsum("r,gra,a,gca->rc", 1 - of_gradients, moments[own], (1 + flip) / 2, turned)
+            of_gradients, of_directions, of_plane = _continuation(plane, self.share_along)
+            if self.share_along is not None and (parity < 0).all():
+                of_plane, turned = np.ones(dimension), gradients[n + own] - self.share_along * gradients[above]
+            else:
+                turned = (gradients[above] + gradients[n + own]) / 2
+            levers[number] += np.einsum("r,gra,a,gca->rc", of_plane, moments[own], (1 + flip) / 2, turned)
             again = above >= n
             np.add.at(forces, above[again] - n, parity * forces[own[again]])
             np.add.at(moments, above[again] - n, of_gradients[:, None] * moments[own[again]] * of_directions)
@@ -241,15 +252,15 @@ class Ghosts:
 
         On a body that is symmetric about the plane this equals (20) over the ghost's own horizon, at none of its cost.
         """
-        kernels.fill_matrices(gradients, self.source, self.parity, self.reflection, 1.0)
+        kernels.fill_matrices(gradients, self.source, self.gradient_parity, self.gradient_reflection, 1.0)
 
     def fill_changes(self, changes: np.ndarray) -> None:
         """Changes of the deformation gradients, P dF_source S."""
-        kernels.fill_matrices(changes, self.source, self.parity, self.reflection, 0.0)
+        kernels.fill_matrices(changes, self.source, self.gradient_parity, self.gradient_reflection, 0.0)
 
     def fold_moments(self, moments: np.ndarray) -> None:
         """Hand derivatives by the ghosts' gradients to their sources and clear them, the transpose of `fill_changes`."""
-        kernels.fold_matrices(moments, self.source, self.parity, self.reflection)
+        kernels.fold_matrices(moments, self.source, self.gradient_parity, self.gradient_reflection)
 
     def fill_shapes(self, shapes: np.ndarray) -> None:
         """Shape tensors or their inverses, S K_source S."""
@@ -259,3 +270,11 @@ class Ghosts:
         """Values without a direction."""
         if len(self):
             values[-len(self) :] = values[self.source]
+
+
+def _continuation(plane: ReflectionPlane, share: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gradients beyond a plane: parity and reflection of their sources', and weight of the plane's own by rows, see `share_along`."""
+    across, parity = np.arange(len(plane.parity)) == plane.axis, np.array(plane.parity, dtype=float)
+    if share is None or (parity > 0).any():
+        return parity, np.where(across, -1.0, 1.0), 1 - parity
+    return np.ones_like(parity), np.where(across, 1.0, share), np.full_like(parity, 1 - share)

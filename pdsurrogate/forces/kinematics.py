@@ -24,6 +24,14 @@ from .surrogate_thickness import SurrogateThickness
 if TYPE_CHECKING:
     from .interfaces import Interfaces
 
+SHARE_ALONG_CLAMPS = {"strain": 1.0, "space": 0.0}
+"""Of the gradient along a clamped plane, what images beyond it have from their sources where volumes are held; the rest is the plane's.
+
+Measured against finite elements.  The bonded cube of 24 points a side (K = 100 mu): stretched to 1.5 the force is 0.02 % off and the side
+0.07 % with none, 0.20 % and 0.28 % with all; compressed to 0.9 the force is 0.13 % and 1.07 %.  In plane strain the wide block of
+`plane-strain-block` at -5 % (32 points) is 1.5 % too stiff with none and 0.4 % with all, and at +30 % they are as good.
+"""
+
 
 class Kinematics:
     """Positions, deformation gradients and node states of a body, updated in place.
@@ -88,7 +96,7 @@ class Kinematics:
         self._gradient_shifts: np.ndarray | None = None
         self._shifts = body.ghosts.shifts(body.points, self._plane_displacements)
         self.gradients = aligned_rows((total, dimension * dimension))
-        self.gradient_ghosts = body.ghosts if plane == "stress" else body.ghosts.keeping_volume()
+        self.gradient_ghosts = body.ghosts if plane == "stress" else body.ghosts.held_by_clamps(SHARE_ALONG_CLAMPS[plane])
         ghosts = body.ghosts
         images = ghosts.source, ghosts.parity, self._shifts
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, self.positions, chunks=self.chunks)
