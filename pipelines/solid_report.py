@@ -184,7 +184,7 @@ def inflation(level: int) -> Case:
         return pd.simulate(pd.load_scene("inflation", {"spacing": 2 / (2 * points + 1), "solver.tolerance": 1e-5}))
 
     def measure(result: pd.Result, points: int) -> list[float | None]:
-        places, volumes, moved = result.body.points, result.body.volumes, result.states[level + 1][1]["displacement"]
+        places, volumes, moved = result.body.points, result.body.volumes, result.states[level][1]["displacement"]
         radius = np.linalg.norm(places, axis=1)
         expected = sphere(0.25 * (level + 1), 100.0)(radius)
         outward = places / radius[:, None]
