@@ -6,9 +6,11 @@ import pytest
 import pdsurrogate as pd
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.run import transient
+from pdsurrogate.run.fracture import critical_stretch_in
 from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes import Scene, SceneError, load_scene
+from pdsurrogate.scenes.model import TIP_DIAMETERS_IN_SPACE
 
 STRIP = {
     "name": "strip",
@@ -79,11 +81,14 @@ def test_a_crack_in_space_resumes_to_the_same_bits(torn, tmp_path, monkeypatch):
     np.testing.assert_array_equal(resumed.displacement(), torn.displacement())
 
 
-def test_a_fracture_energy_in_space_needs_the_default_horizon():
-    energy = {**STRIP, "fracture": {"energy": 2.0}}
-    assert Scene.model_validate(energy).horizon_ratio == 1.75
-    with pytest.raises(ValueError, match=r"fracture.energy gives a critical stretch in space with horizon_ratio=1.75 alone.*not with 2.2"):
-        Scene.model_validate({**energy, "horizon_ratio": 2.2})
+def test_a_fracture_energy_in_space_needs_a_horizon_at_which_the_tip_was_measured():
+    law = Scene.model_validate(STRIP).material.build()
+    for ratio, diameter in TIP_DIAMETERS_IN_SPACE.items():
+        scene = Scene.model_validate({**STRIP, "fracture": {"energy": 2.0}, "horizon_ratio": ratio})
+        found = critical_stretch_in(scene, law, 0.5)
+        assert homogeneous.uniaxial(law, found).energy_density * diameter * 0.5 == pytest.approx(2.0, rel=1e-9)
+    with pytest.raises(ValueError, match=r"fracture.energy gives a critical stretch in space with horizon_ratio=1.75 or 2.2.*not with 3"):
+        Scene.model_validate({**STRIP, "fracture": {"energy": 2.0}, "horizon_ratio": 3.0})
 
 
 def test_cuts_of_scenes_in_space():
@@ -114,6 +119,7 @@ def test_a_small_trouser_tear():
         "body.size": [18.0, 8.0, 2.0],
         "precuts": [{"corner": [-1.0, 4.0, -1.0], "sides": [[9.0, 0.0, 0.0], [0.0, 0.0, 4.0]]}],
         "regions": legs,
+        "horizon_ratio": 1.75,
         "fracture.energy": 1.0,
         "steps": [{"to": 3.0}, {"to": 17.0, "outputs": 14, "dynamics": dynamics}],
     }

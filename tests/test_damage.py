@@ -11,7 +11,7 @@ from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import Body, grid
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import Gent, NeoHookean, homogeneous
-from pdsurrogate.run.fracture import TIP_DIAMETERS, Damage, critical_stretch_of, greatest_bond_stretch, tearing_energy
+from pdsurrogate.run.fracture import TIP_DIAMETER, Damage, critical_stretch_of, greatest_bond_stretch, tearing_energy
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes import Precut, load_scene
 
@@ -130,17 +130,17 @@ def test_damage_is_the_share_of_weight_that_is_lost():
 def test_critical_stretch_from_a_fracture_energy():
     """Energy density at the critical stretch times the tip's diameter is the fracture energy: half the horizon, twice the density."""
     densities = [homogeneous.uniaxial(LAW, critical_stretch_of(LAW, 2.0, horizon)).energy_density for horizon in (0.3, 0.15)]
-    assert densities[0] * TIP_DIAMETERS["stress"] * 0.3 == pytest.approx(2.0, rel=1e-9)
+    assert densities[0] * TIP_DIAMETER * 0.3 == pytest.approx(2.0, rel=1e-9)
     assert densities[1] == pytest.approx(2 * densities[0], rel=1e-9)
     with pytest.raises(ValueError, match="gent reaches its limit"):
         critical_stretch_of(Gent(chain_limit=5.0), 1e6, 0.1)
 
 
-def test_a_tip_in_space_has_a_diameter_of_its_own():
-    stretch = critical_stretch_of(LAW, 2.0, 0.3, "space")
-    assert homogeneous.uniaxial(LAW, stretch).energy_density * TIP_DIAMETERS["space"] * 0.3 == pytest.approx(2.0, rel=1e-9)
-    with pytest.raises(ValueError, match=r"the plane must be stress or space, .* not 'strain'"):
-        critical_stretch_of(LAW, 2.0, 0.3, "strain")
+def test_a_critical_stretch_takes_the_diameter_of_the_tip():
+    stretch = critical_stretch_of(LAW, 2.0, 0.3, 0.83)
+    assert homogeneous.uniaxial(LAW, stretch).energy_density * 0.83 * 0.3 == pytest.approx(2.0, rel=1e-9)
+    with pytest.raises(ValueError, match="the diameter of the tip must be positive and finite, not 0"):
+        critical_stretch_of(LAW, 2.0, 0.3, 0.0)
 
 
 def test_energy_of_a_trouser_tear():

@@ -13,6 +13,8 @@ from ..kernels.damage import find_overstretched
 from ..kernels.threads import chunks_of
 from ..materials import Law, homogeneous
 from ..materials.law import check_number, checked_law
+from ..scenes import Scene
+from ..scenes.model import TIP_DIAMETERS_IN_SPACE
 
 
 class Damage:
@@ -101,18 +103,17 @@ def _cut_weights(body: Body) -> np.ndarray:
     return total[:n]
 
 
-TIP_DIAMETERS = {"stress": 1.15, "space": 1.2}
-"""Effective diameter of a crack tip in horizons, by the plane: energy release rate at which a crack runs, over the uniaxial energy density
-at the critical stretch.  Of sheets it was measured in the tear scene at spacings of 0.02 to 0.05 cm, between 1.11 and 1.22
-(`pipelines/reproduce_paper.py`); in space in the scene trousers, at the default horizon of 1.75 spacings
-(`pipelines/cracks_in_space.py`)."""
+TIP_DIAMETER = 1.15
+"""Effective diameter of a crack tip in horizons, of sheets: energy release rate at which a crack runs, over the uniaxial energy density
+at the critical stretch.  Measured in the tear scene at spacings of 0.02 to 0.05 cm, between 1.11 and 1.22
+(`pipelines/reproduce_paper.py`).  Of bodies in space see `pdsurrogate.scenes.model.TIP_DIAMETERS_IN_SPACE`."""
 
 
-def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, plane: str = "stress") -> float:
+def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_diameter: float = TIP_DIAMETER) -> float:
     """Critical bond stretch at which a crack runs once its energy release rate reaches the fracture energy.
 
     At a blunted tip rubber fails in uniaxial tension, and the fracture energy is the energy density at failure times an effective diameter
-    of the tip (Thomas 1955).  Here the horizon sets that diameter, d = `TIP_DIAMETERS` delta:
+    of the tip (Thomas 1955).  Here the horizon sets that diameter, d = `tip_diameter` delta:
 
         G = psi_uniaxial(lambda_c) d,
 
@@ -124,8 +125,8 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, plane:
     fracture_energy : float
         Energy per unit area of crack in the undeformed state, in units of stress times length.
     horizon : float
-    plane : {"stress", "space"}
-        Of a sheet, or of a body in space with a horizon of 1.75 spacings.
+    tip_diameter : float
+        In horizons; by default that of sheets.  In space it is 1.2 with a horizon of 1.75 spacings, and 0.83 with one of 2.2.
 
     Returns
     -------
@@ -134,25 +135,32 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, plane:
     Raises
     ------
     ValueError
-        If the plane is another, the energy or the horizon is not positive, or no stretch up to the law's limit holds as much.
+        If the energy, the horizon or the diameter is not positive, or no stretch up to the law's limit holds as much.
 
     References
     ----------
     Thomas, J. Polym. Sci. 18 (1955) 177-188.
     """
     checked_law(law)
-    if plane not in TIP_DIAMETERS:
-        raise ValueError(f"the plane must be {' or '.join(TIP_DIAMETERS)}, where the diameter of a tip has been measured, not {plane!r}")
-    for name, value in (("fracture energy", fracture_energy), ("horizon", horizon)):
+    for name, value in (("fracture energy", fracture_energy), ("horizon", horizon), ("diameter of the tip", tip_diameter)):
         check_number(value, f"the {name}")
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"the {name} must be positive and finite, not {value}")
-    wanted = fracture_energy / (TIP_DIAMETERS[plane] * horizon)
+    wanted = fracture_energy / (tip_diameter * horizon)
 
     def excess(stretch: float) -> float:
         return homogeneous.uniaxial(law, stretch).energy_density - wanted
 
     return float(brentq(excess, 1.0, _first_above(excess, law, "that fracture energy"), xtol=1e-12))
+
+
+def critical_stretch_in(scene: Scene, law: Law, horizon: float) -> float:
+    """Where the bonds of a scene break: the stretch that it gives, or that of its fracture energy."""
+    spec = scene.fracture
+    if spec.critical_stretch is not None:
+        return spec.critical_stretch
+    diameter = TIP_DIAMETERS_IN_SPACE[scene.horizon_ratio] if scene.dimension == 3 else TIP_DIAMETER
+    return critical_stretch_of(law, spec.energy, horizon, diameter)
 
 
 def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:

@@ -175,10 +175,9 @@ def _go(run: Run, resume: bool) -> None:
     """Go through the stages of the programme that are left."""
     if run.scene.fracture is not None:
         # Imported here: a scene without damage compiles none.
-        from .fracture import Damage, critical_stretch_of
+        from .fracture import Damage, critical_stretch_in
 
-        spec = run.scene.fracture
-        run.critical_stretch = spec.critical_stretch or critical_stretch_of(run.law, spec.energy, run.body.horizon, run.scene.plane)
+        run.critical_stretch = critical_stretch_in(run.scene, run.law, run.body.horizon)
         run.damage = Damage(run.body, run.critical_stretch)
     solver, transient = solver_of(run), None
     if resume:

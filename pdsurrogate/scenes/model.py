@@ -34,6 +34,9 @@ EDGES = {name: (number // 2, 2 * (number % 2) - 1) for number, name in enumerate
 HORIZON_RATIOS = {2: 3.15, 3: 1.75}
 """Horizons over the side of a cell where none is asked for, by dimension.  In space short ones are more accurate and cheaper: 26 bonds."""
 
+TIP_DIAMETERS_IN_SPACE = {1.75: 1.2, 2.2: 0.83}
+"""Effective diameter of a crack tip in horizons, by the horizon in spacings, where it was measured: in trouser tears at two spacings each,
+1.29 and 1.13 at 1.75, 0.82 and 0.84 at 2.2 (`docs/validation/cracks-in-space.md`).  See `pdsurrogate.critical_stretch_of`."""
 
 MOST_INCREMENTS = 100_000
 """Of a step; more take days on the smallest body."""
@@ -386,12 +389,12 @@ class Scene(StrictModel):
             raise ValueError(
                 "fracture.energy gives a critical stretch under plane stress and in space alone; give fracture.critical_stretch"
             )
-        usual = HORIZON_RATIOS[3]
-        if self.fracture is not None and self.fracture.energy is not None and self.dimension == 3 and self.horizon_ratio != usual:
-            # The diameter of a tip is no fixed number of short horizons: in a tear at 2.2 it is a quarter less.
+        with_energy = self.fracture is not None and self.fracture.energy is not None
+        if with_energy and self.dimension == 3 and self.horizon_ratio not in TIP_DIAMETERS_IN_SPACE:
+            known = " or ".join(f"{ratio:g}" for ratio in TIP_DIAMETERS_IN_SPACE)
             raise ValueError(
-                f"fracture.energy gives a critical stretch in space with horizon_ratio={usual:g} alone, where the diameter of a tip was "
-                f"measured, not with {self.horizon_ratio:g}; give fracture.critical_stretch"
+                f"fracture.energy gives a critical stretch in space with horizon_ratio={known}, where the diameter of a tip was measured, "
+                f"not with {self.horizon_ratio:g}; give fracture.critical_stretch"
             )
         if not self.stretched:
             return self
