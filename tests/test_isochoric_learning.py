@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pd
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.cli import app
-from pdsurrogate.forces import Domain, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning
+from pdsurrogate.forces import Domain, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning, Portion, bind_portions
 from pdsurrogate.kernels.block_arrays import BLOCK
 from pdsurrogate.kernels.isochoric_energy import distance_coefficients
 from pdsurrogate.learning import energy as learning
@@ -293,3 +293,23 @@ def test_energy_stays_in_undamped_motion(ogden, plane):
         totals.append(force.energy() + (mass * velocity**2).sum() / 2)
     assert np.abs(np.array(totals) - start).max() < 1e-4 * start
     assert (mass * velocity**2).sum() / 2 > 0.01 * start
+
+
+def test_bodies_of_two_materials(ogden):
+    """Learnt on one side and exact on the other, or learnt on both; pairs outside are counted by material."""
+    body, soft, stiff = block("space"), pd.Ogden(), pd.NeoHookean(3.0, 300.0)
+    left = body.points[:, 0] < 0.5
+    neo_hookean, exact = load_surrogate(SHIPPED / "neo-hookean-isochoric"), pd.BondEnergyForce()
+
+    def forces(*models):
+        portions = [
+            Portion(law, model, np.flatnonzero(side)) for law, model, side in zip((soft, stiff), models, (left, ~left), strict=True)
+        ]
+        force = bind_portions(body, portions, ForceSettings(plane="space"))
+        return evaluated(force, wavy(body.points, 1.3)), force.pairs_outside
+
+    expected, _ = forces(exact, exact)
+    for models in ((ogden, exact), (ogden, neo_hookean)):
+        found, outside = forces(*models)
+        assert 0 < np.abs(found - expected).max() < 1e-3 * np.abs(expected).max()
+        assert outside == 0
