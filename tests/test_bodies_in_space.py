@@ -45,8 +45,8 @@ def test_a_box_is_filled_with_cells_and_continued_beyond_its_grips():
         ({"body": {"shape": "circle", "radius": 1.0}, "plane": "space"}, "plane: a circle lies in the plane and takes plane=stress or"),
         ({"holes": [{"shape": "circle", "radius": 0.1}]}, "holes.0: a circle belongs to the plane, and the body, a box, to space"),
         ({"precuts": [{"start": [0, 0], "end": [1, 0]}]}, "precuts.0: this cut belongs to the plane, and the body, a box, to space"),
-        ({"body": {"shape": "cube", "size": [1, 1, 1]}}, "body: unknown shape 'cube'; did you mean tube?"),
-        ({"body": {"shape": "box", "size": [1, 1]}}, "body.size.2: Field required"),
+        ({"body": {"shape": "cube", "size": [1, 1, 1]}}, "body: unknown shape 'cube'; there are rectangle, circle"),
+        ({"body": {"shape": "box", "size": [1, 1]}}, "body.size: needs 3 entries, not 2; it belongs to space"),
         ({"body": {"shape": "box", "size": [1, 1, -1]}}, "body.size.2: Input should be greater than 0"),
         ({"body": {"shape": "cylinder", "radius": 1, "length": 1, "axis": "z"}}, "body.axis: Input should be 'x1', 'x2' or 'x3'"),
         (

@@ -45,7 +45,10 @@ def run(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene, or the path of a scene file (.toml).")],
     force: Annotated[
         str | None,
-        typer.Option(metavar="REF", help="analytic, nosb, ba-nosb, or an artefact (NAME, NAME@VERSION, path); by default the law's own."),
+        typer.Option(
+            metavar="REF",
+            help="analytic, bond-energy, nosb, ba-nosb, or an artefact (NAME, NAME@VERSION, path); by default what suits the scene.",
+        ),
     ] = None,
     change: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a parameter of the scene; may be repeated.")
@@ -104,12 +107,13 @@ def run(
             out.print(f"Results in {folder}", soft_wrap=True)
     if any(level.get("stability") == "not checked" for level in result.levels):
         pushed = "The grips push" if described.stretched else "Parts of the body are compressed"
-        what = f"{escape(model.name)} with these loads" if described.loads else escape(model.name)
-        err.print(
-            f"[yellow]{pushed}, and {what} has no energy: whether the body would buckle is not checked; "
-            "it is with a force that has one, as bond-energy does.[/]",
-            soft_wrap=True,
-        )
+        if model.family == "bond energy":
+            why = "these loads have no potential, as a pressure on a part of a surface that ends within the body's boundary has none"
+            instead = ""
+        else:
+            why = f"{escape(model.name)} has no energy"
+            instead = "; it is with a force that has one, as bond-energy does"
+        err.print(f"[yellow]{pushed}, and {why}: whether the body would buckle is not checked{instead}.[/]", soft_wrap=True)
     outside = result.summary["fraction_outside_domain"]
     if outside:
         what = (

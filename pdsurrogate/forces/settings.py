@@ -24,7 +24,7 @@ WHERE = {"stress": "", "strain": " in plane strain", "space": " in space"}
 OTHERS = {
     "stress": "force=analytic and force=bond-energy take every law under plane stress",
     "strain": "force=analytic and force=bond-energy take both",
-    "space": "force=bond-energy and force=nosb take bodies in space",
+    "space": "force=bond-energy, force=nosb and artefacts of isochoric energies take bodies in space",
 }
 """In words: what a plane is called, and which models take it where another does not."""
 

@@ -15,10 +15,15 @@ class SceneError(ValueError):
     """A scene that cannot be run as described; the message names the key."""
 
 
+CLOSE = 0.78
+"""How alike two words are, from 0 to 1, of which one may be the other with an error in it: elipse and ellipse are (0.92), cube and tube
+are not (0.75)."""
+
+
 def suggestion(word: str, known: Iterable[str], otherwise: str = "there are") -> str:
     """What was meant by a word that is none of those known: the nearest of them, or all."""
     known = list(known)
-    nearest = difflib.get_close_matches(word, known, 1)
+    nearest = difflib.get_close_matches(word, known, 1, CLOSE)
     return f"did you mean {nearest[0]}?" if nearest else f"{otherwise} {', '.join(known)}"
 
 
@@ -46,6 +51,12 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> str
         loc, kind, given = problem["loc"], problem["type"], problem.get("input")
         if kind in ("too_short", "too_long") and any(other["loc"] != loc == other["loc"][: len(loc)] for other in problems):
             continue  # Pydantic counts the entries that are left when the wrong ones are taken out.
+        if kind == "missing" and isinstance(loc[-1], int):
+            if any(other["type"] == "missing" and other["loc"][:-1] == loc[:-1] and other["loc"] > loc for other in problems):
+                continue  # The last one missing tells how many there should be.
+            message = f"needs {loc[-1] + 1} entries, not {len(given)}; it belongs to space, and two components to what is in the plane"
+            lines.append(f"{_place_of(model, loc[:-1])[0]}: {message}")
+            continue
         key, keys = _place_of(model, loc)
         message = PLAIN.get(kind, problem["msg"].removeprefix("Value error, "))
         if kind == "extra_forbidden":
@@ -54,6 +65,8 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> str
         elif kind in ("too_short", "too_long"):
             bound = f"at least {problem['ctx']['min_length']}" if kind == "too_short" else f"at most {problem['ctx']['max_length']}"
             message = f"needs {bound} entries, not {problem['ctx']['actual_length']}"
+            if (problem["ctx"].get("max_length"), problem["ctx"]["actual_length"]) == (2, 3):
+                message += "; it belongs to the plane, and three components to what is in space"
         elif kind == "union_tag_invalid":
             shapes = problem["ctx"]["expected_tags"].replace("'", "").split(", ")
             message = f"unknown shape {problem['ctx']['tag']!r}; {suggestion(problem['ctx']['tag'], shapes)}"
