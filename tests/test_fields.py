@@ -152,7 +152,7 @@ def test_a_cut_through_the_middle_is_a_section_of_the_body():
 
 
 def test_a_scene_in_space_has_files_pictures_and_tables(tmp_path):
-    """Mesh of tetrahedra, general way, NOSB, whose kernels are small: outputs, probes and a picture."""
+    """Mesh of tetrahedra, general way: outputs, probes and a picture."""
     cells = cube(3).cells
     split = ((0, 1, 3, 4), (1, 2, 3, 6), (1, 4, 5, 6), (3, 4, 6, 7), (1, 3, 4, 6))
     blocks = [("tetra", np.concatenate([cells.blocks[0][:, list(corners)] for corners in split]))]
@@ -181,7 +181,7 @@ def test_a_scene_in_space_has_files_pictures_and_tables(tmp_path):
         to = 1.0
         """
     )
-    ended = CliRunner().invoke(app, ["run", str(tmp_path / "pulled.toml"), "--force", "nosb", "--out", str(tmp_path / "out")])
+    ended = CliRunner().invoke(app, ["run", str(tmp_path / "pulled.toml"), "--out", str(tmp_path / "out")])
     assert ended.exit_code == 0, ended.output
     assert "middle x3" in ended.output
     header = (tmp_path / "out" / "history.csv").read_text().splitlines()[0]

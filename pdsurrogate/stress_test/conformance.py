@@ -677,6 +677,9 @@ TABLE = (
     Row("neo-hookean-isochoric", plane="strain"),
     Row("bond-energy", plane="space"),
     Row("neo-hookean-isochoric", plane="space"),
+    Row("arruda-boyce-isochoric", plane="space"),
+    Row("ogden-isochoric", plane="space"),
+    Row("full-network-isochoric", plane="space"),
     Row("nosb", plane="space"),
 )
 """Every force model that is shipped, and what it states that it does not do."""
