@@ -61,7 +61,11 @@ def test_command(tmp_path, monkeypatch):
     assert "force at rest" in done.output
     written = json.loads((tmp_path / "stress-test.json").read_text())
     assert [model["force"] for model in written["models"]] == ["analytic", "neo-hookean-paper"]
-    for arguments, message in ((["--force", "wizardry"], "unknown force"), (["--out", "/dev/null/x"], "Not a directory")):
+    for arguments, message in (
+        (["--force", "wizardry"], "unknown force"),
+        (["--out", "/dev/null/x"], "Not a directory"),
+        (["--force", "ogden-isochoric"], "sheets"),
+    ):
         refused = CliRunner().invoke(app, ["stress-test", *arguments])
         assert refused.exit_code == 2
         assert message in refused.stderr

@@ -10,8 +10,8 @@ import numba
 from threadpoolctl import threadpool_limits
 
 from .. import __version__
-from ..artifacts import list_artifacts
-from ..forces import FORCES
+from ..artifacts import ArtifactError, list_artifacts, load_surrogate
+from ..forces import FORCES, ForceModel
 from . import conformance, deformations, discretisations, dynamics, tangents
 from .case import INAPPLICABLE, PASS, STOPS, WEAK, WEAKNESSES, Case, Subject
 
@@ -20,8 +20,14 @@ CASES: tuple[Case, ...] = (*tangents.CASES, *conformance.PROPERTIES, *deformatio
 
 
 def all_models() -> list[str]:
-    """References of every force model: those that need no artefact, and the highest version of each artefact that is found."""
-    return [*FORCES, *dict.fromkeys(folder.parent.name for folder in list_artifacts())]
+    """References of every force model of sheets: those that need no artefact, and the highest version of each artefact that is found."""
+    found = dict.fromkeys(folder.parent.name for folder in list_artifacts())
+    return [*FORCES, *(name for name in found if _takes_sheets(load_surrogate(name)))]
+
+
+def _takes_sheets(model: ForceModel) -> bool:
+    """Whether the cases can be put to a model: they are sheets under plane stress."""
+    return "stress" in model.honours["plane"]
 
 
 def stress_test(references: Iterable[str] | None = None, quick: bool = False, progress: Callable[[str], None] = lambda text: None) -> dict:
@@ -45,12 +51,15 @@ def stress_test(references: Iterable[str] | None = None, quick: bool = False, pr
     Raises
     ------
     ArtifactError
-        If a force model is unknown or damaged; before any case is run.
+        If a force model is unknown or damaged, or does not take sheets; before any case is run.
     """
     subjects = [Subject(reference, quick) for reference in (references or all_models())]
     for subject in subjects:
         progress(f"reading {subject.reference}")
-        _ = subject.model, subject.law
+        _ = subject.law
+        if not _takes_sheets(subject.model):
+            planes = " and ".join(subject.model.honours["plane"])
+            raise ArtifactError(f"{subject.model.name} takes plane={planes}: the hard cases are sheets under plane stress")
     models = []
     # BLAS threads would spin on the cores that the kernels want.
     with threadpool_limits(1, user_api="blas"):
