@@ -101,11 +101,9 @@ class Box(Prism):
         return Rectangle(size=self.size[:2], lower=self.lower[:2])
 
 
-class Cylinder(Prism):
-    """A round cylinder; `base` is the centre of its lower end."""
+class Round(Prism):
+    """A round body along an axis; `base` is the centre of its lower end."""
 
-    shape: Literal["cylinder"] = "cylinder"
-    radius: Positive
     length: Positive
     axis: Literal["x1", "x2", "x3"] = "x3"
     base: SpacePoint = (0.0, 0.0, 0.0)
@@ -119,20 +117,27 @@ class Cylinder(Prism):
         low = self.base[self.along]
         return low, low + self.length
 
+    def _circle(self, radius: float) -> Circle:
+        return Circle(radius=radius, centre=tuple(self.base[axis] for axis in self.across))
+
+
+class Cylinder(Round):
+    """A round cylinder; `base` is the centre of its lower end."""
+
+    shape: Literal["cylinder"] = "cylinder"
+    radius: Positive
+
     @property
     def section(self) -> Outline:
-        return Circle(radius=self.radius, centre=tuple(self.base[axis] for axis in self.across))
+        return self._circle(self.radius)
 
 
-class Tube(Prism):
+class Tube(Round):
     """A round tube; `base` is the centre of its lower end."""
 
     shape: Literal["tube"] = "tube"
     inner_radius: Positive
     outer_radius: Positive
-    length: Positive
-    axis: Literal["x1", "x2", "x3"] = "x3"
-    base: SpacePoint = (0.0, 0.0, 0.0)
 
     @model_validator(mode="after")
     def _has_a_wall(self) -> Tube:
@@ -141,24 +146,12 @@ class Tube(Prism):
         return self
 
     @property
-    def along(self) -> int:
-        return AXES[self.axis]
-
-    @property
-    def span(self) -> tuple[float, float]:
-        low = self.base[self.along]
-        return low, low + self.length
-
-    @property
     def section(self) -> Outline:
         return self._circle(self.outer_radius)
 
     @property
     def bores(self) -> tuple[Outline, ...]:
         return (self._circle(self.inner_radius),)
-
-    def _circle(self, radius: float) -> Circle:
-        return Circle(radius=radius, centre=tuple(self.base[axis] for axis in self.across))
 
 
 class Extrusion(Prism):
