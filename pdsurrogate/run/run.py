@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
@@ -15,6 +13,7 @@ import numpy as np
 from ..body import Body
 from ..discretisation import discretise, grip_areas, surface_of
 from ..forces import ForceModel, ForceSettings, InternalForce, bind_portions
+from ..forces.identity import identity_of
 from ..kernels.threads import threads_for
 from ..materials import Law
 from ..results import measures
@@ -265,8 +264,8 @@ class Run:
         """What a checkpoint of this run must have in common with it."""
         return {
             "scene": self.scene.model_dump(mode="json"),
-            "force": _name_and_digest(self.model),
-            **({"forces_of_materials": [_name_and_digest(model) for model in self.models[1:]]} if self.scene.materials else {}),
+            "force": identity_of(self.model),
+            **({"forces_of_materials": [identity_of(model) for model in self.models[1:]]} if self.scene.materials else {}),
             "n_points": len(self.body),
             "n_pairs": len(self.body.bonds.first),
         }
@@ -316,23 +315,3 @@ class Run:
                 self.force.break_bonds(pairs)
         self.force.evaluations, self.force.pairs_outside = progress["evaluations"], progress["outside"]
         return found
-
-
-def _name_and_digest(model: ForceModel) -> list[str]:
-    """What tells a force model from others."""
-    return [model.name, _digest(model.payload())]
-
-
-def _digest(payload) -> str:
-    """Digest of the numbers of a learnt model."""
-
-    def plain(value):
-        if isinstance(value, np.ndarray):
-            return [value.shape, hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()]
-        if isinstance(value, dict):
-            return {str(key): plain(item) for key, item in value.items()}
-        if isinstance(value, list | tuple):
-            return [plain(item) for item in value]
-        return value if isinstance(value, str | int | float | bool | None) else str(value)
-
-    return hashlib.sha256(json.dumps(plain(payload), sort_keys=True).encode()).hexdigest()
