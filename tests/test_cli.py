@@ -73,9 +73,9 @@ def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
         (["fit", "x", "--data", "none.csv", "--features", "symmetric"], "polynomials in two features (isochoric)"),
         (["fit", "x", "--units", "4", "--activation", "sine"], "no activation 'sine'; there are algebraic"),
         (["fit", "x", "--units", "0"], "every hidden layer needs at least one unit"),
-        (["fit", "x", "--units", "4", "--degree", "3"], "--degree is of a polynomial, --units of a network"),
-        (["fit", "x", "--activation", "tanh"], "give its --units"),
-        (["fit", "x", "--folds", "1"], "--folds must be 0, or from 2 to the number of samples"),
+        (["fit", "x", "--units", "4", "--degree", "3"], "degree is of a polynomial, units of a network"),
+        (["fit", "x", "--activation", "tanh"], "give its units"),
+        (["fit", "x", "--folds", "1"], "folds must be 0, or from 2 to the number of samples"),
         (["fit", "x", "--set", "law=ogden"], "not by --set law=ogden"),
         (["fit", "x", "--data", "none.csv", "--version", "1/2"], "version '1/2' is not allowed"),
         (["evaluate", "analytic", "--law", "granite"], "pdsurrogate: unknown law 'granite'; there are arruda-boyce, full-network, gent"),
@@ -269,7 +269,7 @@ def test_bad_identifications_exit_with_2(tmp_path):
         (["identify", "treloar", "--up-to", "0.5"], "no row"),
         (["identify", "kawabata", "--law", "gent", "--hold-out"], "nothing held out"),
         (["fit", "x", "--data", "treloar", "--law", "gent", "--set", "chain_limit=3"], "choose one"),
-        (["fit", "x", "--degree", "high"], "--degree must be whole numbers"),
+        (["fit", "x", "--degree", "high"], "degree must be whole numbers"),
     ):
         done = invoke(*arguments)
         assert done.exit_code == 2, done.output

@@ -261,7 +261,7 @@ def test_fitted_from_the_command_line(tmp_path):
     assert len(card.training["cross_validation"]) == 2
     outcome = CliRunner().invoke(app, ["fit", "other", "--energy", "--degree", "4", "--out", str(tmp_path)])
     assert outcome.exit_code == 2
-    assert "--degree is of bond forces" in outcome.output
+    assert "degree is of bond forces" in outcome.output
 
 
 @pytest.mark.parametrize("scene", ["plane-strain-block", "bonded-block"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -51,20 +50,14 @@ def fit(
     """Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."""
     from ..artifacts import ArtifactError, load_card, new_artifact
     from ..identification import report
-    from ..learning import cross_validate, cross_validate_energy, energy_design, reachable_stretches, store, store_energy, wide_design
     from ..learning.fitting import TooInexact
-    from ..learning.sampling import checked_range
+    from ..learning.settings import FitSettings
     from ..results.files import check_writable
     from ..scenes import SceneError
 
     with bad_input(SceneError, ArtifactError, ValueError, OSError):
-        samples = samples or (1000 if energy else 8000)
-        if folds == 1 or folds > samples:
-            raise ValueError(f"--folds must be 0, or from 2 to the number of samples, not {folds}")
         new_artifact(folder, name, version)
-        box = checked_range(((0.25 if energy else 0.5) if least is None else least, 4.0 if greatest is None else greatest))
-        make = _energy_pipeline if energy else _pipeline
-        pipeline, what = make(features, degree, units, activation, iterations, seed)
+        settings = FitSettings(energy, features, degree, units, activation, samples, least, greatest, iterations, folds, seed)
         check_writable(folder)
         found = None
         if data is not None:
@@ -80,23 +73,14 @@ def fit(
                 )
         else:
             material = law_of(law, change)
-        reach = reachable_stretches(material, box, isochoric=energy)
-        box = (reach[0] if least is None else least, reach[1] if greatest is None else greatest)
-        if energy:
-            design = energy_design(material, samples, box, random_state=seed, isochoric=True)
-        else:
-            design = wide_design(material, samples, box, random_state=seed)
+        design, (pipeline, _) = settings.design(material), settings.pipeline()
         with err.status("Fitting"):
             pipeline.fit(design.X, design.y)
-        table = []
-        if folds:
-            with err.status(f"Cross-validating, {folds} folds"):
-                table = (cross_validate_energy if energy else cross_validate)(pipeline, design, folds, seed)
-        description = f"{'Isochoric energy' if energy else 'Bond force'} of {law}, {what}"
+        with err.status(f"Cross-validating, {folds} folds"):
+            table = settings.cross_validate(pipeline, design)
         try:
             with writing(folder):
-                keep = store_energy if energy else store
-                path = keep(pipeline, design, material, folder, name, version, description, table, identification=found)
+                path = settings.store(pipeline, design, material, folder, name, version, table, found)
         except TooInexact as error:
             err.print(f"[red]pdsurrogate:[/] {escape(str(error))}", soft_wrap=True)
             raise typer.Exit(1) from None
@@ -105,52 +89,6 @@ def fit(
     for row in card.training["cross_validation"]:
         out.print(f"fold {row['fold']}: relative RMS error {row['rms']:.2e} on samples left out")
     out.print(f"Wrote {path}", soft_wrap=True)
-
-
-def _pipeline(features, degree, units, activation, iterations, seed):
-    """The pipeline that the options of `fit` ask for, and what it is in words."""
-    from ..learning import ChebyshevRegressor, LevenbergMarquardtRegressor, bond_force_pipeline
-    from ..learning.pipeline import parts_of
-
-    if units is None:
-        if activation is not None or iterations is not None:
-            raise ValueError("--activation and --iterations are of a network: give its --units")
-        degrees = _numbers(degree or "12,6", "--degree")
-        regressor = ChebyshevRegressor(degrees if len(degrees) > 1 else degrees[0])
-        chosen, what = features or "isochoric", f"polynomial of degree {degree or '12,6'}"
-    else:
-        if degree is not None:
-            raise ValueError("--degree is of a polynomial, --units of a network: choose one")
-        hidden = _numbers(units, "--units")
-        options = {"max_iter": iterations or 1000, "n_iter_no_change": 100, "random_state": seed}
-        regressor = LevenbergMarquardtRegressor(hidden, activation or "algebraic", **options)
-        chosen, what = features or "symmetric", f"{units} units"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what it warns of is an error here
-        pipeline = bond_force_pipeline(chosen, regressor)
-    parts_of(pipeline)
-    return pipeline, f"{chosen} features, {what}"
-
-
-def _energy_pipeline(features, degree, units, activation, iterations, seed):
-    """As `_pipeline`, of an isochoric energy."""
-    from ..learning import SobolevRegressor, energy_pipeline
-
-    for option, value in (("--features", features), ("--degree", degree)):
-        if value is not None:
-            raise ValueError(f"{option} is of bond forces; of the network of an energy --units are to choose")
-    hidden = _numbers(units or "8", "--units")
-    if len(hidden) != 1:
-        raise ValueError(f"the network of an energy has one layer, not --units {units}")
-    regressor = SobolevRegressor(*hidden, activation or "algebraic", max_iter=iterations or 500, n_init=2, random_state=seed)
-    return energy_pipeline(regressor, isochoric=True), f"{hidden[0]} units"
-
-
-def _numbers(text: str, option: str) -> tuple[int, ...]:
-    try:
-        return tuple(int(number) for number in text.split(","))
-    except ValueError:
-        raise ValueError(f"{option} must be whole numbers with commas between, not {text!r}") from None
 
 
 @app.command()

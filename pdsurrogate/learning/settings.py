@@ -1,0 +1,159 @@
+"""What is fitted to a law, and how: the choices of `pdsurrogate fit`, and of studies that fit."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..materials import Law
+from .chebyshev import ChebyshevRegressor
+from .energy import cross_validate_energy, energy_design, energy_pipeline, store_energy
+from .energy_form import EnergySamples
+from .fitting import cross_validate, store
+from .levenberg_marquardt import LevenbergMarquardtRegressor
+from .pipeline import bond_force_pipeline, parts_of
+from .sampling import BondSamples, checked_range, reachable_stretches, wide_design
+from .sobolev import SobolevRegressor
+from .target import InputAwareTargetRegressor
+
+DEGREES = (12, 6)
+"""Of a polynomial in the two isochoric features, where none are asked for."""
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """Choices for a fit; what is left at None is chosen for what is fitted.
+
+    Parameters
+    ----------
+    energy : bool
+        The isochoric energy of the law instead of its bond force: a network.
+    features : str, optional
+        See `pdsurrogate.bond_force_pipeline`; "isochoric" of a polynomial, "symmetric" of a network.
+    degree, units : int, sequence of int or str, optional
+        Degrees of a polynomial, or hidden units of a network, layer by layer; as text with commas between.
+    activation : str, optional
+        Of a network, by default "algebraic".
+    samples : int, optional
+        8000, of an energy 1000.
+    least, greatest : float, optional
+        Principal stretches trained on: 0.5 (of an energy 0.25) and 4, or as far as the law goes.
+    iterations : int, optional
+        Most iterations of the training of a network: 1000, of an energy 500.
+    folds : int
+        Of the cross-validation; 0 for none.
+    seed : int
+        Of samples, split and first weights.
+
+    Raises
+    ------
+    ValueError
+        If the choices do not go together; names them.
+    """
+
+    energy: bool = False
+    features: str | None = None
+    degree: int | Sequence[int] | str | None = None
+    units: int | Sequence[int] | str | None = None
+    activation: str | None = None
+    samples: int | None = None
+    least: float | None = None
+    greatest: float | None = None
+    iterations: int | None = None
+    folds: int = 5
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.folds < 0 or self.folds == 1 or self.folds > self.n_samples:
+            raise ValueError(f"folds must be 0, or from 2 to the number of samples, not {self.folds}")
+        self.asked_range()
+        self.pipeline()
+
+    @property
+    def n_samples(self) -> int:
+        """Training samples."""
+        return self.samples or (1000 if self.energy else 8000)
+
+    def asked_range(self) -> tuple[float, float]:
+        """Principal stretches to train on, before any law has been asked how far it goes."""
+        least = (0.25 if self.energy else 0.5) if self.least is None else self.least
+        return checked_range((least, 4.0 if self.greatest is None else self.greatest))
+
+    def pipeline(self) -> tuple[InputAwareTargetRegressor, str]:
+        """The pipeline, not fitted, and what it is in words."""
+        return self._energy() if self.energy else self._bond_force()
+
+    def _bond_force(self) -> tuple[InputAwareTargetRegressor, str]:
+        if self.units is None:
+            if self.activation is not None or self.iterations is not None:
+                raise ValueError("activation and iterations are of a network: give its units")
+            degrees = DEGREES if self.degree is None else _numbers(self.degree, "degree")
+            regressor = ChebyshevRegressor(degrees if len(degrees) > 1 else degrees[0])
+            chosen, what = self.features or "isochoric", f"polynomial of degree {_words(degrees)}"
+        else:
+            if self.degree is not None:
+                raise ValueError("degree is of a polynomial, units of a network: choose one")
+            hidden = _numbers(self.units, "units")
+            options = {"max_iter": self.iterations or 1000, "n_iter_no_change": 100, "random_state": self.seed}
+            regressor = LevenbergMarquardtRegressor(hidden, self.activation or "algebraic", **options)
+            chosen, what = self.features or "symmetric", f"{_words(hidden)} units"
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what it warns of is an error here
+            pipeline = bond_force_pipeline(chosen, regressor)
+        parts_of(pipeline)
+        return pipeline, f"{chosen} features, {what}"
+
+    def _energy(self) -> tuple[InputAwareTargetRegressor, str]:
+        for key in ("features", "degree"):
+            if getattr(self, key) is not None:
+                raise ValueError(f"{key} is of bond forces; of the network of an energy units are to choose")
+        hidden = _numbers(8 if self.units is None else self.units, "units")
+        if len(hidden) != 1:
+            raise ValueError(f"the network of an energy has one layer, not units {_words(hidden)}")
+        options = {"max_iter": self.iterations or 500, "n_init": 2, "random_state": self.seed}
+        return energy_pipeline(SobolevRegressor(*hidden, self.activation or "algebraic", **options), isochoric=True), f"{hidden[0]} units"
+
+    def design(self, law: Law) -> BondSamples | EnergySamples:
+        """Training samples of a law, over the stretches asked for, or as far as the law goes."""
+        reach = reachable_stretches(law, self.asked_range(), isochoric=self.energy)
+        box = (reach[0] if self.least is None else self.least, reach[1] if self.greatest is None else self.greatest)
+        if self.energy:
+            return energy_design(law, self.n_samples, box, random_state=self.seed, isochoric=True)
+        return wide_design(law, self.n_samples, box, random_state=self.seed)
+
+    def cross_validate(self, pipeline: InputAwareTargetRegressor, design: BondSamples | EnergySamples) -> list[dict]:
+        """Relative errors of clones on the fold left out, fold by fold; none where no folds are asked for."""
+        if not self.folds:
+            return []
+        return (cross_validate_energy if self.energy else cross_validate)(pipeline, design, self.folds, self.seed)
+
+    def store(
+        self,
+        pipeline: InputAwareTargetRegressor,
+        design: BondSamples | EnergySamples,
+        law: Law,
+        folder: str | Path,
+        name: str,
+        version: str,
+        cross_validation: list[dict],
+        identification: dict | None = None,
+    ) -> Path:
+        """Write the artefact of a fitted pipeline; see `pdsurrogate.store` for the arguments and errors."""
+        description = f"{'Isochoric energy' if self.energy else 'Bond force'} of {law.name}, {self.pipeline()[1]}"
+        keep = store_energy if self.energy else store
+        return keep(pipeline, design, law, folder, name, version, description, cross_validation, identification=identification)
+
+
+def _numbers(value: int | Sequence[int] | str, key: str) -> tuple[int, ...]:
+    if isinstance(value, int):
+        return (value,)
+    try:
+        return tuple(int(number) for number in (value.split(",") if isinstance(value, str) else value))
+    except (TypeError, ValueError):
+        raise ValueError(f"{key} must be whole numbers with commas between, not {value!r}") from None
+
+
+def _words(numbers: Sequence[int]) -> str:
+    return ",".join(map(str, numbers))
