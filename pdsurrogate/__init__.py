@@ -75,6 +75,7 @@ _HOMES = {
     "greatest_bond_stretch": "run.fracture",
     "load_card": "artifacts",
     "load_pipeline": "artifacts",
+    "load_result": "results",
     "load_scene": "scenes",
     "load_surrogate": "artifacts",
     "load_test_data": "identification",

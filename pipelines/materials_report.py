@@ -19,10 +19,10 @@ from pdsurrogate.identification import figure, held_out_modes, report
 from pdsurrogate.learning import domain_of, surrogate_of
 from pdsurrogate.materials import plane_stress
 from pdsurrogate.reports import presentation
-from pdsurrogate.reports.compare import processor
 from pdsurrogate.reports.speed import TimedModel, bench_positions, measure_speed, sheet
 from pdsurrogate.results import figures
 from pdsurrogate.results.files import write_json
+from pdsurrogate.results.provenance import processor
 
 DEGREES = ((1, 0), (4, 2), (5, 2), (6, 3), (7, 3), (8, 3), (9, 3), (10, 3), (12, 6))
 """Of the polynomials that are tried, from cheap to dear."""

@@ -18,7 +18,7 @@ from rich.console import Console
 import pdsurrogate as pd
 from pdsurrogate.artifacts import list_artifacts, load_card, load_surrogate
 from pdsurrogate.kernels.threads import thread_count
-from pdsurrogate.reports.compare import processor
+from pdsurrogate.results.provenance import processor
 
 console = Console()
 

@@ -181,7 +181,7 @@ def test_a_folder_belongs_to_one_scene(tmp_path):
     assert "ns per directed bond" not in done.output
     assert invoke(*other, "--overwrite").exit_code == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        *("checkpoint.npz", "gent-000.vtu", "gent.png", "gent.pvd", "history.csv", "summary.json"),
+        *("checkpoint.npz", "convergence.csv", "gent-000.vtu", "gent.png", "gent.pvd", "history.csv", "summary.json"),
     ]
 
 

@@ -145,7 +145,7 @@ def test_every_solver_finds_the_exact_stress(force, method):
         assert abs(level["nominal_stress_error"]) < 1e-3
         assert abs(level["lateral_displacement_error"]) < 1e-3
         assert level["energy"] > 0
-    assert all("energy" in row for row in result.history)
+    assert all("energy" in row for row in result.convergence)
 
 
 def test_energy_of_a_level_is_the_work_done():

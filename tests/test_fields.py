@@ -62,7 +62,8 @@ def test_fields_of_a_homogeneous_state(name, plane):
     } | ({} if plane == "space" else {"C33": full[2, 2] ** 2})
     for key, value in expected.items():
         np.testing.assert_allclose(fields[key], np.broadcast_to(value, fields[key].shape), atol=2e-9, err_msg=key)
-    assert set(fields) == {*expected, "displacement"}
+    np.testing.assert_array_equal(fields["position"][:, : len(F)], body.points)
+    assert set(fields) == {*expected, "position", "displacement"}
 
 
 def test_stress_and_energy_are_those_of_the_learnt_energy_that_ran():
@@ -130,7 +131,7 @@ def test_a_file_holds_cells_and_gives_the_fields_back(tmp_path, body):
     found = vtk.read_fields(tmp_path / "state.vtu")
     assert set(found) == set(fields)
     for name, values in fields.items():
-        assert found[name].dtype == (np.float64 if name == "displacement" else np.float32)
+        assert found[name].dtype == (np.float64 if name in vtk.EXACT else np.float32)
         np.testing.assert_allclose(found[name], values, rtol=1e-6, atol=1e-6)
     mesh = meshio.read(tmp_path / "state.vtu")
     assert [(block.type, len(block)) for block in mesh.cells] == [("quad" if d == 2 else "hexahedron", len(body))]
@@ -201,8 +202,8 @@ def test_a_state_in_space_is_rendered_with_pyvista_or_without(tmp_path, monkeypa
         if name == "without":
             monkeypatch.setitem(sys.modules, "pyvista", None)
             with pytest.warns(UserWarning, match=r"pip install 'pdsurrogate\[results\]'"):
-                rendering.save(body, fields, values, "u1", name, tmp_path / f"{name}.png")
+                rendering.save(*deformed_cells(body, fields), values, "u1", name, tmp_path / f"{name}.png")
         else:
             pytest.importorskip("pyvista")
-            rendering.save(body, fields, values, "u1", name, tmp_path / f"{name}.png")
+            rendering.save(*deformed_cells(body, fields), values, "u1", name, tmp_path / f"{name}.png")
         assert image.imread(tmp_path / f"{name}.png").std() > 0.05

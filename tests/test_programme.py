@@ -123,13 +123,14 @@ def test_a_programme_resumes_to_the_same_bits(tmp_path, interrupted, monkeypatch
     monkeypatch.undo()
     resumed = simulate(scene, "bond-energy", folder=tmp_path / "cut", resume=True)
     assert resumed.history == whole.history
+    assert resumed.convergence == whole.convergence
     assert resumed.levels == whole.levels
     assert resumed.states.moments == whole.states.moments
     np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
     resumed.save(tmp_path / "cut")
     names = {path.name for path in (tmp_path / "cut").iterdir()}
     assert {"summary.json", "history.csv", "sheet.png", "sheet-loading.png", "sheet.gif", "sheet-000.vtu"} <= names
-    assert (tmp_path / "cut" / "history.csv").read_text().startswith("t,increment,")
+    assert (tmp_path / "cut" / "history.csv").read_text().startswith("step,t,")
     assert [level["t"] for level in json.loads((tmp_path / "cut" / "summary.json").read_text())["levels"]][-1] == 0.0
 
 
@@ -141,7 +142,7 @@ def test_increments_are_chosen_by_what_the_first_guess_strains():
     turned = Run(pd.load_scene("rotation", spacing=0.1), pd.load_surrogate("analytic"), Silent())
     assert turned.loading.largest_increment(turned.positions, 0.0, 1.0, None) == 1.0
     result = simulate(scene_of((1.2,)), "analytic")
-    taken = list(dict.fromkeys(row["increment"] for row in result.history if "residual" in row))
+    taken = list(dict.fromkeys(row["increment"] for row in result.convergence if "residual" in row))
     assert taken == pytest.approx([0.3, 0.6, 0.9, 1.2])
 
 
@@ -162,7 +163,7 @@ def test_a_failure_says_how_far_the_loading_came():
     with pytest.raises(SimulationFailed, match=r"^t = 0\.5: .*followed to t = 0, and not further .* \(prescribed\.1 to x1 = 0\)") as caught:
         simulate(scene, "analytic")
     assert "solver.most_evaluations" in str(caught.value)
-    assert any("failure" in row for row in caught.value.result.history)
+    assert any("failure" in row for row in caught.value.result.convergence)
 
 
 def test_a_load_beyond_its_maximum_ends_in_a_clear_failure():

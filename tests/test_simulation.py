@@ -184,9 +184,10 @@ def test_a_buckled_sheet_is_not_taken_for_the_compressed_one():
         simulate(scene, "neo-hookean")
     result = caught.value.result
     assert not result.summary["converged"]
-    failed = [row for row in result.history if "failure" in row]
+    failed = [row for row in result.convergence if "failure" in row]
     shares = {
-        round((1 - 0.5) / abs(row["increment"] - before), 6) for row, before in zip(failed, accepted_before(result.history), strict=True)
+        round((1 - 0.5) / abs(row["increment"] - before), 6)
+        for row, before in zip(failed, accepted_before(result.convergence), strict=True)
     }
     assert shares == {1, 2, 4, 8, 16, 32, 64}
     exact = simulate(scene, "analytic").levels[0]
@@ -250,12 +251,12 @@ class Picky(QuasiNewton):
 def test_increments_are_shortened_after_a_failure_and_grow_again(monkeypatch):
     scene = pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.3, 1.35], "solver.method": "quasi-newton"})
     whole = simulate(scene, "analytic")
-    assert not any("failure" in row for row in whole.history)
-    assert list(dict.fromkeys(row["increment"] for row in whole.history)) == [1.3, 1.35]
+    assert not any("failure" in row for row in whole.convergence)
+    assert list(dict.fromkeys(row["increment"] for row in whole.convergence)) == [1.3, 1.35]
     monkeypatch.setitem(SOLVERS, "quasi-newton", Picky)
     found = simulate(scene, "analytic")
-    assert [row["increment"] for row in found.history if "failure" in row] == pytest.approx([1.3, 1.15, 1.3])
-    taken = list(dict.fromkeys(row["increment"] for row in found.history if "failure" not in row))
+    assert [row["increment"] for row in found.convergence if "failure" in row] == pytest.approx([1.3, 1.15, 1.3])
+    taken = list(dict.fromkeys(row["increment"] for row in found.convergence if "failure" not in row))
     assert taken == pytest.approx([1.075, 1.15, 1.225, 1.3, 1.35])
     for level, expected in zip(found.levels, whole.levels, strict=True):
         assert level["nominal_stress"] == pytest.approx(expected["nominal_stress"], rel=1e-5)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from ..forces import Domain
+from ..html_tables import html_facts
 from ..scenes.reading import explain
 
 FORMAT = "pdsurrogate artefact"
@@ -80,6 +81,23 @@ class Card(_Part):
     def to_json(self) -> str:
         """The card as it is stored."""
         return json.dumps(self.model_dump(), indent=2, allow_nan=False) + "\n"
+
+    def __repr__(self) -> str:
+        return f"<Card of {self.name}@{self.version}: {self.kind} of {self.material.law}>"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        error = self.errors.get("box", {}).get("on_surface", {}).get("rms")
+        facts = {
+            "what": self.description,
+            "kind": self.kind,
+            "material": ", ".join(f"{key} {value}" for key, value in self.material.trained_with.items()),
+            "stretches": f"{self.domain.least_stretch:g} to {self.domain.greatest_stretch:g}",
+            "features": self.features.get("set", ""),
+            "RMS error": "not stated" if error is None else f"{error:.2g}",
+        }
+        return html_facts(f"Artefact {self.name}@{self.version}", facts)
 
 
 def read_card(data: bytes, where: str) -> Card:

@@ -23,7 +23,7 @@ N_OUTPUTS = 2
 """Outputs of every learnt bond force; its feature set says what they mean."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LearntBondForce(ForceSurrogate):
     """A learnt map from features of a bond to its dimensionless force.
 
@@ -55,6 +55,16 @@ class LearntBondForce(ForceSurrogate):
 
     kind: ClassVar[str]
     default_precision: ClassVar[str] = "float32"
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What a person wants to know of it first, in words."""
+        stretches = f"{self.domain.least_stretch:g} to {self.domain.greatest_stretch:g}"
+        error = {} if self.stated is None else {"RMS error": f"{self.stated['rms']:.2g}"}
+        return {**super().facts, "law": self.law, **self.shape, "stretches": stretches, **error}
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name} of {self.law}>"
 
     @abstractmethod
     def outputs(self, features: np.ndarray) -> np.ndarray:

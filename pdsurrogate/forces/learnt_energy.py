@@ -49,7 +49,7 @@ def energy_shape(law: Law) -> dict[str, float]:
     return {**law.shape, "bulk_modulus/shear_modulus": law.bulk_modulus / law.shear_modulus}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class LearntEnergy(ForceModel):
     """A network of one hidden layer for an energy of two invariants.
 
@@ -87,6 +87,16 @@ class LearntEnergy(ForceModel):
     features: ClassVar[tuple[str, ...]]
 
     @property
+    def facts(self) -> dict[str, str]:
+        """What a person wants to know of it first, in words."""
+        stretches = f"{self.domain.least_stretch:g} to {self.domain.greatest_stretch:g}"
+        error = {} if self.stated is None else {"RMS error": f"{self.stated['rms']:.2g}"}
+        return {**super().facts, "law": self.law, **self.shape, "stretches": stretches, **error}
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name} of {self.law}>"
+
+    @property
     def size(self) -> str:
         """The model's size in words, for tables."""
         return f"{self.output_weights.size} units"
@@ -122,7 +132,7 @@ class LearntEnergy(ForceModel):
         return cls(name, payload["activation"], weights, biases, output, domain, law, dict(shape))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class EnergyNetwork(LearntEnergy, EnergySurrogate):
     """A network for psi(tr C, J) of a sheet under plane stress, without energy and stress at rest by construction.
 
@@ -192,7 +202,7 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
         return np.stack([2 * by_trace * first + by_J * second, 2 * by_trace * second + by_J * first], axis=1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class IsochoricNetwork(LearntEnergy):
     """A network for W(I1bar, I2bar), which serves plane strain, space and every bulk modulus: U(J) is the law's own.
 

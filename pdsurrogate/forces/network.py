@@ -18,7 +18,7 @@ LAYER = ("weights", "biases")
 """What a layer consists of, in this order; a payload has both with the layer's number behind."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class NetworkForce(LearntBondForce):
     """A network that maps features of a bond to its dimensionless force.
 

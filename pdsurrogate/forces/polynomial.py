@@ -14,7 +14,7 @@ from .learnt import N_OUTPUTS, LearntBondForce, checked_array, checked_feature_s
 from .protocol import Domain
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PolynomialForce(LearntBondForce):
     """A sum of products of Chebyshev polynomials in two features.
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..body import Body
+from ..html_tables import html_facts
 from ..kernels.bond_state import LEAST_NORMAL_STRETCH
 from ..materials import PLANES, Law
 from .settings import ForceSettings
@@ -434,3 +435,14 @@ class ForceModel(ABC):
     def size(self) -> str:
         """What it has learnt in words, for tables."""
         return ""
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What a person wants to know of it first, in words."""
+        return {"family": self.family, "learnt": self.size or "nothing: it is exact and serves every law"}
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}>"
+
+    def _repr_html_(self) -> str:
+        return html_facts(f"Force model {self.name}", self.facts)

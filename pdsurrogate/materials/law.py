@@ -16,6 +16,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..html_tables import html_facts
+
 
 @dataclass(frozen=True)
 class Law(ABC):
@@ -84,6 +86,9 @@ class Law(ABC):
     def describe(self) -> dict:
         """Name and parameters, as a scene or a card states them."""
         return {"law": self.name, **{field.name: getattr(self, field.name) for field in fields(self)}}
+
+    def _repr_html_(self) -> str:
+        return html_facts(f"Law {self.name}", {**self.describe(), "source": self.reference})
 
 
 def check_number(value, what: str) -> None:

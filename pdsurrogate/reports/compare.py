@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numba
 
@@ -33,6 +31,7 @@ from ..learning import (
 from ..learning.energy import energy_design, energy_errors, energy_pipeline, energy_surrogate_of
 from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
+from ..results.provenance import processor
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import load_scene
 from .speed import TimedModel, measure_speed, sheet
@@ -49,17 +48,6 @@ class Candidate:
     model: ForceModel
     precision: str
     changes: tuple[str, ...] = ()
-
-
-def processor() -> str:
-    """Name of the processor, as the system gives it."""
-    try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
 
 
 def candidates(law: Law, quick: bool, progress: Callable[[str], None]) -> list[Candidate]:

@@ -9,7 +9,7 @@ import matplotlib
 from matplotlib.animation import PillowWriter
 from matplotlib.figure import Figure
 
-from .figures import STYLE, deformed_cells, draw_cells
+from .figures import STYLE, draw_cells, polygons_of
 from .files import write_with
 
 if TYPE_CHECKING:
@@ -21,14 +21,13 @@ FRAMES_PER_SECOND = 8
 def save(result: Result, path: Path) -> None:
     """Write a GIF of the dynamics of a body in the plane, coloured by damage or else by the greatest stretch."""
     frames = result.in_dynamics()
-    if not frames or result.body.dimension == 3:  # a series of states in space is for ParaView
+    if not frames or result.scene.dimension == 3:  # a series of states in space is for ParaView
         return
     fields = result.states[frames[-1]][1]
     quantity, limits = (
         ("damage", (0.0, 1.0)) if "damage" in fields else ("principal_stretch", (1.0, float(fields["principal_stretch"].max())))
     )
-    points, cell = result.body.points, result.body.cell
-    corners = deformed_cells(points, fields, cell)
+    corners = polygons_of(*result.cells(frames[-1]))
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     size = (high - low) / (high - low).max() * 6.0
     with matplotlib.rc_context({**STYLE, "savefig.bbox": None}):
@@ -42,9 +41,8 @@ def save(result: Result, path: Path) -> None:
             writer = PillowWriter(fps=FRAMES_PER_SECOND)
             with writer.saving(figure, str(temporary), dpi=100):
                 for number in frames:
-                    state = result.states[number][1]
-                    drawn.set_verts(deformed_cells(points, state, cell))
-                    drawn.set_array(state[quantity])
+                    drawn.set_verts(polygons_of(*result.cells(number)))
+                    drawn.set_array(result.states[number][1][quantity])
                     axis.set_title(result.title(number), pad=2)
                     writer.grab_frame()
 

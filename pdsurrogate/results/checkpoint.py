@@ -11,7 +11,7 @@ import numpy as np
 from ..array_files import read_arrays
 from .files import write_with
 
-FORMAT = 4
+FORMAT = 5
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
 

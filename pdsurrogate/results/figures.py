@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from ..body import CellMesh
 from .files import write_with
 
 STYLE = {
@@ -26,12 +27,16 @@ def save(figure: Figure, path: Path) -> None:
     write_with(path, lambda temporary: figure.savefig(temporary, format="png"))
 
 
-def deformed_cells(points: np.ndarray, fields: dict[str, np.ndarray], cell: np.ndarray) -> np.ndarray:
-    """Corners of each point's cell, of sides `cell`, deformed by its own deformation gradient, shape (n, 4, 2)."""
-    F = fields["deformation_gradient"].reshape(-1, 3, 3)[:, :2, :2]
-    # A hair larger than the cell, so that neighbours leave no seam.
-    corners = 0.52 * cell * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    return (points + fields["displacement"][:, :2])[:, None] + np.einsum("nij,cj->nci", F, corners)
+def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
+    """Corners of cells in the plane where their nodes have moved to, shape (n, 4, 2); a triangle repeats its last one."""
+    places = cells.nodes + displacement
+    return np.concatenate([places[block[:, [0, 1, 2, 3] if block.shape[1] == 4 else [0, 1, 2, 2]]] for block in cells.blocks])
+
+
+def limits_of(values: np.ndarray) -> tuple[float, float]:
+    """Ends of a scale of colours: what is nearly one value is shown in one colour, since rounding is not worth a rainbow."""
+    low, high = float(values.min()), float(values.max())
+    return low, low + max(high - low, 1e-9 * max(abs(low), abs(high), 1e-300))
 
 
 def draw_cells(axis, cells: np.ndarray, values: np.ndarray, **limits):
@@ -76,7 +81,7 @@ def contour_figure(cells: list[np.ndarray], values: list[np.ndarray], label: str
     Parameters
     ----------
     cells : list of ndarray, shape (n, 4, 2)
-        See `deformed_cells`.
+        See `polygons_of`.
     values : list of ndarray, shape (n,)
         What they are coloured by.
     label : str
@@ -95,7 +100,7 @@ def contour_figure(cells: list[np.ndarray], values: list[np.ndarray], label: str
             figure = Figure(figsize=(7.2, extents[:, 1].max() * scale + 0.5), layout="constrained")
             axes = figure.subplots(1, len(cells), squeeze=False, gridspec_kw={"width_ratios": extents[:, 0]})[0]
         for axis, corners, value, title in zip(axes, cells, values, titles, strict=True):
-            drawn = draw_cells(axis, corners, value)
+            drawn = draw_cells(axis, corners, value, clim=limits_of(value))
             axis.set_title(title, pad=2)
             # One scale of length for all: every axis shows as much as the largest body needs along its common side.
             middle = corners.mean(axis=(0, 1))

@@ -1,8 +1,8 @@
 """The folder of a run: which files in it are a run's, and when a new run may take their place.
 
 A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on, ``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name,
-and ``summary.json``, ``history.csv`` and ``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A folder holds a
-run of a scene if its summary names the scene, or a PVD index lists states of that name.
+and ``summary.json``, ``history.csv``, ``convergence.csv`` and ``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see
+`occupied`.  A folder holds a run of a scene if its summary names the scene, or a PVD index lists states of that name.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from xml.etree import ElementTree
 
 from .checkpoint import NAME as CHECKPOINT
 
-SUMMARY, HISTORY = "summary.json", "history.csv"
+SUMMARY, HISTORY, CONVERGENCE = "summary.json", "history.csv", "convergence.csv"
 
 
 class FolderTaken(ValueError):
@@ -162,6 +162,12 @@ def _is_index(path: Path) -> bool:
     return bool(listed) and all(re.fullmatch(re.escape(path.stem) + r"-\d{3,}\.vtu", file) for file in listed)
 
 
+def saved_scene(folder: Path) -> str | None:
+    """Name of the scene whose results a folder holds; None where it holds none."""
+    summary = _summary(folder / SUMMARY)
+    return None if summary is None else summary["scene"]
+
+
 def _summary(path: Path) -> dict | None:
     """The summary of a run; None where there is none."""
     try:
@@ -182,9 +188,16 @@ def _head(path: Path) -> bytes:
         return b"?"
 
 
+def _is_table(path: Path) -> bool:
+    """Whether a table begins with a column that a run's begin with."""
+    head = _head(path)
+    return head == b"" or head.startswith((b"step,", b"stretch,", b"time [", b"t,"))
+
+
 _SIGNATURES = {
     SUMMARY: lambda path: _summary(path) is not None,
-    HISTORY: lambda path: (head := _head(path)) == b"" or head.startswith((b"stretch,", b"time [", b"t,")),
+    HISTORY: lambda path: _is_table(path),
+    CONVERGENCE: lambda path: _is_table(path),
     # The head alone, so that a damaged checkpoint is one.
     CHECKPOINT: lambda path: (head := _head(path)) == b"" or b"positions.npy" in head,
 }

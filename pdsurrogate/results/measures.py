@@ -86,7 +86,8 @@ class PointState:
         What the thickness does, or "space".
     laws : list of tuple
         The laws, each with the points that are of it.
-    displacement : ndarray, shape (n, d)
+    position, displacement : ndarray, shape (n, d)
+        In the undeformed body, and since.
     F : ndarray, shape (n, d, d)
     volume_ratio : ndarray, shape (n,)
         Where the volumetric energy is taken: J3 under plane stress, det F or what a selective energy has in its place otherwise.
@@ -101,6 +102,7 @@ class PointState:
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
         force.place(positions)
         self.laws, self.plane, self.displacement, self.damage = force.laws, force.plane, positions - force.body.points, damage
+        self.position = force.body.points
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
         self.stress, self.energy_density = force.stress_and_energy()
         self.deviation = force.domain_deviation()
@@ -169,8 +171,14 @@ class PointField:
     unit: str | None = None
 
 
+def _in_space(vectors: np.ndarray) -> np.ndarray:
+    """Vectors with three components, shape (n, 3)."""
+    return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
+
+
 POINT_FIELDS = {
-    "displacement": PointField(lambda state: np.pad(state.displacement, ((0, 0), (0, 3 - state.displacement.shape[1]))), 3, "length"),
+    "position": PointField(lambda state: _in_space(state.position), 3, "length"),
+    "displacement": PointField(lambda state: _in_space(state.displacement), 3, "length"),
     "principal_stretch": PointField(PointState.greatest_stretch),
     "principal_stretches": PointField(lambda state: state.principal_stretches, 3),
     "volume_ratio": PointField(lambda state: state.volume_ratio.copy()),

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..body import Body
+from ..body import CellMesh
 from . import figures, views
-from .deformed import deformed_cells
 from .files import write_with
 from .vtk import CELL_TYPES
 
@@ -17,8 +16,8 @@ SIZE = (1400, 700)
 """Of a picture, in pixels."""
 
 
-def save(body: Body, fields: dict[str, np.ndarray], values: np.ndarray, label: str, title: str, path: Path) -> None:
-    """Write a PNG of a state: the deformed body from outside, and cut through the middle, coloured by values (n,).
+def save(cells: CellMesh, moved: np.ndarray, values: np.ndarray, label: str, title: str, path: Path) -> None:
+    """Write a PNG of a state: cells displaced by (k, 3) from outside, and cut through the middle, coloured by values (n,).
 
     A warning says so where matplotlib draws it, and why.
     """
@@ -26,16 +25,15 @@ def save(body: Body, fields: dict[str, np.ndarray], values: np.ndarray, label: s
         import pyvista
     except ImportError:
         warnings.warn("pyvista is not installed, so matplotlib draws; pip install 'pdsurrogate[results]'", stacklevel=3)
-        figures.save(views.contour_figure(body, [fields], [values], label, [title]), path)
+        figures.save(views.contour_figure([(cells, moved)], [values], label, [title]), path)
         return
-    axis, middle = views.cut_of(body)
-    cells, moved = deformed_cells(body, fields)
+    axis, middle = views.cut_of(cells)
     kinds = {getattr(pyvista.CellType, CELL_TYPES[3, block.shape[1]].upper()): block for block in cells.blocks}
     # Cut before it is deformed, so that the cut is a plane of the undeformed body, as in the pictures by matplotlib.
     grid = pyvista.UnstructuredGrid(kinds, cells.nodes)
     grid.cell_data[label], grid.point_data["u"] = values, moved
     cut = grid.slice(normal=np.eye(3)[axis], origin=np.eye(3)[axis] * middle)
-    limits = float(values.min()), float(values.max())
+    limits = figures.limits_of(values)
     drawn = pyvista.Plotter(off_screen=True, shape=(1, 2), window_size=SIZE, border=False)
     for number, part in enumerate((grid, cut)):
         drawn.subplot(0, number)

@@ -4,43 +4,54 @@ from __future__ import annotations
 
 import csv
 import io
+import json
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 
-from ..body import Body
+from ..body import Body, CellMesh
+from ..html_tables import html_facts, html_table
 from ..scenes import Scene, Units
+from .deformed import deformed_cells
 from .files import write_json, write_text
-from .folder import HISTORY, SUMMARY, make_room, occupied
-from .states import States, StatesInFiles, StatesInMemory
+from .folder import CONVERGENCE, HISTORY, SUMMARY, make_room, occupied, saved_scene
+from .measures import POINT_FIELDS
+from .states import SavedStates, States, StatesInFiles, StatesInMemory
 
 ENERGIES = ("energy", "work", "kinetic_energy", "damped_energy", "strain_energy", "released_energy")
 """Columns of the history that are energies."""
 
 
-@dataclass
+@dataclass(repr=False)
 class Result:
     """What a simulation gave.
 
     Attributes
     ----------
     scene : Scene
-    body : Body
+    body : Body or None
+        None where the result was read from files.
     summary : dict
-        What ``summary.json`` holds: identity, size, convergence, cost and ``levels``.
+        What ``summary.json`` holds: identity, size, convergence, cost, ``levels``, the scene as run and where the result comes from.
     history : list of dict
-        Rows of ``history.csv``, whose headers have units behind the names used here.
+        Rows of ``history.csv``, whose headers have units behind the names used here: a row for every output in equilibrium, and for every
+        few steps of dynamics.
     states : States
         Fields on the points at every level, and at every output of dynamics that follow grips: pairs of a moment and fields, see
         `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.POINT_FIELDS`.
+    convergence : list of dict
+        Rows of ``convergence.csv``: residual and energy through the search for equilibrium, and increments that failed.
     """
 
     scene: Scene
-    body: Body
+    body: Body | None
     summary: dict
     history: list[dict] = field(default_factory=list)
     states: States = field(default_factory=StatesInMemory)
+    convergence: list[dict] = field(default_factory=list)
 
     @property
     def levels(self) -> list[dict]:
@@ -49,10 +60,10 @@ class Result:
 
     def displacement(self, level: int = -1) -> np.ndarray:
         """Displacements at a level, shape (n, d)."""
-        return self.states[level][1]["displacement"][:, : self.body.dimension]
+        return self._fields(level)["displacement"][:, : self.scene.dimension]
 
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
-        """Write ``summary.json``, ``history.csv``, a VTU series with its PVD index and a figure of the deformed body.
+        """Write ``summary.json``, ``history.csv``, ``convergence.csv``, a VTU series with its PVD index and a figure of the deformed body.
 
         Every file is written whole; the summary last, so that a folder with a summary is complete.  Results of an earlier run of the same
         scene in the folder are removed before.
@@ -79,6 +90,8 @@ class Result:
         if not streamed:
             make_room(folder, self.scene.name, overwrite)
         write_text(folder / HISTORY, _as_csv(self.history, self.scene.units))
+        if self.convergence:
+            write_text(folder / CONVERGENCE, _as_csv(self.convergence, self.scene.units))
         if self.states:
             if not streamed:
                 written = StatesInFiles(folder, self.body, self.scene.name)
@@ -97,26 +110,142 @@ class Result:
         the view from outside and a cut through the middle.
         """
         chosen = self.chosen_states()
-        states = [self.states[n][1] for n in chosen]  # once: a state may have to be read from its file
         if self.scene.fracture is not None and chosen[-1] in self.in_dynamics():
-            label, values = "damage", [fields.get("damage", np.zeros(len(self.body))) for fields in states]
+            field = "damage"
         elif not self.scene.stretched:
-            label = f"|u| ({self.scene.units.length})"
-            values = [np.linalg.norm(fields["displacement"], axis=1) for fields in states]
+            field = "displacement"
         else:
-            lateral = (self.scene.loaded_axis + 1) % self.body.dimension
-            label, values = f"u{lateral + 1} ({self.scene.units.length})", [fields["displacement"][:, lateral] for fields in states]
-        titles = [self.title(n) for n in chosen]
-        if self.body.dimension == 3:
-            from . import views
+            field = f"displacement_{(self.scene.loaded_axis + 1) % self.scene.dimension + 1}"
+        return self._picture(field, chosen)
 
-            return views.contour_figure(self.body, states, values, label, titles)
-        from . import figures
+    def cells(self, level: int = -1) -> tuple[CellMesh, np.ndarray]:
+        """Cells of the body at a level, apart where a crack is open, and the displacements of their nodes, shape (k, d)."""
+        if isinstance(self.states, SavedStates):
+            return self.states.cells(level)
+        return deformed_cells(self.body, self.states[level][1])
 
-        cells = [figures.deformed_cells(self.body.points, fields, self.body.cell) for fields in states]
-        return figures.contour_figure(cells, values, label, titles)
+    def field(self, name: str, level: int = -1) -> np.ndarray:
+        """Values of a field on the points at a level.
 
-    def render(self, path: str | Path, field: str = "von_mises", component: int = 0, level: int = -1) -> None:
+        Parameters
+        ----------
+        name : str
+            One of `field_names`; a component by its numbers behind it, as ``stress_22`` or ``displacement_1``.
+        level : int
+            Number of the state, from 0; of the last one by default.
+
+        Returns
+        -------
+        ndarray, shape (n,), (n, 3) or (n, 3, 3)
+
+        Raises
+        ------
+        ValueError
+            If the state has no such field, or the field no such component.
+        IndexError
+            If there is no such state.
+
+        Examples
+        --------
+        >>> import pdsurrogate as pd
+        >>> scene = pd.load_scene("uniaxial", spacing=0.25, stretches=1.5)
+        >>> result = pd.simulate(scene, "neo-hookean")
+        >>> result.field("stress").shape
+        (48, 3, 3)
+        >>> print(result.field("stress_11").mean().round(3))
+        1.05
+        """
+        return values_of(self._fields(level), name)
+
+    def field_names(self, level: int = -1) -> list[str]:
+        """Fields that a state has; what each is: docs/guide/results.md."""
+        return list(self._fields(level))
+
+    def _fields(self, level: int) -> dict[str, np.ndarray]:
+        if not -len(self.states) <= level < len(self.states):
+            there = f"there are 0 to {len(self.states) - 1}" if self.states else "there are none"
+            raise IndexError(f"level {level}: the result has no such state; {there}")
+        return self.states[level][1]
+
+    def plot(self, field: str = "displacement", level: int = -1):
+        """Figure of the deformed body at a level, coloured by a field.
+
+        Parameters
+        ----------
+        field : str
+            As for `field`; of a vector without component its length is shown.
+        level : int
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        ValueError, IndexError
+            As `field` does, and of a tensor without component.
+        """
+        self._fields(level)
+        return self._picture(field, [range(len(self.states))[level]])
+
+    def _picture(self, field: str, numbers: list[int]):
+        """Figure of states coloured by a field."""
+        from . import figures, views
+
+        # Once: a state may have to be read from its file.
+        states = [self.states[number][1] for number in numbers]
+        values = [scalars_of(fields, field) if field != "damage" else fields.get(field, np.zeros(_size(fields))) for fields in states]
+        cells, titles = [self.cells(number) for number in numbers], [self.title(number) for number in numbers]
+        label = self.label(field)
+        if self.scene.dimension == 3:
+            return views.contour_figure(cells, values, label, titles)
+        return figures.contour_figure([figures.polygons_of(*pair) for pair in cells], values, label, titles)
+
+    def label(self, field: str) -> str:
+        """What is written beside a field or a component of one: its name and its unit."""
+        kind = unit_of(field)
+        name = f"|{field}|" if field in ("displacement", "position") else field
+        return f"{name} ({getattr(self.scene.units, kind)})" if kind else name
+
+    def table(self):
+        """The history as a table: step, loading parameter, forces and displacements of all that holds or loads the body, energies.
+
+        Returns
+        -------
+        pandas.DataFrame or list of dict
+            The former where pandas is installed, with the units in ``.attrs["units"]``; else the rows, as in `history`.
+        """
+        try:
+            import pandas
+        except ImportError:
+            return [dict(row) for row in self.history]
+        table = pandas.DataFrame(self.history)
+        table.attrs["units"] = {column: unit for column in table.columns if (unit := column_unit(column, self.scene.units))}
+        return table
+
+    def __repr__(self) -> str:
+        summary = self.summary
+        states = f"{len(self.states)} state{'' if len(self.states) == 1 else 's'}"
+        end = "" if summary.get("converged", True) else ", failed"
+        return f"<Result of {summary['scene']} with {summary['force']}: {summary['n_points']} points, {states}{end}>"
+
+    def _repr_html_(self) -> str:
+        summary, units = self.summary, self.scene.units
+        facts = {
+            "force": summary["force"],
+            "material": ", ".join(f"{key} {value}" for key, value in summary["material"].items()),
+            "points": f"{summary['n_points']:,}, {summary['n_bonds']:,} bonds",
+            "states": len(self.states),
+            "evaluations": f"{summary['n_force_evaluations']:,} in {summary['seconds_total']:.3g} s",
+            "ended": "as asked" if summary["converged"] else summary["failure"],
+        }
+        shown = self.history[-5:]
+        columns = [column for column in dict.fromkeys(key for row in shown for key in row) if not column.startswith("moment_")]
+        header = [column_title(column, units) for column in columns]
+        rows = [[f"{row[column]:.6g}" if column in row else "" for column in columns] for row in shown]
+        return html_facts(f"Result of {summary['scene']}", facts) + (html_table(header, rows) if rows else "")
+
+    def render(self, path: str | Path, field: str = "von_mises", level: int = -1) -> None:
         """Write a picture of a state in space, coloured by a field: by pyvista where it is installed, else by matplotlib with a warning.
 
         Parameters
@@ -124,9 +253,7 @@ class Result:
         path : str or path
             Of the PNG.
         field : str
-            One of `pdsurrogate.results.measures.POINT_FIELDS` that the state has.
-        component : int
-            Of a field that has several, from 0; tensors row by row.
+            As for `plot`.
         level : int
             Number of the state.
 
@@ -134,22 +261,15 @@ class Result:
         ------
         ValueError
             If the body is in the plane, or the state has no such field or component.
+        IndexError
+            If there is no such state.
         """
         from . import rendering
-        from .measures import POINT_FIELDS
 
-        if self.body.dimension == 2:
-            raise ValueError("render draws bodies in space; figure draws those in the plane")
-        fields = self.states[level][1]
-        if field not in fields:
-            raise ValueError(f"field: the state has no {field!r}; there are {', '.join(fields)}")
-        values = fields[field].reshape(len(self.body), -1)
-        if not 0 <= component < values.shape[1]:
-            raise ValueError(f"component: {field} has the components 0 to {values.shape[1] - 1}, not {component}")
-        kind = POINT_FIELDS[field].unit
-        label = field + (f" {component}" if values.shape[1] > 1 else "") + (f" ({getattr(self.scene.units, kind)})" if kind else "")
-        number = range(len(self.states))[level]
-        rendering.save(self.body, fields, values[:, component], label, self.title(number), Path(path))
+        if self.scene.dimension == 2:
+            raise ValueError("render draws bodies in space; plot draws those in the plane")
+        values, number = scalars_of(self._fields(level), field), range(len(self.states))[level]
+        rendering.save(*self.cells(number), values, self.label(field), self.title(number), Path(path))
 
     def in_dynamics(self) -> list[int]:
         """Numbers of the states that were recorded in dynamics."""
@@ -202,19 +322,111 @@ class Result:
         return figures.loading_figure([row["stretch"] for row in rows], stress, references, self.scene.units.stress)
 
 
+def load_result(folder: str | Path) -> Result:
+    """The result of a run from the folder that it was saved to.
+
+    Parameters
+    ----------
+    folder : str or path
+
+    Returns
+    -------
+    Result
+        Whose states are read from their files when asked for; its `body` is None: points are in the field ``position``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder holds no result.
+    ValueError
+        If it was saved by a version that did not keep the scene, or is damaged.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pdsurrogate as pd
+    >>> folder = tempfile.mkdtemp()
+    >>> pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean").save(folder)
+    >>> pd.load_result(folder)
+    <Result of uniaxial with neo-hookean@1: 48 points, 1 state>
+    """
+    folder = Path(folder)
+    name = saved_scene(folder)
+    if name is None:
+        raise FileNotFoundError(f"{folder}: there is no result of a run: no {SUMMARY} that one wrote")
+    summary = json.loads((folder / SUMMARY).read_text("utf-8"))
+    if "scene_as_run" not in summary:
+        raise ValueError(f"{folder / SUMMARY}: the scene as run is not in it, as earlier versions left it out: run the scene again")
+    try:
+        scene = Scene.model_validate(summary["scene_as_run"])
+        states = SavedStates(folder, name) if (folder / f"{name}.pvd").exists() else StatesInMemory()
+        history, convergence = (_from_csv(folder / table) for table in (HISTORY, CONVERGENCE))
+    except (ValueError, KeyError, OSError, ElementTree.ParseError) as error:
+        raise ValueError(f"{folder}: the result cannot be read: {' '.join(str(error).split())}") from None
+    return Result(scene, None, summary, history, states, convergence)
+
+
+def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
+    """Values of a field, or of a component of it, see `Result.field`.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    base, indices = parts_of(name) if name not in fields else (name, ())
+    if base not in fields:
+        raise ValueError(f"field: the state has no {name!r}; there are {', '.join(fields)}, and components as stress_22")
+    values = fields[base]
+    values = values.reshape(-1, 3, 3) if values.ndim == 2 and values.shape[1] == 9 else values
+    if not indices:
+        return values
+    if values.ndim - 1 != len(indices):
+        needed = {1: "no components", 2: f"one component, as {base}_1", 3: f"two indices, as {base}_22"}[values.ndim]
+        raise ValueError(f"field: {name!r} does not fit: {base} has {needed}")
+    return values[(slice(None), *(index - 1 for index in indices))]
+
+
+def scalars_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
+    """A number for each point, shape (n,): a component, or of a vector its length; ValueError of a tensor."""
+    values = values_of(fields, name)
+    if values.ndim == 3:
+        raise ValueError(f"field: {name} has nine components; say which, as {name}_22")
+    return values if values.ndim == 1 else np.linalg.norm(values, axis=1)
+
+
+def parts_of(name: str) -> tuple[str, tuple[int, ...]]:
+    """A field's name and the numbers of a component, which are behind it: ("stress", (2, 2)) of ``stress_22``."""
+    found = re.fullmatch(r"(.+)_([123]{1,2})", name)
+    return (found[1], tuple(map(int, found[2]))) if found else (name, ())
+
+
+def unit_of(field: str) -> str | None:
+    """Which of a scene's units a field or a component of one has; None if it has none."""
+    name = field if field in POINT_FIELDS else parts_of(field)[0]
+    return POINT_FIELDS[name].unit if name in POINT_FIELDS else None
+
+
+def _size(fields: dict[str, np.ndarray]) -> int:
+    return len(next(iter(fields.values())))
+
+
+def column_unit(column: str, units: Units) -> str | None:
+    """Unit of a column of the history; None where it has none."""
+    if column == "time":
+        return units.time
+    if column == "nominal_stress":
+        return units.stress
+    if column in ENERGIES or column.startswith("moment_"):
+        return units.energy
+    if column.startswith("force_"):
+        return units.force
+    return units.length if column.startswith("displacement_") or "_displacement_" in column else None
+
+
 def column_title(column: str, units: Units) -> str:
     """Header of a column of the history: its name, and in brackets its unit where it has one."""
-    unit = None
-    if column == "time":
-        unit = units.time
-    elif column == "nominal_stress":
-        unit = units.stress
-    elif column in ENERGIES or column.startswith("moment_"):
-        unit = units.energy
-    elif column.startswith("force_"):
-        unit = units.force
-    elif "_displacement_" in column:
-        unit = units.length
+    unit = column_unit(column, units)
     return f"{column} [{unit}]" if unit else column
 
 
@@ -227,3 +439,20 @@ def _as_csv(rows: list[dict], units: Units) -> str:
         writer.writerow([column_title(column, units) for column in columns])
         writer.writerows([row.get(column) for column in columns] for row in rows)
     return text.getvalue()
+
+
+def _from_csv(path: Path) -> list[dict]:
+    """Rows as `_as_csv` wrote them; none where there is no file."""
+    if not path.exists():
+        return []
+    with path.open(encoding="utf-8", newline="") as file:
+        return [{key.split(" [")[0]: _plain(value) for key, value in row.items() if value != ""} for row in csv.DictReader(file)]
+
+
+def _plain(text: str) -> int | float | str:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..body import Body
+from ..body import Body, CellMesh
 from .deformed import deformed_cells
 from .folder import state_files
 
@@ -120,3 +120,45 @@ class StatesInFiles:
 
     def __iter__(self) -> Iterator[tuple[Moment, Fields]]:
         return (self[number] for number in range(len(self)))
+
+
+class SavedStates:
+    """States of a run that has ended, read from its files when asked for.
+
+    Parameters
+    ----------
+    folder : Path
+    name : str
+        Stem of the file names.
+
+    Raises
+    ------
+    OSError, ValueError
+        If the index is not there or cannot be read.
+    """
+
+    def __init__(self, folder: Path, name: str) -> None:
+        from . import vtk
+
+        self._paths, self.moments = [], []
+        for run_time, path in vtk.read_index(folder / f"{name}.pvd"):
+            values = vtk.read_values(path)
+            self._paths.append(path)
+            self.moments.append(Moment(run_time, values.get("stretch"), values.get("time", 0.0), values.get("t")))
+
+    def __len__(self) -> int:
+        return len(self.moments)
+
+    def __getitem__(self, number: int) -> tuple[Moment, Fields]:
+        from . import vtk
+
+        return self.moments[number], vtk.read_fields(self._paths[number])
+
+    def __iter__(self) -> Iterator[tuple[Moment, Fields]]:
+        return (self[number] for number in range(len(self)))
+
+    def cells(self, number: int) -> tuple[CellMesh, np.ndarray]:
+        """Cells of a state, and the displacements of their nodes."""
+        from . import vtk
+
+        return vtk.read_cells(self._paths[number])

@@ -9,9 +9,8 @@ from matplotlib.colors import LightSource, Normalize
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from ..body import Body, CellMesh
-from .deformed import deformed_cells
-from .figures import STYLE
+from ..body import CellMesh
+from .figures import STYLE, limits_of
 
 ELEVATION, AZIMUTH = 22.0, -58.0
 """Where the body is seen from, in degrees: from the front right, a little above; x3 points up."""
@@ -27,37 +26,33 @@ EDGES_OF_CELLS = {
 """By the number of corners."""
 
 
-def contour_figure(body: Body, states: list[dict[str, np.ndarray]], values: list[np.ndarray], label: str, titles: list[str]) -> Figure:
+def contour_figure(moved: list[tuple[CellMesh, np.ndarray]], values: list[np.ndarray], label: str, titles: list[str]) -> Figure:
     """One row a state: the body from outside, and its cut through the middle across the thinnest direction, coloured by values.
 
     Parameters
     ----------
-    body : Body
-    states : list of dict
-        Fields of recorded states.
+    moved : list of tuple
+        Cells of recorded states, with the displacements of their nodes.
     values : list of ndarray, shape (n,)
         What they are coloured by.
     label : str
         Of the colour bars.
     titles : list of str
     """
-    moved = [deformed_cells(body, fields) for fields in states]
     places = [cells.nodes + displacement for cells, displacement in moved]
     low, high = np.min([nodes.min(axis=0) for nodes in places], axis=0), np.max([nodes.max(axis=0) for nodes in places], axis=0)
-    axis, middle = cut_of(body)
+    axis, middle = cut_of(moved[0][0])
     across = [other for other in range(3) if other != axis]
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 2.9 * len(states)), layout="constrained")
+        figure = Figure(figsize=(7.2, 2.9 * len(moved)), layout="constrained")
         for number, ((cells, _), nodes, value, title) in enumerate(zip(moved, places, values, titles, strict=True)):
-            # What is nearly one colour is shown as such: rounding is not worth a rainbow.
-            span = max(value.max() - value.min(), 1e-9 * max(np.abs(value).max(), 1e-300))
-            limits = Normalize(value.min(), value.min() + span)
-            outside = figure.add_subplot(len(states), 2, 2 * number + 1, projection="3d", computed_zorder=False)
+            limits = Normalize(*limits_of(value))
+            outside = figure.add_subplot(len(moved), 2, 2 * number + 1, projection="3d", computed_zorder=False)
             _draw_outside(outside, cells, nodes, value, limits)
             outside.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
             outside.set_box_aspect(high - low, zoom=1.1)
             outside.set_title(title, pad=0)
-            cut = figure.add_subplot(len(states), 2, 2 * number + 2)
+            cut = figure.add_subplot(len(moved), 2, 2 * number + 2)
             polygons, owners = section(cells, nodes, axis, middle)
             drawn = PolyCollection([polygon[:, across] for polygon in polygons], array=value[owners], cmap="turbo", norm=limits, lw=0.2)
             drawn.set_edgecolor("face")
@@ -69,11 +64,11 @@ def contour_figure(body: Body, states: list[dict[str, np.ndarray]], values: list
         return figure
 
 
-def cut_of(body: Body) -> tuple[int, float]:
-    """The plane that a body is cut by for a picture: the axis that it is normal to, and where on it."""
+def cut_of(cells: CellMesh) -> tuple[int, float]:
+    """The plane that a body of such cells is cut by for a picture: the axis that it is normal to, and where on it."""
     # The last of directions alike, so that a cube is cut along x1, in which bodies are pulled.
-    axis = 2 - int(np.argmin(np.ptp(body.cells.nodes, axis=0)[::-1].round(9)))
-    return axis, float(body.points[:, axis].min() + body.points[:, axis].max()) / 2
+    axis = 2 - int(np.argmin(np.ptp(cells.nodes, axis=0)[::-1].round(9)))
+    return axis, float(cells.nodes[:, axis].min() + cells.nodes[:, axis].max()) / 2
 
 
 def _draw_outside(axes, cells: CellMesh, nodes: np.ndarray, values: np.ndarray, limits: Normalize) -> None:

@@ -11,7 +11,7 @@ from ..scenes import SceneError
 from ..solvers import SOLVERS, Diverging, Equilibrium, EquilibriumSolver, Increments, NotConverged, RanAway, TooFar, Unstable
 from ..solvers.branch import Branch
 from .programme import Stage
-from .rows import compare, force_columns, level_row, moment_columns, probe_columns
+from .rows import compare, equilibrium_columns, level_row
 from .run import Run
 
 HARD = 2.0
@@ -109,7 +109,7 @@ def _lengthen(run: Run, increments: Increments, evaluations: list[int], taken: i
     if increments.accept(easy):
         reason = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
         row = {run.loading.parameter: run.target, "increment": run.parameter, "evaluation": run.force.evaluations, "reason": reason}
-        run.history.append(row)
+        run.convergence.append(row)
 
 
 class _Accepted:
@@ -170,7 +170,7 @@ def _take_back(
     """
     parameter = run.loading.parameter
     row = {parameter: run.target, "increment": increments.target, "evaluation": run.force.evaluations, "failure": str(error)}
-    run.history.append(row)
+    run.convergence.append(row)
     accepted.restore(run, solver)
     size, first = increments.size, increments.share == 1
     if not spent and increments.shorten():
@@ -201,7 +201,7 @@ def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float,
     def report(evaluations: int, residual: float) -> None:
         run.residual = residual
         row = {run.loading.parameter: run.target, "increment": target, "evaluation": began + evaluations, "residual": residual}
-        run.history.append(row | ({"energy": run.strain_energy()} if run.force.has_energy else {}))
+        run.convergence.append(row | ({"energy": run.strain_energy()} if run.force.has_energy else {}))
         run.progress.residual(evaluations, residual, tolerance)
         run.interruption.check()
         if evaluations > patience:
@@ -220,7 +220,5 @@ def _record(run: Run, equilibrium: Equilibrium) -> None:
     level |= {"residual": equilibrium.residual, "evaluations": equilibrium.evaluations, "method": equilibrium.method}
     compare(run, level)
     run.levels.append(level)
-    if not run.scene.stretched:
-        place = {"t": run.target, "increment": run.parameter, "evaluation": run.force.evaluations}
-        run.history.append(place | force_columns(level["forces"]) | moment_columns(level["moments"]) | probe_columns(run))
+    run.history.append(equilibrium_columns(run, level))
     run.record()

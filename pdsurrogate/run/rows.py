@@ -33,7 +33,40 @@ def moments_by_name(run: Run, reactions: Reactions) -> dict[str, list | float]:
     return {name: moment.tolist() for name, moment in moments.items()}
 
 
-def force_columns(forces: dict[str, np.ndarray]) -> dict[str, float]:
+def displacements_by_name(run: Run) -> dict[str, np.ndarray]:
+    """Mean displacement of everything that holds or loads the body, shape (d,), at its present positions."""
+    found = dict(zip(run.loading.names, run.loading.displacements(run.parameter, run.positions), strict=True))
+    if run.loads is not None:
+        found = run.loads.displacements(run.positions) | found
+    return found
+
+
+def displacement_columns(run: Run) -> dict[str, float]:
+    """The same as columns of the history."""
+    return {
+        f"displacement_{name}_{component}": float(value)
+        for name, displacement in displacements_by_name(run).items()
+        for component, value in enumerate(displacement, 1)
+    }
+
+
+def place_columns(run: Run, time: float | None = None) -> dict:
+    """The columns that every row of the history begins with: where it is in the programme, and what it has taken to come there."""
+    row = {"step": run.stage, run.loading.parameter: run.parameter, "evaluations": run.force.evaluations}
+    return row if time is None else row | {"time": time}
+
+
+def equilibrium_columns(run: Run, level: dict) -> dict:
+    """Row of the history at an output in equilibrium, with the measures of its level."""
+    row = place_columns(run)
+    if run.scene.stretched:
+        row["nominal_stress"] = level["nominal_stress"]
+    row["strain_energy"] = run.strain_energy()
+    row |= force_columns(level["forces"]) | moment_columns(level.get("moments", {}))
+    return row | displacement_columns(run) | probe_columns(run)
+
+
+def force_columns(forces: dict[str, np.ndarray | list]) -> dict[str, float]:
     """Forces by name as columns of the history."""
     return {f"force_{name}_{component}": float(value) for name, force in forces.items() for component, value in enumerate(force, 1)}
 
@@ -63,6 +96,7 @@ def output_row(run: Run, time: float | None = None) -> dict:
         row["time"] = time
     row["forces"] = {name: force.tolist() for name, force in forces_by_name(run, reactions).items()}
     row["moments"] = moments_by_name(run, reactions)
+    row["displacements"] = {name: displacement.tolist() for name, displacement in displacements_by_name(run).items()}
     if run.force.has_energy:
         row["energy"] = run.strain_energy()
     return row | probe_readings(run)
@@ -101,6 +135,7 @@ def _stretched(run: Run) -> dict:
         "nominal_stress_grip": run.stress_grip.edge,
         "nominal_stress_area": run.grip_areas[run.stress_grip.edge],
         "forces": {name: force.tolist() for name, force in forces_by_name(run, reactions).items()},
+        "displacements": {name: displacement.tolist() for name, displacement in displacements_by_name(run).items()},
         "nominal_stress_work_conjugate": float(run.force.mean_stress()[axis, axis]),
     }
     if run.force.has_energy:

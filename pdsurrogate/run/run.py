@@ -113,8 +113,8 @@ class Run:
         Where bonds break, if they do.
     steps : int
         Of the dynamics.
-    levels, history : list of dict
-        Measures at every level; rows of the history.
+    levels, history, convergence : list of dict
+        Measures at every level; rows of the history; what the search for equilibrium went through.
     states : States
     residual : float or None
         Latest of the equilibrium iteration.
@@ -135,6 +135,7 @@ class Run:
     steps: int = 0
     levels: list[dict] = field(default_factory=list)
     history: list[dict] = field(default_factory=list)
+    convergence: list[dict] = field(default_factory=list)
     residual: float | None = None
     crack: dict | None = None
     interruption: Interruption = field(default_factory=Interruption)
@@ -284,6 +285,7 @@ class Run:
             "earlier": None if self.earlier is None else self.earlier[0],
             "levels": self.levels,
             "history": self.history,
+            "convergence": self.convergence,
             "moments": [astuple(moment) for moment in self.states.moments],
             "evaluations": self.force.evaluations,
             "outside": self.force.pairs_outside,
@@ -302,7 +304,8 @@ class Run:
         progress = found.progress
         for key, array in held.items():
             array[:] = found.arrays[key]
-        self.parameter, self.levels, self.history = progress["parameter"], progress["levels"], progress["history"]
+        self.parameter, self.levels = progress["parameter"], progress["levels"]
+        self.history, self.convergence = progress["history"], progress["convergence"]
         self.stage, self.outputs = progress["stage"], progress["outputs"]
         self.begin, self.elapsed, self.crack = progress["begin"], progress["elapsed"], progress["crack"]
         if progress["earlier"] is not None:

@@ -12,11 +12,13 @@ from threadpoolctl import threadpool_limits
 
 from .. import artifacts
 from ..forces import ForceModel, InvalidState, OutsideDomain
+from ..forces.identity import digest_of
 from ..kernels.compile import compilation_clock
 from ..kernels.threads import thread_count
 from ..results import Result
 from ..results.checkpoint import CheckpointError
 from ..results.folder import check_room, make_room, occupied
+from ..results.provenance import provenance
 from ..scenes import Scene, load_scene
 from ..solvers import Diverging, NotConverged, RanAway, TooFar, Unstable
 from .interruption import Interrupted
@@ -274,9 +276,12 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         "fallback_fraction": outside if scene.outside in (None, "fallback") else 0.0,
         "fraction_outside_domain": outside,
         "unsupported_points": run.unsupported_points(),
-        "units": {**scene.units.model_dump(), "force": scene.units.force},
+        "units": {**scene.units.model_dump(), "force": scene.units.force, "energy": scene.units.energy},
         **({"grip_areas": run.grip_areas} if scene.stretched else {}),
         "levels": run.levels,
+        "digests": {model.name: digest_of(model.payload()) for model in run.models},
+        "scene_as_run": scene.model_dump(mode="json", by_alias=True, exclude_none=True),
+        "provenance": provenance(),
     }
     if scene.materials:
         summary["materials"] = [
@@ -296,4 +301,4 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
     if run.crack is not None:
         summary["critical_stretch"] = run.critical_stretch
         summary["crack"] = run.crack
-    return Result(scene, run.body, summary, run.history, run.states)
+    return Result(scene, run.body, summary, run.history, run.states, run.convergence)

@@ -17,7 +17,16 @@ from ..solvers.conditions import Reactions
 from ..solvers.minimiser import EnergyMinimiser
 from ..solvers.reductions import LOCAL
 from .programme import Stage
-from .rows import force_columns, forces_by_name, moment_columns, moments_by_name, output_row, probe_columns
+from .rows import (
+    displacement_columns,
+    force_columns,
+    forces_by_name,
+    moment_columns,
+    moments_by_name,
+    output_row,
+    place_columns,
+    probe_columns,
+)
 from .run import Run
 
 STEPS_PER_ROW = 20
@@ -334,11 +343,10 @@ class Transient:
         self._take_damping()
         strain = run.strain_energy()
         account.row_time = account.time
-        row = {"time": run.elapsed + account.time, run.loading.parameter: run.parameter}
+        row = place_columns(run, run.elapsed + account.time)
         if run.scene.stretched:
             row["nominal_stress"] = run.nominal_stress(reactions.forces)
         else:
-            row["step"] = run.stage
             row |= moment_columns(moments_by_name(run, reactions))
         row |= {
             "work": account.work,
@@ -346,7 +354,7 @@ class Transient:
             "damped_energy": account.damped_energy,
             "strain_energy": strain,
         }
-        row |= force_columns(forces) | probe_columns(run)
+        row |= force_columns(forces) | displacement_columns(run) | probe_columns(run)
         if self._keeps_account:
             row["released_energy"] = account.released_energy
         if first:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
@@ -11,6 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from ..body import WEIGHT_FUNCTIONS
+from ..html_tables import html_facts
 from ..materials import LAWS, Law
 from .amplitudes import amplitude_of
 from .loading import Load, Prescribed, Probe, Step
@@ -474,6 +476,19 @@ class Scene(StrictModel):
         for key in ("prescribed", "loads", "materials"):
             for number, entry in enumerate(getattr(self, key)):
                 yield from references_in(f"{key}.{number}.region", entry.region)
+
+    def __repr__(self) -> str:
+        programme, kind = (self.stretches, "stretch") if self.stretched else (self.steps, "step")
+        count = len(programme)
+        told = f"{count} {kind}{'' if count == 1 else 'es' if kind == 'stretch' else 's'}" if count else "dynamics"
+        return f"<Scene {self.name}: {self.body.shape}, spacing {self.spacing:g} {self.units.length}, {self.material.law}, {told}>"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        given = self.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude_none=True)
+        facts = {key: value if isinstance(value, str | int | float) else json.dumps(value) for key, value in given.items()}
+        return html_facts(f"Scene {facts.pop('name')}", facts)
 
     @property
     def loaded_axis(self) -> int:

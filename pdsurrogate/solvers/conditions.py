@@ -364,6 +364,44 @@ class Loading(ABC):
                 found[part.holder].append(part.points)
         return [np.concatenate(parts) for parts in found]
 
+    def displacements(self, parameter: float, positions: np.ndarray) -> np.ndarray:
+        """Mean displacement of what each holder holds, shape (holders, d): of its points, or of its plane in the middle.
+
+        Components of a plane that are free to move are those of the points beside it, within a cell.
+        """
+        n = len(self.names)
+        # Displacement, place and number of the points of each holder.
+        sums = np.zeros((n, 2 * self.body.dimension + 1))
+        for number, points in enumerate(self._beside):
+            places = self.body.points[points]
+            sums[number] = np.concatenate([(positions[points] - places).sum(axis=0), places.sum(axis=0), [len(points)]])
+        sums = self._reductions.total_of_parts(sums)
+        means = sums[:, :-1] / np.maximum(sums[:, -1:], 1)
+        found, places = np.split(means, 2, axis=1)
+        for plane, held in zip(self.body.planes, self._planes, strict=True):
+            motion = held.motion(parameter)
+            for component in held.components:
+                holder = held.holders[component]
+                middle = places[holder].copy()
+                middle[plane.axis] = plane.position
+                found[holder, component] = displaced(motion, middle[None])[0, component]
+        return found
+
+    @cached_property
+    def _beside(self) -> list[np.ndarray]:
+        """Points that each holder holds directly, of planes those within a cell of it."""
+        found: list[list[np.ndarray]] = [[] for _ in self.names]
+        for number, (plane, held) in enumerate(zip(self.body.planes, self._planes, strict=True)):
+            ghosts = self.body.ghosts
+            sources = np.unique(ghosts.source[ghosts.plane == number])
+            near = sources[np.abs(self.body.points[sources, plane.axis] - plane.position) < self.body.cell[plane.axis]]
+            for holder in {held.holders[component] for component in held.components}:
+                found[holder].append(near)
+        for part in self._held:
+            if part.holder is not None:
+                found[part.holder].append(part.points)
+        return [np.unique(np.concatenate(parts)) for parts in found]
+
     @abstractmethod
     def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float:
         """Greatest increment of the parameter to plan on the way from one value to another.

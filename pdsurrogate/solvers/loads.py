@@ -327,6 +327,29 @@ class Loads:
             totals[name] += forces.sum(axis=0)
         return totals
 
+    def displacements(self, positions: np.ndarray) -> dict[str, np.ndarray]:
+        """Mean displacement of what the loads act on, shape (d,), by name; loads of one name are taken together.
+
+        Of a force that with which it works: points count by what they take of it, which on the boundary is the motion of the boundary
+        itself.  Of a pressure that of the middles of its facets.
+        """
+        sums: dict[str, tuple[np.ndarray, float]] = {name: (np.zeros(self.body.dimension), 0.0) for name in self._names}
+
+        def take(name: str, moved: np.ndarray, weights: np.ndarray) -> None:
+            total, weight = sums[name]
+            sums[name] = total + weights @ moved, weight + float(weights.sum())
+
+        displacement = positions - self.body.points
+        for number, dead in self._dead.items():
+            total = dead.forces.sum(axis=0)
+            take(self._names[number], displacement[dead.points], dead.forces @ total / max(np.linalg.norm(total), 1e-300))
+        if self._pressures is not None:
+            moved = self._pressures.middles(displacement)
+            for number in np.unique(self._pressures.loads):
+                own = self._pressures.loads == number
+                take(self._names[number], moved[own], np.ones(int(own.sum())))
+        return {name: total / weight if weight else total for name, (total, weight) in sums.items()}
+
     def moments(self, positions: np.ndarray, about: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
         """Moment of the loads in a state about a place (d,), by name; loads of one name are summed.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 import time
 from collections.abc import Callable, Iterable
 
@@ -12,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from .. import __version__
 from ..artifacts import ArtifactError, list_artifacts, load_surrogate
 from ..forces import FORCES, ForceModel
+from ..results.provenance import processor
 from . import conformance, deformations, discretisations, dynamics, tangents
 from .case import INAPPLICABLE, PASS, STOPS, WEAK, WEAKNESSES, Case, Subject
 
@@ -73,7 +73,7 @@ def stress_test(references: Iterable[str] | None = None, quick: bool = False, pr
             models.append({"force": subject.reference, "material": subject.law.describe(), "results": results})
     shown = {result["weakness"] for model in models for result in model["results"].values()}
     return {
-        "machine": {"processor": platform.machine(), "threads": numba.config.NUMBA_NUM_THREADS, "version": __version__, "quick": quick},
+        "machine": {"processor": processor(), "threads": numba.config.NUMBA_NUM_THREADS, "version": __version__, "quick": quick},
         "cases": [{"case": case.key, "title": case.title, "asked": case.asked} for case in CASES],
         "models": models,
         "weaknesses": {name: what for name, what in WEAKNESSES.items() if name in shown},
