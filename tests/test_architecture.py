@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "pdsurrogate"
 ROWS = re.findall(r"^\| `(\w+)` \|[^|]*\|([^|]*)\|$", (ROOT / "docs" / "architecture.md").read_text(), re.MULTILINE)
 ALLOWED = {room: set(re.findall(r"`(\w+)`", imports)) for room, imports in ROWS}
-TRAINING = ("sklearn", "skorch", "torch")
+TRAINING = ("sklearn", "skorch", "torch", "dask", "distributed")
 ROOMS_WITH_TRAINING = {"learning", "identification", "reports", "stress_test"}
 
 
@@ -91,7 +91,7 @@ def test_rooms_import_what_the_table_allows(room):
 
 
 @pytest.mark.parametrize("room", [room for room in ALLOWED if room not in ROOMS_WITH_TRAINING])
-def test_a_simulation_loads_neither_scikit_learn_nor_torch(room):
+def test_a_simulation_loads_neither_scikit_learn_nor_torch_nor_dask(room):
     for module in MODULES:
         if room_of(module) == room:
             found = {name for name in loaded_with(module) if name.split(".")[0] in TRAINING}

@@ -6,9 +6,30 @@ import numpy as np
 
 from .. import artifacts
 from ..body import Body
-from ..forces import ForceModel, Portion
+from ..forces import ForceModel, ForceSettings, Portion
 from ..scenes import Scene, SceneError
 from ..solvers.regions import BodyRegions
+
+
+def settings_of(scene: Scene) -> ForceSettings:
+    """Choices of a scene for the evaluation of its force model."""
+    return ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None, scene.plane)
+
+
+def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
+    """The models of all materials of a scene, that of the rest first, where they fit it: what can be told before a body is built.
+
+    Raises
+    ------
+    SceneError
+        If a model does not describe its material, or cannot honour a setting of the scene.
+    """
+    try:
+        settings_of(scene).check(model.name, model.honoured(scene.plane))
+        model.check_material(scene.material.build())
+    except ValueError as error:
+        raise SceneError(f"scene {scene.name}: {error}") from None
+    return [model, *models_of(scene, model)]
 
 
 def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:

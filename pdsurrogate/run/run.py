@@ -12,7 +12,7 @@ import numpy as np
 
 from ..body import Body
 from ..discretisation import discretise, grip_areas, surface_of
-from ..forces import ForceModel, ForceSettings, InternalForce, bind_portions
+from ..forces import ForceModel, InternalForce, bind_portions
 from ..forces.identity import identity_of
 from ..kernels.threads import threads_for
 from ..materials import Law
@@ -29,7 +29,7 @@ from ..solvers.prescribed import PrescribedLoading
 from ..solvers.reductions import LOCAL, LocalReductions
 from ..solvers.regions import BodyRegions
 from .interruption import Interruption
-from .materials import models_of, portions_of
+from .materials import models_of, portions_of, settings_of
 from .programme import Inertia, stages_of
 
 if TYPE_CHECKING:
@@ -154,8 +154,7 @@ class Run:
         self.body, lower, upper = discretise(scene)
         self.regions = BodyRegions(scene, self.body, lower, upper, lambda: surface_of(scene, self.body, lower, upper))
         self.threads = self.threads or threads_for(len(self.body.bonds.first))
-        fracture = scene.fracture is not None
-        settings = ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, fracture, scene.plane)
+        settings = settings_of(scene)
         try:
             self.loads = Loads(scene, self.body, self.regions) if scene.loads else None
             self.loading = self._loading(lower, upper)

@@ -49,7 +49,7 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
     else:
         pairs = [parse_change(change) for change in changes]
     for key, value in [*pairs, *parameters.items()]:
-        _apply(data, key, value)
+        apply_change(data, key, value)
     body = data.get("body")
     if isinstance(body, dict) and isinstance(body.get("file"), str) and str(reference) not in scene_names():
         # A scene file names its mesh from where it stands itself.
@@ -74,8 +74,14 @@ def parse_change(change: str) -> tuple[str, Any]:
     return key, [item.strip() for item in value.split(",")] if "," in value else value
 
 
-def _apply(data: dict, key: str, value: Any) -> None:
-    """Put a copy of a value at a dotted key; entries of lists go by their number."""
+def apply_change(data: dict, key: str, value: Any) -> None:
+    """Put a copy of a value at a dotted key of a description; entries of lists go by their number.
+
+    Raises
+    ------
+    SceneError
+        If there is no such place.
+    """
     *path, last = key.split(".")
     place: dict | list = data
     for depth, step in enumerate(path, 1):

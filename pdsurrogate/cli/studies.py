@@ -1,0 +1,100 @@
+"""The command that runs many scenes, or fits many surrogates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from .application import app, bad_input, err, out, writing
+from .running import INTERRUPTED
+
+MOST_FAILURES = 5
+"""Told one by one; the table has them all."""
+
+
+@app.command()
+def study(
+    description: Annotated[Path, typer.Argument(metavar="STUDY", help="A study file (.toml): a scene or a fit, and its parameters.")],
+    folder: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Runs, table and figure go here; by default named after the file.")
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(help="Runs at the same time; by default as many as there are cores for.", min=1)] = None,
+    threads: Annotated[int | None, typer.Option(help="Threads of each run; by default the cores divided among the jobs.", min=1)] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, as tcp://host:8786, whose workers do the runs.")
+    ] = None,
+) -> None:
+    """Run a scene with many parameters, or fit many surrogates, in parallel; runs that are done are not done again."""
+    from ..artifacts import ArtifactError
+    from ..results.folder import FolderTaken
+    from ..scenes import SceneError
+    from ..studies import StudyInterrupted
+    from ..studies import study as carry_out
+    from ..studies.study import FIGURE, TABLE
+
+    folder = Path(description.stem) if folder is None else folder
+    interrupted = None
+    try:
+        with bad_input(SceneError, ArtifactError, FolderTaken, ValueError), writing(folder), _StudyBar(description.stem) as bar:
+            result = carry_out(description, folder, jobs=jobs, threads=threads, scheduler=scheduler, progress=bar)
+    except StudyInterrupted as error:
+        interrupted, result = error, error.result
+    if result.failures:
+        err.print(f"[yellow]{len(result.failures)} of {len(result.rows)} runs failed:[/]", soft_wrap=True)
+        for row in result.failures[:MOST_FAILURES]:
+            told = ", ".join(f"{key}={row[key]}" for key in result.study.parameters)
+            err.print(escape(f"  {row['run']} ({told}): {row['failure']}"), soft_wrap=True, highlight=False)
+        if len(result.failures) > MOST_FAILURES:
+            err.print(f"  and {len(result.failures) - MOST_FAILURES} more, see the table")
+    for caution in result.cautions():
+        err.print(f"[yellow]{escape(caution)}[/]", soft_wrap=True)
+    figure = f" and {FIGURE}" if (result.folder / FIGURE).exists() else ""
+    out.print(f"{len(result.rows)} runs: {TABLE}{figure} in {folder}", soft_wrap=True, highlight=False)
+    if interrupted is not None:
+        err.print(f"[yellow]pdsurrogate:[/] {escape(str(interrupted))}", soft_wrap=True)
+        raise typer.Exit(INTERRUPTED)
+    if result.failures:
+        raise typer.Exit(1)
+
+
+class _StudyBar:
+    """Progress of a study on the terminal; nothing where that is a file."""
+
+    def __init__(self, name: str) -> None:
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[state]}"),
+            TimeElapsedColumn(),
+        )
+        self._progress = Progress(*columns, console=err, transient=True, disable=not err.is_terminal)
+        self._name, self._task, self._failed = name, None, 0
+
+    def __enter__(self) -> _StudyBar:
+        self._progress.start()
+        return self
+
+    def __exit__(self, *exception) -> None:
+        self._progress.stop()
+
+    def begin(self, runs: int, done: int, workers) -> None:
+        """Say what there is to do, and who does it."""
+        if workers.caution:
+            err.print(f"[yellow]{escape(workers.caution)}.[/]", soft_wrap=True)
+        by = (
+            f"by the workers of {workers.scheduler}"
+            if workers.scheduler
+            else f"{workers.jobs} at a time, threads of each: {workers.threads}"
+        )
+        err.print(f"{runs} runs, {done} of them done before; {by}", soft_wrap=True, highlight=False)
+        self._task = self._progress.add_task(self._name, total=runs, completed=done, state="")
+
+    def ended(self, place: str, failure: str | None) -> None:
+        """Count a run."""
+        self._failed += failure is not None
+        self._progress.update(self._task, advance=1, state=f"{self._failed} failed" if self._failed else "")

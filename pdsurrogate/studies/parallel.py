@@ -1,0 +1,225 @@
+"""Runs of a study in parallel: on the cores of this machine, or on the workers of a Dask scheduler."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+import joblib
+import numba
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+from ..results.files import write_json
+from ..results.folder import LOCK, FolderTaken, occupied
+from ..scenes import SceneError
+from .tasks import Task
+
+OUTCOME = "outcome.json"
+"""Written last in the folder of a run, so that a run with one is done."""
+
+SECONDS_TO_LEAVE = 10.0
+"""After which a run's folder that another process still holds is not waited for any longer; one that lost its study is gone in a second."""
+
+MOST_ENDS = 2
+"""Times that a run may lose its process before it is not tried again."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended.
+
+    Attributes
+    ----------
+    place : str
+        Name of its folder.
+    failure : str or None
+    """
+
+    place: str
+    failure: str | None
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Who does the runs.
+
+    Attributes
+    ----------
+    jobs : int
+        Runs at the same time; of Dask, what its workers have threads for.
+    threads : int
+        Of the kernels of each run.
+    scheduler : str or None
+        Address of Dask's.
+    """
+
+    jobs: int
+    threads: int
+    scheduler: str | None = None
+
+    @classmethod
+    def chosen(cls, runs: int, jobs: int | None, threads: int | None, scheduler: str | None) -> Workers:
+        """So many jobs and threads as are asked for; of what is left open, as much as the cores of this machine are good for.
+
+        Raises
+        ------
+        SceneError
+            If a number is no number of jobs or threads, or jobs are asked for of Dask, which has as many as its workers.
+        """
+        for key, value in (("jobs", jobs), ("threads", threads)):
+            if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
+                raise SceneError(f"{key}: must be a whole number of at least 1, not {value!r}")
+        if scheduler is not None:
+            if jobs is not None:
+                raise SceneError("jobs: a scheduler runs as many at the same time as its workers have threads; start those you want")
+            return cls(1, threads or 1, scheduler)
+        cores = joblib.cpu_count()
+        if jobs is None:
+            jobs = max(1, min(runs, cores // (threads or 1)))
+        return cls(jobs, threads or max(1, cores // jobs))
+
+    @property
+    def caution(self) -> str | None:
+        """What is wrong with their number."""
+        cores = joblib.cpu_count()
+        if self.scheduler is None and self.jobs * self.threads > max(cores, self.threads):
+            return f"{self.jobs} jobs of {self.threads} threads share {cores} cores, and will wait for each other"
+        return None
+
+    def carry_out(self, tasks: dict[str, Task], folder: Path) -> Iterator[Outcome]:
+        """Do the runs, each in the folder under `folder` that it goes by; yields each as it ends.
+
+        A run whose process is ended from without, as by a system that is out of memory, is tried once more.
+        """
+        if not tasks:
+            return
+        left, ends = dict(tasks), dict.fromkeys(tasks, 0)
+        with self._client(folder) as client:
+            while left:
+                try:
+                    for outcome in self._parallel(client)(
+                        joblib.delayed(carry_out)(task, folder / place, self.threads, os.getpid() if client is None else None)
+                        for place, task in list(left.items())
+                    ):
+                        del left[outcome.place]
+                        yield outcome
+                except _lost(client):
+                    begun = [place for place in left if (folder / place / LOCK).exists()]
+                    for place in begun or list(left):
+                        ends[place] += 1
+                        if ends[place] >= MOST_ENDS:
+                            del left[place]
+                            yield Outcome(place, f"its process was ended from without, {MOST_ENDS} times; out of memory?")
+
+    def _parallel(self, client) -> joblib.Parallel:
+        # One run at a time to a worker: what is under way there is what is lost with it.
+        common = {"return_as": "generator_unordered", "batch_size": 1}
+        if client is not None:
+            with joblib.parallel_config(backend="dask", client=client):
+                return joblib.Parallel(**common)
+        if self.jobs == 1:
+            return joblib.Parallel(1, **common)
+        with joblib.parallel_config(backend="loky", inner_max_num_threads=self.threads):
+            return joblib.Parallel(self.jobs, **common)
+
+    def _client(self, folder: Path) -> AbstractContextManager:
+        return nullcontext() if self.scheduler is None else _dask_client(self.scheduler, folder)
+
+
+def _lost(client) -> tuple[type[Exception], ...]:
+    """What is raised where a worker's process ends."""
+    if client is None:
+        return (TerminatedWorkerError,)
+    from distributed.scheduler import KilledWorker
+
+    return (KilledWorker,)
+
+
+@contextmanager
+def _dask_client(scheduler: str, folder: Path) -> Iterator:
+    """A client of a scheduler, all of whose workers see the study's folder."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise SceneError('scheduler: Dask is not installed; pip install "pdsurrogate[dask]"') from None
+    try:
+        client = Client(scheduler, timeout="10s", set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise SceneError(f"scheduler: no Dask scheduler answers at {scheduler}: {error}") from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=10)
+        except TimeoutError:
+            raise SceneError(f"scheduler: the one at {scheduler} has no workers; start them with: dask worker {scheduler}") from None
+        seen = client.run(os.path.isdir, str(folder))
+        if blind := [worker for worker, found in seen.items() if not found]:
+            raise SceneError(
+                f"scheduler: {len(blind)} of {len(seen)} workers, the first {blind[0]}, do not see {folder}; put it on a shared disk"
+            )
+        yield client
+
+
+def carry_out(task: Task, folder: Path, threads: int, study: int | None) -> Outcome:
+    """One run, in whatever process; what becomes of it is in its folder when this returns.
+
+    Parameters
+    ----------
+    task : Task
+    folder : Path
+    threads : int
+        Of the kernels; no more than numba was started with here.
+    study : int or None
+        Process of the study, without which this one has nothing to do; None where they belong together in another way.
+    """
+    if study is not None and os.getpid() != study:
+        _end_without(study)
+    try:
+        with _held(folder):
+            failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS))
+            write_json(folder / OUTCOME, {"digest": task.digest, "failure": failure})
+    except OSError as error:
+        failure = f"could not write {error.filename or folder}: {error.strerror or error}"
+    except Exception as error:  # whatever one run does, the others go on
+        failure = f"{type(error).__name__}: {error}"
+    return Outcome(folder.name, failure)
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[None]:
+    """`occupied`, that waits a little for a process whose study was killed and that will soon notice."""
+    until = time.monotonic() + SECONDS_TO_LEAVE
+    while True:
+        held = occupied(folder)
+        try:
+            held.__enter__()
+            break
+        except FolderTaken:
+            if time.monotonic() > until:
+                raise
+            time.sleep(0.2)
+    try:
+        yield
+    finally:
+        held.__exit__(None, None, None)
+
+
+_watched: set[int] = set()
+
+
+def _end_without(parent: int) -> None:
+    """End this process, once its parent is gone: a study that was killed leaves nobody behind who writes to its folder."""
+    if parent in _watched:
+        return
+    _watched.add(parent)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.2)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -1,0 +1,233 @@
+"""A study: what is left to do of it is done, and what there is is put into one table."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..results import figures
+from ..results.files import check_writable, write_json, write_text
+from ..results.folder import SUMMARY, FolderTaken, occupied
+from ..scenes.problems import suggestion
+from .description import Study, load_study
+from .designs import parameters_of_runs
+from .parallel import OUTCOME, Outcome, Workers
+from .table import FAILURE, RUN, as_csv, columns_of, quantities_in, study_figure
+from .tasks import tasks_of
+
+TABLE, FIGURE, DESCRIPTION, RUNS = "study.csv", "study.png", "study.json", "runs"
+
+NOT_DONE = "not done yet"
+"""In the place of a failure, of a run that has not been done."""
+
+SECONDS_BETWEEN_TABLES = 10.0
+"""The table is written this often while runs end, and at the end."""
+
+DIGITS = 16
+"""Of a digest in the name of a run's folder."""
+
+
+class StudyProgress(Protocol):
+    """Where a study reports to."""
+
+    def begin(self, runs: int, done: int, workers: Workers) -> None:
+        """How many runs there are, how many are done already, and who does the others."""
+
+    def ended(self, place: str, failure: str | None) -> None:
+        """A run has ended."""
+
+
+class Quiet:
+    """Progress that goes nowhere."""
+
+    def begin(self, runs: int, done: int, workers: Workers) -> None:
+        """Say nothing."""
+
+    def ended(self, place: str, failure: str | None) -> None:
+        """Say nothing."""
+
+
+@dataclass(frozen=True)
+class StudyResult:
+    """What a study gave.
+
+    Attributes
+    ----------
+    study : Study
+    folder : Path
+        With ``study.csv``, ``study.png`` and a folder for every run in ``runs``.
+    rows : list of dict
+        One for every run, in the order of the design: ``run``, the name of its folder; parameters and quantities by their keys; and
+        ``failure``, None of a run that came to its end.
+    """
+
+    study: Study
+    folder: Path
+    rows: list[dict[str, Any]] = field(repr=False)
+
+    def table(self):
+        """The rows as a `pandas.DataFrame` where pandas is installed, else as they are."""
+        try:
+            from pandas import DataFrame
+        except ImportError:
+            return self.rows
+        return DataFrame(self.rows, columns=columns_of(self.rows))
+
+    @property
+    def failures(self) -> list[dict[str, Any]]:
+        """Rows of the runs that failed."""
+        return [row for row in self.rows if row[FAILURE] not in (None, NOT_DONE)]
+
+    @property
+    def not_done(self) -> list[dict[str, Any]]:
+        """Rows of the runs that have not been done."""
+        return [row for row in self.rows if row[FAILURE] == NOT_DONE]
+
+    def cautions(self) -> list[str]:
+        """What the table does not say aloud: quantities that no run has, and states outside the domain of a surrogate."""
+        found, done = [], [row for row in self.rows if row[FAILURE] is None]
+        for name in self.study.quantities or ():
+            summaries = [summary for row in done if (summary := _summary(self.folder / RUNS / row[RUN]))]
+            if summaries and not any(quantities_in(summary, [name]) for summary in summaries):
+                known = list(dict.fromkeys(key for part in (summaries[0], *summaries[0].get("levels", [])[-1:]) for key in part))
+                found.append(f"quantities: no run has {name!r}; {suggestion(name, known)}")
+        outside = [row[RUN] for row in done if (_summary(self.folder / RUNS / row[RUN]) or {}).get("fraction_outside_domain")]
+        if outside:
+            found.append(f"{len(outside)} runs, the first {outside[0]}, met states outside the surrogate's domain: fraction_outside_domain")
+        return found
+
+    def figure(self):
+        """Every quantity that changes against every parameter, a matplotlib figure; None where there is nothing to draw."""
+        return study_figure(self.rows, list(self.study.parameters))
+
+
+class StudyInterrupted(RuntimeError):
+    """A study that was stopped by Ctrl-C; what it did reach is in `result`, and the same call goes on from there."""
+
+    def __init__(self, result: StudyResult) -> None:
+        super().__init__(f"interrupted; {len(result.not_done)} of {len(result.rows)} runs are left, and the same call does them")
+        self.result = result
+
+
+def study(
+    description: Study | Mapping[str, Any] | str | Path,
+    folder: str | Path,
+    *,
+    jobs: int | None = None,
+    threads: int | None = None,
+    scheduler: str | None = None,
+    progress: StudyProgress | None = None,
+) -> StudyResult:
+    """Do what is left to do of a study, and put all that there is into one table.
+
+    Every run has a folder of its own, named after a digest of its scene and force (or of its fit), so that a run that is there is not done
+    again, also by a study with more of them; one that was ended half-way goes on from its checkpoint.  A run that fails is told in its row,
+    and the others go on.
+
+    Parameters
+    ----------
+    description : Study, mapping, str or path
+        A study, a mapping of its keys, or its file.
+    folder : str or path
+    jobs : int, optional
+        Runs at the same time; by default as many as there are cores for.
+    threads : int, optional
+        Of each run; by default the cores divided among the jobs.  Results do not depend on it.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers do the runs then.
+    progress : StudyProgress, optional
+        Where to report progress.
+
+    Returns
+    -------
+    StudyResult
+
+    Raises
+    ------
+    SceneError
+        If the study or one of its runs makes no sense; nothing has been run then.
+    FolderTaken
+        If `folder` holds a table that no study wrote, or another study is writing there.
+    StudyInterrupted
+        After Ctrl-C; the table of what was reached is written.
+    """
+    described, source, home = load_study(description)
+    try:
+        runs = parameters_of_runs(described)
+        tasks = tasks_of(described, home.resolve(), runs)
+    except ValueError as error:
+        raise type(error)(f"{source}: {error}") from None
+    if not str(folder):
+        raise ValueError("a folder is needed for the results, and its name is empty")
+    folder = Path(folder).resolve()
+    places = [task.digest[:DIGITS] for task in tasks]
+    by_place = dict(zip(places, tasks, strict=True))
+    workers = Workers.chosen(len(by_place), jobs, threads, scheduler)
+    if (folder / TABLE).exists() and not (folder / DESCRIPTION).exists():
+        raise FolderTaken(f"{folder / TABLE} was not written by a study and would be replaced; give another folder")
+    check_writable(folder / RUNS)
+    progress = progress or Quiet()
+    with occupied(folder):
+        ended = {place: found for place, task in by_place.items() if (found := _outcome(folder / RUNS / place, task.digest))}
+        left = {place: task for place, task in by_place.items() if place not in ended}
+        write_json(folder / DESCRIPTION, {"study": described.model_dump(mode="json"), "runs": places})
+
+        def result() -> StudyResult:
+            rows = [_row(folder / RUNS, place, run, ended, described) for place, run in zip(places, runs, strict=True)]
+            return StudyResult(described, folder, rows)
+
+        progress.begin(len(by_place), len(ended), workers)
+        written = time.monotonic()
+        try:
+            for outcome in workers.carry_out(left, folder / RUNS):
+                ended[outcome.place] = outcome
+                progress.ended(outcome.place, outcome.failure)
+                if time.monotonic() - written > SECONDS_BETWEEN_TABLES:
+                    _write(result())
+                    written = time.monotonic()
+        except KeyboardInterrupt:
+            # Those that ended meanwhile count as well.
+            ended |= {place: found for place, task in left.items() if (found := _outcome(folder / RUNS / place, task.digest))}
+            reached = result()
+            _write(reached)
+            raise StudyInterrupted(reached) from None
+        reached = result()
+        _write(reached)
+    return reached
+
+
+def _write(result: StudyResult) -> None:
+    write_text(result.folder / TABLE, as_csv(result.rows))
+    figure = result.figure()
+    if figure is None:
+        (result.folder / FIGURE).unlink(missing_ok=True)
+    else:
+        figures.save(figure, result.folder / FIGURE)
+
+
+def _row(runs: Path, place: str, parameters: dict[str, Any], ended: Mapping[str, Outcome], study: Study) -> dict[str, Any]:
+    failure = ended[place].failure if place in ended else NOT_DONE
+    summary = _summary(runs / place) if place in ended else None
+    quantities = quantities_in(summary, study.quantities) if summary else {}
+    asked = {RUN: place, **parameters}
+    return {**asked, **quantities, **asked, FAILURE: failure}  # of a name that is both, what was asked for
+
+
+def _summary(folder: Path) -> dict[str, Any] | None:
+    try:
+        return json.loads((folder / SUMMARY).read_text("utf-8"))
+    except (OSError, ValueError):
+        return None
+
+
+def _outcome(folder: Path, digest: str) -> Outcome | None:
+    """How a run ended that was done before; None where it was not."""
+    try:
+        written = json.loads((folder / OUTCOME).read_text("utf-8"))
+        return Outcome(folder.name, written["failure"]) if written["digest"] == digest else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None

@@ -1,0 +1,131 @@
+"""What the runs of a study gave, as a table and a figure."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..results.figures import STYLE
+
+_ALL = ("fraction_outside_domain", "n_force_evaluations", "seconds_total")
+OF_GRIPS = ("converged", "stretch", "nominal_stress", "peak_nominal_stress", "crack.broken_bonds", "crack.through", *_ALL)
+OF_STEPS = ("converged", "t", "forces", "moments", "probes.*.displacement", "crack.broken_bonds", "crack.through", *_ALL)
+OF_FITS = ("on_surface.rms", "on_surface.max", "cross_validated_rms", "outcome.n_iter", "seconds_total")
+"""Columns where none are asked for, of scenes with grips, of scenes with steps, and of fits: of these, what a run has."""
+
+RUN, FAILURE = "run", "failure"
+"""First and last column: the folder of the run, and why it failed."""
+
+MOST_DRAWN = 6
+"""Quantities and parameters in a figure, each."""
+
+
+def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str, Any]:
+    """Quantities of a run, by column.
+
+    A name is a dotted key of the summary, or else of its last level; an asterisk stands for every key of a table.  What it leads to is a
+    column; a table or list, one column for each entry in it, of whatever depth.
+
+    Parameters
+    ----------
+    summary : dict
+        Of a run's ``summary.json``.
+    names : iterable of str, optional
+        By default what is usual of such a run.
+    """
+    last = summary["levels"][-1] if summary.get("levels") else {}
+    if names is None:
+        names = OF_FITS if "levels" not in summary else OF_STEPS if "t" in last else OF_GRIPS
+    found: dict[str, Any] = {}
+    for name in names:
+        steps = name.split(".")
+        entries = dict(_leaves(summary, steps, ())) or dict(_leaves(last, steps, ()))
+        found |= {".".join(key): value for key, value in entries.items()}
+    return found
+
+
+def _leaves(place: Any, steps: list[str], before: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Numbers, words and switches at a place, each with its key."""
+    entries = dict(place) if isinstance(place, dict) else dict(enumerate(place)) if isinstance(place, list) else None
+    if entries is not None:
+        for key, inner in entries.items():
+            if not steps or steps[0] in ("*", str(key)):
+                yield from _leaves(inner, steps[1:], (*before, str(key)))
+    elif not steps and place is not None:
+        yield before, place
+
+
+def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
+    """Columns of rows that may each have some of them, in order, the failure last."""
+    found = dict.fromkeys(key for row in rows for key in row)
+    found.pop(FAILURE, None)
+    return [*found, FAILURE]
+
+
+def as_csv(rows: list[dict[str, Any]]) -> str:
+    """Rows as CSV; tables and lists in it as JSON, and nothing where a row has nothing."""
+    text = io.StringIO()
+    columns = columns_of(rows)
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for row in rows:
+        writer.writerow([_cell(row.get(column)) for column in columns])
+    return text.getvalue()
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return json.dumps(value) if isinstance(value, dict | list | tuple) else str(value)
+
+
+def study_figure(rows: list[dict[str, Any]], parameters: list[str]) -> Figure | None:
+    """Every quantity that changes, against every parameter; None where there is nothing to draw.
+
+    Parameters
+    ----------
+    rows : list of dict
+    parameters : list of str
+        Columns to draw against, the first `MOST_DRAWN` of those that change.
+    """
+    across = [key for key in parameters if len({_cell(row.get(key)) for row in rows}) > 1][:MOST_DRAWN]
+    others = [key for key in columns_of(rows) if key not in (RUN, FAILURE, *parameters)]
+    down = [key for key in others if len({row[key] for row in rows if _is_number(row.get(key))}) > 1][:MOST_DRAWN]
+    if not across or not down:
+        return None
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(1.0 + 2.4 * len(across), 0.6 + 1.8 * len(down)), layout="constrained")
+        axes = figure.subplots(len(down), len(across), squeeze=False, sharey="row", sharex="col")
+        for row_of_axes, quantity in zip(axes, down, strict=True):
+            for axis, key in zip(row_of_axes, across, strict=True):
+                drawn = [row for row in rows if _is_number(row.get(quantity))]
+                places, words = _places([row.get(key) for row in rows])
+                shown = dict(zip(map(id, rows), places, strict=True))
+                axis.plot([shown[id(row)] for row in drawn], [row[quantity] for row in drawn], "o", ms=3.5, alpha=0.7)
+                if words:
+                    axis.set_xticks(range(len(words)), words, rotation=30, ha="right")
+            row_of_axes[0].set_ylabel(quantity)
+        for axis, key in zip(axes[-1], across, strict=True):
+            axis.set_xlabel(key)
+        return figure
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+
+
+def _places(values: list[Any]) -> tuple[list[float], list[str]]:
+    """Where values stand on an axis: numbers where they are, anything else side by side, with their words."""
+    if all(_is_number(value) for value in values):
+        return values, []
+    words = list(dict.fromkeys(_cell(value) for value in values))
+    return [float(words.index(_cell(value))) for value in values], [word if len(word) <= 24 else word[:21] + "..." for word in words]

@@ -1,0 +1,210 @@
+"""What one run of a study does: it simulates a scene or fits a surrogate, and leaves what came out in a folder of its own."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from pydantic import ValidationError
+
+from .. import artifacts
+from ..forces import FORCES, ForceModel
+from ..forces.identity import digest_of, identity_of
+from ..results.checkpoint import NAME as CHECKPOINT
+from ..results.checkpoint import CheckpointError
+from ..results.files import write_json
+from ..results.folder import SUMMARY
+from ..run.materials import checked_models
+from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
+from ..scenes import Mesh, Scene, SceneError, load_scene
+from ..scenes.problems import explain
+from ..scenes.reading import apply_change
+from .description import FORCE, Fit, Study, scene_of
+
+SURROGATE = ("fitted", "1")
+"""Name and version of the artefact that a run of a study that fits leaves in its folder."""
+
+
+class Task(Protocol):
+    """One run of a study, checked and ready to go, in this process or another one.
+
+    Attributes
+    ----------
+    digest : str
+        Of everything that its result depends on.
+    """
+
+    digest: str
+
+    def carry_out(self, folder: Path, threads: int) -> str | None:
+        """Do it, in a folder that is its own; returns why it failed, if it did."""
+
+
+@dataclass(frozen=True)
+class SceneTask:
+    """A run of a scene; `force` is a reference that other machines read alike, or None for the default."""
+
+    scene: Scene
+    force: str | None
+    digest: str
+
+    def carry_out(self, folder: Path, threads: int) -> str | None:
+        """Simulate, from the checkpoint in the folder if there is one."""
+        model = _model(self.force, self.scene)
+        if _scene_digest(self.scene, model) != self.digest:
+            raise RuntimeError("the mesh or the force is not the one that it was where the study was begun")
+        options = {"threads": threads, "folder": folder, "overwrite": False}
+        failure = None
+        try:
+            result = _resumed(self.scene, model, options) or simulate(self.scene, model, **options)
+        except SimulationInterrupted:
+            raise KeyboardInterrupt from None
+        except SimulationFailed as error:
+            failure, result = str(error), error.result
+        except SceneError as error:
+            return str(error)
+        result.save(folder)
+        return failure
+
+
+def _resumed(scene: Scene, model: ForceModel, options: Mapping):
+    """The result of a run that goes on from its checkpoint; None where there is none to go on from."""
+    if not (options["folder"] / CHECKPOINT).is_file():
+        return None
+    try:
+        return simulate(scene, model, **options, resume=True)
+    except CheckpointError:
+        return None
+
+
+@dataclass(frozen=True)
+class FitTask:
+    """A fit."""
+
+    fit: Fit
+    digest: str
+
+    def carry_out(self, folder: Path, threads: int) -> str | None:
+        """Fit, cross-validate, and leave the artefact with its scores."""
+        # Imported here: only those who fit have scikit-learn loaded.
+        from threadpoolctl import threadpool_limits
+
+        from ..learning.fitting import TooInexact
+
+        began = time.perf_counter()
+        law, settings = self.fit.material.build(), settings_of(self.fit)
+        place = folder / Path(*SURROGATE)
+        summary = {"material": law.describe(), "artefact": "/".join(SURROGATE)}
+        with threadpool_limits(threads):
+            if not place.exists():  # else written by a run that was ended between this and its summary
+                try:
+                    design, pipeline = settings.design(law), settings.pipeline()[0]
+                    pipeline.fit(design.X, design.y)
+                    settings.store(pipeline, design, law, folder, *SURROGATE, settings.cross_validate(pipeline, design))
+                except (TooInexact, ValueError) as error:
+                    return str(error)
+        card = artifacts.load_card(place)
+        folds = card.training["cross_validation"]
+        write_json(
+            folder / SUMMARY,
+            {
+                **summary,
+                **card.errors["box"],
+                "outcome": card.training.get("outcome", {}),
+                "cross_validation": folds,
+                "cross_validated_rms": (sum(row["rms"] ** 2 for row in folds) / len(folds)) ** 0.5 if folds else None,
+                "seconds_total": time.perf_counter() - began,
+            },
+        )
+        return None
+
+
+def settings_of(fit: Fit):
+    """The choices of a fit, as the regressors' room takes them."""
+    from ..learning.settings import FitSettings
+
+    return FitSettings(**{key: value for key, value in fit if key != "material"})
+
+
+def tasks_of(study: Study, folder: Path, runs: list[dict[str, Any]]) -> list[Task]:
+    """All runs of a study, checked as far as that goes without a body.
+
+    Parameters
+    ----------
+    study : Study
+    folder : Path
+        From which it names a scene file.
+    runs : list of dict
+        Parameters of each.
+
+    Raises
+    ------
+    SceneError
+        If one of them makes no sense; names the run and the key.
+    ArtifactError
+        If a force cannot be found or read.
+    """
+    tasks: list[Task] = []
+    for number, parameters in enumerate(runs, 1):
+        try:
+            tasks.append(_fit_task(study, parameters) if study.fit is not None else _scene_task(study, folder, parameters))
+        except (SceneError, artifacts.ArtifactError) as error:
+            told = ", ".join(f"{key}={value}" for key, value in parameters.items())
+            raise SceneError(f"run {number} of {len(runs)} ({told}): {error}") from None
+    return tasks
+
+
+def _scene_task(study: Study, folder: Path, parameters: dict[str, Any]) -> SceneTask:
+    changes = {key: value for key, value in parameters.items() if key != FORCE}
+    scene = load_scene(scene_of(study, folder), {**study.set, **changes})
+    force = parameters.get(FORCE, study.force)
+    if force is not None and not isinstance(force, str):
+        raise SceneError(f"force: must be the name or path of one, not {force!r}")
+    model = _model(force, scene)
+    if force is not None and force not in FORCES:
+        # The version by which it is known now; an artefact that no name leads to, by its whole path.
+        named = artifacts.find_artifact(force)
+        force = f"{named.parent.name}@{named.name}" if _found_by_name(named) else str(named.resolve())
+    return SceneTask(scene, force, _scene_digest(scene, model))
+
+
+def _found_by_name(place: Path) -> bool:
+    try:
+        return artifacts.find_artifact(f"{place.parent.name}@{place.name}").resolve() == place.resolve()
+    except artifacts.ArtifactError:
+        return False
+
+
+def _model(force: str | None, scene: Scene) -> ForceModel:
+    return artifacts.default_force(scene) if force is None else artifacts.load_surrogate(force)
+
+
+def _scene_digest(scene: Scene, model: ForceModel) -> str:
+    described = {"scene": scene.model_dump(mode="json"), "forces": [identity_of(own) for own in checked_models(scene, model)]}
+    if isinstance(scene.body, Mesh):
+        del described["scene"]["body"]["file"]  # its contents count, not where it lies
+        try:
+            described["mesh"] = hashlib.sha256(Path(scene.body.file).read_bytes()).hexdigest()
+        except OSError as error:
+            raise SceneError(f"body.file: cannot read {scene.body.file}: {error.strerror}") from None
+    return digest_of(described)
+
+
+def _fit_task(study: Study, parameters: dict[str, Any]) -> FitTask:
+    data = json.loads(json.dumps(study.fit))  # a copy, of tables and lists alone
+    for key, value in parameters.items():
+        apply_change(data, key, value)
+    try:
+        fit = Fit.model_validate(data)
+    except ValidationError as error:
+        raise SceneError(f"fit: {explain(error, Fit)}") from None
+    try:
+        settings_of(fit)
+    except ValueError as error:
+        raise SceneError(f"fit: {error}") from None
+    return FitTask(fit, digest_of(fit.model_dump(mode="json")))
