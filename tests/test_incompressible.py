@@ -36,7 +36,7 @@ def deformed(force, amount=0.03):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_linearised_dilatation_is_the_derivative_of_the_volume_ratios(dimension):
-    """Against central differences, of which the cubic part in space leaves 1e-10; the transpose to rounding; not moved by a rigid turn."""
+    """Against central differences, of which the cubic part in space leaves 1e-10, in single precision; so the transpose."""
     force = block(5, dimension, 100, jitter=0.1)
     positions, random = deformed(force), np.random.default_rng(4)
     dilatation = force.linearised_dilatation()
@@ -46,8 +46,10 @@ def test_the_linearised_dilatation_is_the_derivative_of_the_volume_ratios(dimens
         force.place(positions + sign * 1e-6 * moved)
         ratios.append(force.volume_ratios())
     change = dilatation.changes(moved)
-    np.testing.assert_allclose(change, (ratios[0] - ratios[1]) / 2e-6, atol=1e-7 * np.abs(change).max())
-    assert np.vdot(dilatation.forces(values), moved) == pytest.approx(values @ change, rel=1e-10)
+    np.testing.assert_allclose(change, (ratios[0] - ratios[1]) / 2e-6, rtol=0, atol=1e-6 * np.abs(change).max())
+    assert np.vdot(dilatation.forces(values), moved) == pytest.approx(
+        values @ change, abs=1e-6 * np.linalg.norm(values) * np.linalg.norm(change)
+    )
 
 
 def test_the_preconditioner_solves_what_it_says():
@@ -89,7 +91,7 @@ def test_a_multigrid_cycle_is_near_the_inverse():
         cycle = Multigrid(matrix, points, 0.5, free).cycle
         random = np.random.default_rng(1)
         one, other = random.standard_normal((2, count**2))
-        assert one @ cycle(other) == pytest.approx(other @ cycle(one), rel=1e-10)
+        assert one @ cycle(other) == pytest.approx(other @ cycle(one), rel=1e-4)
         # What a cycle leaves of the error, by power iteration: its greatest part is one minus the least eigenvalue.
         error = random.standard_normal(count**2) * free
         for _ in range(30):

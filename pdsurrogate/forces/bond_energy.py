@@ -17,7 +17,7 @@ from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
 from ..kernels.passes import Chain
 from ..kernels.reference_state import bond_shares
-from ..kernels.sums import point_forces, sum_moments, weigh_moments
+from ..kernels.sums import add_node_forces, point_forces, sum_moments, weigh_moments
 from ..materials import PLANES, SHEETS, Law, plane_stress
 from .energy_density import BLEND, EnergyDerivatives, blended, domain_constants
 from .evaluation import DomainWatch, Evaluation, usual_precision
@@ -368,6 +368,38 @@ class EnergyOfPairs(Evaluation):
             return sum(without_force)
 
         return to_points
+
+    def moments_to_points(self, moments: np.ndarray, forces: np.ndarray) -> Callable[[], None]:
+        """What adds to forces on points and ghosts those of the points' moments, and hands all on to the body's points.
+
+        Parameters
+        ----------
+        moments : ndarray, shape (n + m, d d)
+            Derivatives by the gradients, by columns; spoilt by the call.
+        forces : ndarray, shape (n + m, d)
+        """
+        body, bonds, ghosts, kinematics = self.body, self.body.bonds, self.body.ghosts, self._kinematics
+        d, chunks = body.dimension, kinematics.chunks
+        directed = bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
+        outer = self._ghost_pointers, self._ghost_neighbours, self._ghost_weighted_bonds, body.all_volumes
+        passes = [
+            weigh_moments[d].bind(moments, kinematics.inverse_shape, body.volumes, chunks=chunks),
+            add_node_forces[d].bind(moments, *directed, 0, self._node_parts, forces, chunks=chunks),
+        ]
+        if len(ghosts):
+            passes.append(add_node_forces[d].bind(moments, *outer, len(body), self._node_parts, forces, chunks=chunks))
+        weigh_and_add = Chain(*passes)
+
+        def to_points() -> None:
+            kinematics.gradient_ghosts.fold_moments(moments)
+            weigh_and_add()
+            ghosts.fold_forces(forces)
+
+        return to_points
+
+    def pairs_of_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where the pairs begin of which every point and ghost is the first, then where those of which it is the second, and these."""
+        return self._pair_pointers, self._incidence_pointers, self._incidence
 
     def energy(self) -> float:
         return self.unit * self._energy

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..kernels import selective_energy
+from ..kernels import dilatation, selective_energy
 from ..kernels.block_arrays import BLOCK, aligned_rows
+from ..kernels.ghosts import place_points
+from ..kernels.passes import Chain
 
 if TYPE_CHECKING:
     from .kinematics import Kinematics
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
 
 class LinearisedDilatation:
     """How the smoothed dilatations of the points change with the positions, D, and the transpose of that (theory (58)).
+
+    In single precision: it is for approximations of the tangent.
 
     Parameters
     ----------
@@ -41,68 +45,99 @@ class LinearisedDilatation:
         dilatations: np.ndarray,
         pairs: SelectivePairs,
     ) -> None:
-        body, bonds = force.body, force.body.bonds
+        body, bonds, ghosts, chunks = force.body, force.body.bonds, force.body.ghosts, kinematics.chunks
         self._body, self._law, self._unit, self._dilatations = body, force.law, force.unit, dilatations
-        self._gradient_ghosts, chunks, d, n, total = (
-            kinematics.gradient_ghosts,
-            kinematics.chunks,
-            body.dimension,
-            len(body),
-            len(body.all_points),
-        )
+        self._smoothing, gradient_ghosts = smoothing.in_single_precision(), kinematics.gradient_ghosts
+        d, n, total = body.dimension, len(body), len(body.all_points)
         first, second = bonds.ends_in_blocks(BLOCK)
-        # Single precision would do, but for kernels that would be compiled once more.
-        self._derivatives = aligned_rows((len(force.geometry), selective_energy.change_rows(d), BLOCK))
-        self._displacements, self._gradients = np.zeros((total, d)), aligned_rows((total, d * d))
-        self._changes, self._means, self._smoothed, self._pressures = np.zeros(len(first)), np.zeros(n), np.zeros(n), np.zeros(total)
-        forces, moments = aligned_rows((len(first), d)), aligned_rows((len(first), d * d))
-        self._form_gradients = kinematics.gradient_pass(self._displacements, self._gradients, 0.0)
-        self._linearise = selective_energy.volume_derivatives[d].bind(
-            kinematics.positions, kinematics.gradients, first, second, force.geometry, pairs.buffers, self._derivatives, chunks=chunks
+        length = dilatation.record_length(d)
+        derivatives = aligned_rows((len(first), length), np.float32)
+        by_pair, means = np.zeros(len(first), dtype=np.float32), np.zeros(n, dtype=np.float32)
+        self._linearise = dilatation.volume_derivatives[d].bind(
+            kinematics.positions, kinematics.gradients, first, second, force.geometry, pairs.buffers, derivatives, chunks=chunks
         )
-        self._find_changes = selective_energy.volume_changes[d].bind(
-            self._displacements, self._gradients, first, second, self._derivatives, pairs.buffers, self._changes, chunks=chunks
+
+        displacements, gradients = np.zeros((total, d)), aligned_rows((total, d * d))
+        records, self._changes = aligned_rows((total, length), np.float32), np.zeros(n, dtype=np.float32)
+        images = ghosts.source, ghosts.parity, np.zeros_like(ghosts.parity)
+        self._place = place_points.bind(np.ascontiguousarray(body.points), *images, displacements, chunks=chunks)
+        of_gradients = gradient_ghosts.source, gradient_ghosts.gradient_parity, gradient_ghosts.gradient_reflection
+        self._find_changes = Chain(
+            self._place,
+            kinematics.gradient_pass(displacements, gradients, 0.0),
+            dilatation.displacement_records.bind(displacements, gradients, *of_gradients, records, chunks=chunks),
+            dilatation.volume_changes[d].bind(derivatives, records, bonds.pair_pointers, second, by_pair, chunks=chunks),
+            selective_energy.means_over_bonds.bind(bonds.pointers, bonds.pair_of, force.bond_shares, by_pair, 0.0, means, chunks=chunks),
+            self._smoothing.bind(means, self._changes, chunks),
         )
-        self._find_means = selective_energy.means_over_bonds.bind(
-            bonds.pointers, bonds.pair_of, force.bond_shares, self._changes, 0.0, self._means, chunks=chunks
+
+        self._values, pressures = means, np.zeros(total, dtype=np.float32)
+        self._forces = np.zeros((total, d))
+        # The gradients are done with when forces are found.
+        self._find_forces = Chain(
+            self._smoothing.bind(means, pressures, chunks),
+            dilatation.pair_pressures.bind(pressures, first, second, pairs.end_shares, by_pair, chunks=chunks),
+            dilatation.sum_pressures[d].bind(derivatives, by_pair, *force.pairs_of_points(), self._forces, gradients, chunks=chunks),
         )
-        self._smooth_means = smoothing.bind(self._means, self._smoothed, chunks)
-        self._smooth_pressures = smoothing.bind(self._means, self._pressures, chunks)
-        self._find_parts = selective_energy.pressure_parts[d].bind(
-            self._pressures, first, second, pairs.end_shares, self._derivatives, forces, moments, chunks=chunks
-        )
-        self._to_points = force.sums_of(forces, moments)
+        self._to_points = force.moments_to_points(gradients, self._forces)
+        self._chunks = chunks
         self.stiffness = np.zeros(n)
 
     def take(self) -> None:
         """Linearise in the state last evaluated."""
         self._linearise()
+        self._smoothing.take()
         self.stiffness[:] = self._unit * self._body.volumes * self._law.volumetric(self._dilatations, self._law.parameters)[2]
 
     def changes(self, displacements: np.ndarray) -> np.ndarray:
-        """D u, shape (n,), of displacements (n, d); costs about a quarter of a force evaluation."""
-        self._displacements[: len(displacements)] = displacements
-        self._body.ghosts.fill_displacements(self._displacements)
-        self._form_gradients()
-        self._gradient_ghosts.fill_changes(self._gradients)
+        """D u, shape (n,), of displacements (n, d)."""
+        self._place.give("given", np.ascontiguousarray(displacements))
         self._find_changes()
-        self._find_means()
-        self._smooth_means()
-        return self._smoothed.copy()
+        return self._changes.astype(float)
 
     def forces(self, values: np.ndarray) -> np.ndarray:
-        """D^T s, shape (n, d), of values (n,) at the points; costs less than half of a force evaluation."""
+        """D^T s, shape (n, d), of values (n,) at the points; costs about as much as `changes`."""
         # The smoothing is its own transpose by volumes.
-        np.divide(values, self._body.volumes, out=self._means)
-        self._smooth_pressures()
-        self._find_parts()
-        out = np.empty_like(self._body.points)
-        self._to_points(out)
-        out *= -1 / self._unit
-        return out
+        np.divide(values, self._body.volumes, out=self._values, casting="same_kind")
+        self._find_forces()
+        self._to_points()
+        return -self._forces[: len(values)]
 
-    def smooth(self, values: np.ndarray) -> np.ndarray:
-        """W s, shape (n,), of values (n,) at the points."""
-        self._means[:] = values
-        self._smooth_means()
-        return self._smoothed.copy()
+    def polynomial(self, coefficients: np.ndarray) -> SmoothingPolynomial:
+        """A polynomial of the smoothing W, to be applied to values at the points: the sum of c_k T_k(2 W^2 - I)."""
+        return SmoothingPolynomial(self._smoothing, coefficients, len(self._body), self._chunks)
+
+
+class SmoothingPolynomial:
+    """The sum of c_k T_k(2 W^2 - I) with Chebyshev polynomials T_k and the smoothing W of points, by Clenshaw's recurrence.
+
+    Parameters
+    ----------
+    smoothing : SinglePrecisionSmoothing
+    coefficients : ndarray
+    n : int
+        Points.
+    chunks : Chunks
+    """
+
+    def __init__(self, smoothing, coefficients: np.ndarray, n: int, chunks) -> None:
+        self._values, self._sums = np.zeros(n, dtype=np.float32), np.zeros((2, n), dtype=np.float32)
+        once, passes = np.zeros(n, dtype=np.float32), []
+        for number, coefficient in enumerate(coefficients[:0:-1]):
+            # b_k = c_k v + 2 (2 W^2 - I) b_(k + 1) - b_(k + 2), which is overwritten.
+            first, second = self._sums[number % 2], self._sums[1 - number % 2]
+            passes.append(smoothing.bind(first, once, chunks))
+            passes.append(smoothing.bind_sum(once, 4.0, ((-2.0, first), (coefficient, self._values), (-1.0, second)), second, chunks))
+        first, second = (self._sums[(len(coefficients) - 1 + shift) % 2] for shift in (0, 1))
+        self._result = np.zeros(n, dtype=np.float32)
+        passes.append(smoothing.bind(first, once, chunks))
+        ends = (-1.0, first), (coefficients[0], self._values), (-1.0, second)
+        passes.append(smoothing.bind_sum(once, 2.0, ends, self._result, chunks))
+        self._run = Chain(*passes)
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        """Of values (n,)."""
+        self._values[:] = values
+        self._sums[:] = 0.0
+        self._run()
+        return self._result.astype(float)

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from ..body import Body
-from ..kernels import selective_energy
+from ..kernels import dilatation, selective_energy
 from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.bond_energy import COLLAPSED
 from ..kernels.elementary import sum_in_order
@@ -321,6 +321,10 @@ class Smoothing:
         """The pass that smooths values at the points (n,) into the first n of another array."""
         return selective_energy.smooth.bind(self._pointers, self._columns, self._weights, self._own, values, out, chunks=chunks)
 
+    def in_single_precision(self) -> SinglePrecisionSmoothing:
+        """The same for what needs no more digits."""
+        return SinglePrecisionSmoothing(self._pointers, self._columns, self._weights, self._own)
+
     def matrix(self) -> sparse.csr_array:
         """The weights, shape (n, n)."""
         n = len(self._own)
@@ -350,3 +354,32 @@ class Smoothing:
         starts = self._pointers[rows].astype(np.int64)
         counts = self._pointers[rows + 1].astype(np.int64) - starts
         return np.repeat(rows, counts), np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+
+
+class SinglePrecisionSmoothing:
+    """`Smoothing` of values in single precision, whose weights are half as long to read.
+
+    Parameters
+    ----------
+    pointers, columns, weights, own : ndarray
+        Of the smoothing, which may renew the last two.
+    """
+
+    def __init__(self, pointers: np.ndarray, columns: np.ndarray, weights: np.ndarray, own: np.ndarray) -> None:
+        self._exact = weights, own
+        self._matrix = pointers, columns, weights.astype(np.float32), own.astype(np.float32)
+
+    def take(self) -> None:
+        """Take the weights as they are now."""
+        for single, exact in zip(self._matrix[2:], self._exact, strict=True):
+            single[:] = exact
+
+    def bind(self, values: np.ndarray, out: np.ndarray, chunks: Chunks) -> BoundPass:
+        """See `Smoothing.bind`."""
+        return selective_energy.smooth.bind(*self._matrix, values, out, chunks=chunks)
+
+    def bind_sum(self, values: np.ndarray, factor: float, others, out: np.ndarray, chunks: Chunks) -> BoundPass:
+        """The pass that writes a multiple of the smoothed values, plus three others (factor, values), of which `out` may be one."""
+        (of_first, first), (of_second, second), (of_third, third) = others
+        rest = factor, first, float(of_first), second, float(of_second), third, float(of_third)
+        return dilatation.smooth_and_add.bind(*self._matrix, values, *rest, out, chunks=chunks)

@@ -462,3 +462,134 @@ def sum_quad_records(typingctx, records, start, stop, indices, first, last, poin
         return context.get_dummy_value()
 
     return signature, codegen
+
+
+def _parts(length):
+    """Where the vectors of four, and of two at the end, begin that a record of so many reals is read in."""
+    return [(at, 4) for at in range(0, length - 3, 4)] + [(length - 2, 2)] * (length % 4 == 2)
+
+
+def _record(builder, data, index, length):
+    """A record as vectors, see `_parts`."""
+    base = _element(builder, data, index, length)
+    return [_load(builder, _element(builder, base, _constant(at)), count) for at, count in _parts(length)]
+
+
+@cache
+def multiply_pairs(dimension):
+    """An intrinsic that multiplies the records of pairs with those of their ends, all of d + d d reals in single precision.
+
+    ``out[b] = records[b] . (points[second[b]] + s * points[first])`` for b in start … stop, where s is -1 for the first d reals and 1 for
+    the others.
+    """
+    length = dimension + dimension**2
+
+    @intrinsic
+    def multiply(typingctx, records, points, first, second, start, stop, out):
+        signature = types.void(records, points, types.uint64, second, *[types.uint64] * 2, out)
+
+        def codegen(context, builder, signature, arguments):
+            pairs, ends, indices, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 1, 3, 6))
+            signs = [-1.0 if at < dimension else 1.0 for at in range(length)]
+            own = [
+                builder.fmul(part, ir.Constant(part.type, signs[at : at + count]))
+                for part, (at, count) in zip(_record(builder, ends, arguments[2], length), _parts(length), strict=True)
+            ]
+            with cgutils.for_range(builder, builder.sub(arguments[5], arguments[4])) as loop:
+                b = builder.add(arguments[4], loop.index)
+                others = _record(builder, ends, builder.load(_element(builder, indices, b)), length)
+                totals = {}
+                for record, mine, other in zip(_record(builder, pairs, b, length), own, others, strict=True):
+                    product, count = builder.fmul(record, builder.fadd(mine, other), flags=_CONTRACT), record.type.count
+                    totals[count] = builder.fadd(totals[count], product, flags=_CONTRACT) if count in totals else product
+                quad = totals[4]
+                total = builder.fadd(_shuffle(builder, quad, quad, [0, 1]), _shuffle(builder, quad, quad, [2, 3]))
+                total = builder.fadd(total, totals[2]) if 2 in totals else total
+                first, last = (builder.extract_element(total, ir.Constant(ir.IntType(32), lane)) for lane in (0, 1))
+                builder.store(builder.fadd(first, last), _element(builder, target, b))
+            return context.get_dummy_value()
+
+        return signature, codegen
+
+    return multiply
+
+
+@cache
+def sum_scaled_records(dimension):
+    """An intrinsic that sums records of pairs, of d + d d reals in single precision, each times a factor.
+
+    Over b in start … stop and, at ``indices[first … last]``, over pairs of which the point is the other end: ``vectors[point]`` is the
+    difference of both sums of the first d reals, ``matrices[point]`` the sum of those of the others.
+    """
+    length = dimension + dimension**2
+
+    @intrinsic
+    def add_up(typingctx, records, factors, start, stop, indices, first, last, point, vectors, matrices):
+        whole = types.uint64
+        signature = types.void(records, factors, whole, whole, indices, whole, whole, whole, vectors, matrices)
+
+        def codegen(context, builder, signature, arguments):
+            pairs, scales, listed = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 1, 4))
+            kinds = [ir.VectorType(ir.FloatType(), count) for _, count in _parts(length)]
+
+            def total(start, stop, places=None):
+                sums = [_zeros(builder, kind, 1)[0] for kind in kinds]
+                with cgutils.for_range(builder, builder.sub(stop, start)) as loop:
+                    b = builder.add(start, loop.index)
+                    b = b if places is None else builder.zext(builder.load(_element(builder, places, b)), _INDEX)
+                    factor = builder.load(_element(builder, scales, b))
+                    for part, accumulator in zip(_record(builder, pairs, b, length), sums, strict=True):
+                        product = builder.fmul(part, _vector(builder, [factor] * part.type.count), flags=_CONTRACT)
+                        builder.store(builder.fadd(builder.load(accumulator), product, flags=_CONTRACT), accumulator)
+                found = []
+                for accumulator, kind in zip(sums, kinds, strict=True):
+                    value = builder.load(accumulator)
+                    found += [builder.extract_element(value, ir.Constant(ir.IntType(32), lane)) for lane in range(kind.count)]
+                return found
+
+            own, others = total(arguments[2], arguments[3]), total(arguments[5], arguments[6], listed)
+            for which, places in ((8, range(dimension)), (9, range(dimension, length))):
+                target, scalar = (
+                    _data(context, builder, signature.args[which], arguments[which]),
+                    _scalar_of(context, signature.args[which]),
+                )
+                base = _element(builder, target, arguments[7], len(places))
+                for r, at in enumerate(places):
+                    value = (builder.fsub if which == 8 else builder.fadd)(own[at], others[at])
+                    value = value if value.type == scalar else builder.fpext(value, scalar)
+                    builder.store(value, _element(builder, base, _constant(r)))
+            return context.get_dummy_value()
+
+        return signature, codegen
+
+    return add_up
+
+
+@cache
+def sum_weighted_rows(width):
+    """An intrinsic that sums rows of as many reals in single precision: ``out[point] = sum over e in start … stop of w[e] x[columns[e]]``.
+
+    Left to itself LLVM gathers eight entries at a time, which rows of seven never fill.
+    """
+
+    @intrinsic
+    def add_up(typingctx, weights, columns, start, stop, rows, point, out):
+        whole = types.uint64
+        signature = types.void(weights, columns, whole, whole, rows, whole, out)
+
+        def codegen(context, builder, signature, arguments):
+            factors, indices, source, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 1, 4, 6))
+            kind = ir.VectorType(ir.FloatType(), width)
+
+            def add(e, accumulator):
+                row = _load(builder, _element(builder, source, builder.load(_element(builder, indices, e)), width), width)
+                product = builder.fmul(row, _vector(builder, [builder.load(_element(builder, factors, e))] * width), flags=_CONTRACT)
+                builder.store(builder.fadd(builder.load(accumulator), product, flags=_CONTRACT), accumulator)
+
+            total = _accumulate(builder, arguments[2], arguments[3], add, kind)
+            _store(builder, total, _element(builder, target, arguments[5], width))
+            return context.get_dummy_value()
+
+        return signature, codegen
+
+    return add_up

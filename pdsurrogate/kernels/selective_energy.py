@@ -23,12 +23,12 @@ def buffer_rows(dimension: int) -> int:
     return dimension * dimension + dimension + STATE_ROWS + RESULT_ROWS
 
 
-def _gradient_of_bond(algebra):
+def gradient_of_bond(algebra):
     """F_ij = Fbar + (y/l - Fbar n) (x) n of theory (27)."""
     length, volume = algebra.DIMENSION, algebra.DIMENSION + 1
 
     @inlined
-    def gradient_of_bond(sums, bonds, reference, k):
+    def of_bond(sums, bonds, reference, k):
         """From column k of the sums of the ends' gradients, the bonds and the reference data; I of a pair that carries nothing."""
         n = algebra.column_at(reference, k)
         mean = algebra.times_matrix(0.5, algebra.matrix_column_at(sums, k))
@@ -37,13 +37,13 @@ def _gradient_of_bond(algebra):
         alive = 1.0 if reference[volume, k] > 0.0 else 0.0
         return algebra.plus_diagonal(algebra.times_matrix(alive, F), 1.0 - alive)
 
-    return gradient_of_bond
+    return of_bond
 
 
 @ByDimension
 def pair_volumes(algebra):
     """Det F_ij of every pair."""
-    gradient_of_bond = _gradient_of_bond(algebra)
+    of_bond = gradient_of_bond(algebra)
     matrix = algebra.MATRIX
 
     @Pass
@@ -76,7 +76,7 @@ def pair_volumes(algebra):
             for k in range(0, BLOCK, 4):
                 algebra.gather_pairs(gradients, positions, first, second, at + k, sums, bonds, k)
             for k in range(BLOCK):
-                J = algebra.determinant(gradient_of_bond(sums, bonds, reference, k))
+                J = algebra.determinant(of_bond(sums, bonds, reference, k))
                 found[k] = J
                 # NaN counts too.
                 bad += 0 if J > 0.0 else 1
@@ -147,7 +147,7 @@ def volume_energies(thread, chunk, chunks, volume_ratios, volumes, response, par
 @ByDimension
 def pair_energies(algebra):
     """Isochoric energy of the pairs, and their parts of the force and of the points' S, that of the points' pressures included."""
-    gradient_of_bond = _gradient_of_bond(algebra)
+    of_bond = gradient_of_bond(algebra)
     matrix, dimension = algebra.MATRIX, algebra.DIMENSION
     state_rows, result_rows = matrix + dimension, matrix + dimension + STATE_ROWS
     length, volume = dimension, dimension + 1
@@ -196,7 +196,7 @@ def pair_energies(algebra):
             for k in range(0, BLOCK, 4):
                 algebra.gather_pairs(gradients, positions, first, second, at + k, sums, bonds, k)
             for k in range(BLOCK):
-                F = gradient_of_bond(sums, bonds, reference, k)
+                F = of_bond(sums, bonds, reference, k)
                 put_column(sums, k, F)
                 put_column(states, k, algebra.response_state(F, 1.0))
             call_block(response, states, parameters, result)
@@ -222,111 +222,3 @@ def pair_energies(algebra):
             energies[block] = total
 
     return pair_energies
-
-
-def change_rows(dimension: int) -> int:
-    """Rows that say how det F_ij changes: with the bond, and with the sum of the ends' gradients."""
-    return dimension + dimension * dimension
-
-
-@ByDimension
-def volume_derivatives(algebra):
-    """Derivatives of det F_ij of every pair."""
-    gradient_of_bond = _gradient_of_bond(algebra)
-    matrix, dimension = algebra.MATRIX, algebra.DIMENSION
-    length = dimension
-
-    @Pass
-    def volume_derivatives(thread, chunk, chunks, positions, gradients, first, second, geometry, buffers, derivatives):
-        """Derivatives of det F_ij of every pair, by y and by F_i + F_j: cof F_ij n/l and cof F_ij (I - n (x) n)/2.
-
-        Parameters
-        ----------
-        positions, gradients, first, second, geometry, buffers : see `pair_volumes`.
-        derivatives : (n_blocks, `change_rows`, BLOCK) out, the second by columns.
-        """
-        widest_vectors()
-        first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
-        sums = block_rows(buffers[thread, 0:matrix])
-        bonds = block_rows(buffers[thread, matrix : matrix + dimension])
-        for block in range(first_block, last_block):
-            at = block * BLOCK
-            reference = block_rows(geometry[block])
-            by_bond = block_rows(derivatives[block, 0:dimension])
-            by_sum = block_rows(derivatives[block, dimension : dimension + matrix])
-            for k in range(0, BLOCK, 4):
-                algebra.gather_pairs(gradients, positions, first, second, at + k, sums, bonds, k)
-            for k in range(BLOCK):
-                n = algebra.column_at(reference, k)
-                G = algebra.cofactor(gradient_of_bond(sums, bonds, reference, k))
-                along = algebra.matrix_times_vector(G, n)
-                put_column(by_bond, k, algebra.times(reference[length, k], along))
-                put_column(by_sum, k, algebra.times_matrix(0.5, algebra.add_outer_product(G, algebra.times(-1.0, along), n)))
-
-    return volume_derivatives
-
-
-@ByDimension
-def volume_changes(algebra):
-    """Change of det F_ij of every pair under displacements."""
-    matrix, dimension = algebra.MATRIX, algebra.DIMENSION
-
-    @Pass
-    def volume_changes(thread, chunk, chunks, displacements, gradients, first, second, derivatives, buffers, changes):
-        """Change of det F_ij of every pair under displacements, to first order.
-
-        Parameters
-        ----------
-        displacements : (n, d) of points and ghosts.
-        gradients : (n, d d) the change of F under them, by columns.
-        derivatives : see `volume_derivatives`.
-        buffers : see `pair_volumes`.
-        changes : (n_blocks * BLOCK,) out.
-        """
-        widest_vectors()
-        first_block, last_block = share_of(derivatives.shape[0], chunk, chunks)
-        sums = block_rows(buffers[thread, 0:matrix])
-        bonds = block_rows(buffers[thread, matrix : matrix + dimension])
-        for block in range(first_block, last_block):
-            at = block * BLOCK
-            by_bond = block_rows(derivatives[block, 0:dimension])
-            by_sum = block_rows(derivatives[block, dimension : dimension + matrix])
-            found = changes[at : at + BLOCK]
-            for k in range(0, BLOCK, 4):
-                algebra.gather_pairs(gradients, displacements, first, second, at + k, sums, bonds, k)
-            for k in range(BLOCK):
-                across = algebra.double_dot(algebra.matrix_column_at(by_sum, k), algebra.matrix_column_at(sums, k))
-                found[k] = algebra.dot(algebra.column_at(by_bond, k), algebra.column_at(bonds, k)) + across
-
-    return volume_changes
-
-
-@ByDimension
-def pressure_parts(algebra):
-    """Parts of the force that pressures alone exert."""
-    matrix, dimension = algebra.MATRIX, algebra.DIMENSION
-
-    @Pass
-    def pressure_parts(chunk, chunks, pressures, first, second, shares, derivatives, forces, moments):
-        """Parts of the force, and of the points' S, that pressures alone exert: those of `pair_energies` with no isochoric energy.
-
-        Parameters
-        ----------
-        pressures, first, second, shares, forces, moments : see `pair_energies`.
-        derivatives : see `volume_derivatives`.
-        """
-        widest_vectors()
-        first_block, last_block = share_of(derivatives.shape[0], chunk, chunks)
-        for block in range(first_block, last_block):
-            at = block * BLOCK
-            by_bond = block_rows(derivatives[block, 0:dimension])
-            by_sum = block_rows(derivatives[block, dimension : dimension + matrix])
-            share = block_rows(shares[block])
-            force = algebra.vector_rows(forces[at : at + BLOCK])
-            moment = algebra.matrix_rows(moments[at : at + BLOCK])
-            for k in range(BLOCK):
-                q = share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]
-                algebra.put_vector(force, k, algebra.times(q, algebra.column_at(by_bond, k)))
-                algebra.put_matrix(moment, k, algebra.times_matrix(q, algebra.matrix_column_at(by_sum, k)))
-
-    return pressure_parts

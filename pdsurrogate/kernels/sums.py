@@ -110,3 +110,20 @@ def point_forces(algebra):
         return without_force
 
     return point_forces
+
+
+@ByDimension
+def add_node_forces(algebra):
+    """Add to the forces on points what their weighted moments exert."""
+
+    @Pass
+    def add_node_forces(chunk, chunks, moments, pointers, neighbours, weighted_bonds, volumes, first_point, node_parts, out):
+        """Add the second part of `point_forces` to `out`, from `first_point` on, with a unit of one."""
+        start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
+        for r in range(start, stop):
+            i = first_point + r
+            algebra.sum_matrix_products(moments, neighbours, weighted_bonds, pointers[r], pointers[r + 1], np.uint64(i), node_parts)
+            node_part = algebra.times(volumes[i], algebra.vector_at(node_parts, i))
+            algebra.put_vector(out, i, algebra.plus(algebra.vector_at(out, i), node_part))
+
+    return add_node_forces

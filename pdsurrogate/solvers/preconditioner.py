@@ -190,19 +190,19 @@ class NearestBondLaplacian:
         sources = np.concatenate([np.arange(n), ghosts.source.astype(np.int64)])[second]
         self._free, self._inverses, made = free, [], {}
         self._drifting = []
-        for axis in range(body.dimension):
-            parity = np.concatenate([np.ones(n), ghosts.parity[:, axis]])[second]
-            key = parity.tobytes(), free[:, axis].tobytes()
+        parities = [np.concatenate([np.ones(n), ghosts.parity[:, axis]])[second] for axis in range(body.dimension)]
+        keys = [(parity.tobytes(), free[:, axis].tobytes()) for axis, parity in enumerate(parities)]
+        self._alike = len(set(keys)) == 1
+        for axis, (parity, key) in enumerate(zip(parities, keys, strict=True)):
             if key not in made:
                 rows = np.concatenate([first, second[within], first, second[within]])
                 columns = np.concatenate([first, second[within], sources, first[within]])
                 values = np.concatenate([stiffness, stiffness[within], -stiffness * parity, -stiffness[within]])
                 matrix = sparse.csr_array((values, (rows, columns)), shape=(n, n))
-                made[key] = _inverse(body, (matrix + matrix.T) / 2, free[:, axis])
+                made[key] = _inverse(body, (matrix + matrix.T) / 2, free[:, axis], body.dimension if self._alike else 1)
             self._inverses.append(made[key])
             if free[:, axis].all() and (ghosts.parity[:, axis] > 0).all():
                 self._drifting.append(axis)
-        self._alike = len(made) == 1
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
         """Displacements under forces, shape (n, d)."""
@@ -240,7 +240,7 @@ class IncompressibleStiffness:
         self._dilatation = force.linearised_dilatation()
         self._volumes, self._modulus = force.body.volumes, force.law.shear_modulus
         self._compliance = force.law.shear_modulus / force.law.bulk_modulus
-        self._coefficients = _inverse_polynomial(self._compliance)
+        self._inverse = self._dilatation.polynomial(_inverse_polynomial(self._compliance))
         self.steps = 0
 
     def update(self) -> None:
@@ -254,34 +254,30 @@ class IncompressibleStiffness:
         displacements = laplacian.solve(forces)
         left = dilatation.changes(displacements)
         direction = better = self._precondition(left)
-        size = least = float(left @ better)
+        size = least = _dot(left, better)
         least *= (NEARLY_SOLVED * self._compliance) ** 2
         for _ in range(MOST_STEPS):
             if not size > least:
                 break
             moved = laplacian.solve(dilatation.forces(direction))
             image = compliance * direction + dilatation.changes(moved)
-            share = size / float(direction @ image)
+            share = size / _dot(direction, image)
             displacements -= share * moved
             left -= share * image
             better = self._precondition(left)
-            size, before = float(left @ better), size
+            size, before = _dot(left, better), size
             direction = better + size / before * direction
             self.steps += 1
         return displacements
 
     def _precondition(self, left: np.ndarray) -> np.ndarray:
         """V mu (mu/K + W^4)^-1 nearly: D has the smoothing W, and the bonds' means smooth about as much again."""
-        smooth = self._dilatation.smooth
+        return self._modulus * self._volumes * self._inverse(left)
 
-        def twice(values):
-            return 2 * smooth(smooth(values)) - values
 
-        # Clenshaw's sum of Chebyshev polynomials of 2 W^2 - I.
-        first = second = np.zeros_like(left)
-        for coefficient in self._coefficients[:0:-1]:
-            first, second = coefficient * left + 2 * twice(first) - second, first
-        return self._modulus * self._volumes * (self._coefficients[0] * left + twice(first) - second)
+def _dot(first: np.ndarray, second: np.ndarray) -> float:
+    """Inner product, not by BLAS: see `LocalReductions.dot`."""
+    return float(np.einsum("n,n->", first, second))
 
 
 def _inverse_polynomial(compliance: float) -> np.ndarray:
@@ -295,10 +291,10 @@ def _inverse_polynomial(compliance: float) -> np.ndarray:
     return coefficients
 
 
-def _inverse(body: Body, matrix: sparse.csr_array, free: np.ndarray):
+def _inverse(body: Body, matrix: sparse.csr_array, free: np.ndarray, width: int):
     """The inverse of a Laplacian with the held rows made those of the identity, or a multigrid cycle in its place."""
     keep, mean = sparse.diags_array(free), matrix.diagonal().mean()
     matrix = keep @ matrix @ keep + sparse.diags_array(SHIFT * mean * free + mean * (1 - free))
     if len(body) > MOST_FACTORISED[body.dimension]:
-        return Multigrid(matrix.tocsr(), body.points, body.spacing, free > 0).cycle
+        return Multigrid(matrix.tocsr(), body.points, body.spacing, free > 0, width).cycle
     return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve

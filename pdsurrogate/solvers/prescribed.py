@@ -440,7 +440,8 @@ def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
     """Words for the rigid motions of `_rigid_motions` that constraints, shape (k, motions), leave free."""
     if len(rows) == 0:
         return [*(f"moving along x{axis + 1}" for axis in range(dimension)), "turning"]
-    _, sizes, directions = np.linalg.svd(rows / np.sqrt(len(rows)), full_matrices=True)
+    # Of R with R^T R = A^T A, which is small however many places there are.
+    _, sizes, directions = np.linalg.svd(np.linalg.qr(rows / np.sqrt(len(rows)), mode="r"), full_matrices=True)
     sizes = np.concatenate([sizes, np.zeros(rows.shape[1] - len(sizes))])
     # Less than what two points a thousandth of the body apart would give.
     free = directions[sizes < 1e-6]
