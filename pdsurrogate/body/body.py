@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from .cell_mesh import CellMesh
 from .ghosts import Ghosts, ReflectionPlane
+from .part import WHOLE, Whole
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,8 @@ class Body:
         Points that a mesh file has a name for.
     mesh_cells : CellMesh, optional
         Cells of the mesh that the points were made of, for pictures; without them the points are of a lattice.
+    part : Whole
+        What this body is of a larger one; all of it, but where several ranks share a run.
 
     Raises
     ------
@@ -90,6 +93,7 @@ class Body:
     cell: Sequence[float] | np.ndarray | None = None
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     mesh_cells: CellMesh | None = None
+    part: Whole = WHOLE
     ghosts: Ghosts = field(init=False)
 
     def __post_init__(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +13,8 @@ from rich.markup import escape
 from rich.measure import Measurement
 from rich.table import Table
 
+from ..ranks import communicator
+
 app = typer.Typer(
     name="pdsurrogate",
     help="Learnt bond forces of rubber-like materials, and a peridynamic solver that runs on them.",
@@ -19,6 +22,9 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+SECONDS_BEFORE_THE_OTHERS = 2.0
+"""Time that the first rank has to speak for all and end the run."""
+
 MOST_COLUMNS = 10_000
 """More characters than the narrowest form of any table has in a line."""
 
@@ -43,12 +49,31 @@ def show(table: Table) -> None:
     out.print(table, crop=False)
 
 
+def only_the_first_speaks() -> None:
+    """Let the first of several ranks speak for all of them.
+
+    Raises
+    ------
+    NotUnderMPI
+        If several processes were started that know nothing of each other.
+    """
+    out.quiet = err.quiet = communicator().rank > 0
+
+
+def say_alone() -> None:
+    """Let a rank that has failed speak, unless the first one, with the same error, has ended all by then."""
+    if err.quiet:
+        time.sleep(SECONDS_BEFORE_THE_OTHERS)
+        out.quiet = err.quiet = False
+
+
 @contextmanager
 def bad_input(*kinds: type[Exception]) -> Iterator[None]:
     """Turn errors about what the user gave into one line and exit status 2."""
     try:
         yield
     except kinds as error:
+        say_alone()
         text = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
         err.print(f"[red]pdsurrogate:[/] {escape(' '.join(text.split()))}", soft_wrap=True)
         raise typer.Exit(2) from None
@@ -60,6 +85,7 @@ def writing(folder) -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        say_alone()
         where = escape(str(folder or error.filename))
         err.print(f"[red]pdsurrogate:[/] could not write {where}: {error.strerror or error}", soft_wrap=True)
         raise typer.Exit(1) from None

@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from .application import app, bad_input, err, out, said_aloud, show, writing
+from .application import app, bad_input, err, only_the_first_speaks, out, said_aloud, show, writing
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells give it: 128 and the number of the signal."""
@@ -64,12 +64,16 @@ def run(
 ) -> None:
     """Run a scene and compare it with its reference."""
     from ..artifacts import ArtifactError, default_force, load_surrogate
+    from ..ranks import NotUnderMPI, communicator
     from ..results.checkpoint import CheckpointError
     from ..results.files import check_writable
     from ..results.folder import FolderTaken, occupied
     from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
     from ..scenes import SceneError, load_scene
 
+    with bad_input(NotUnderMPI):
+        only_the_first_speaks()
+        first = communicator().rank == 0
     with bad_input(SceneError, ArtifactError):
         described = load_scene(scene, change or [])
         model = default_force(described) if force is None else load_surrogate(force)
@@ -86,12 +90,12 @@ def run(
     if resume and folder is None:
         err.print("[red]pdsurrogate:[/] --resume needs --out, the folder with the checkpoint")
         raise typer.Exit(2)
-    if folder is not None:
+    if folder is not None and first:
         with bad_input(OSError):
             check_writable(folder)
     failure = None
     with ExitStack() as held:
-        if folder is not None:
+        if folder is not None and first:
             with bad_input(FolderTaken), writing(folder):
                 held.enter_context(occupied(folder))
         try:
@@ -101,10 +105,11 @@ def run(
             failure, result = error, error.result
         _print_cells(result)
         (_print_levels if described.stretched else _print_outputs)(result)
-        if folder is not None:
+        if folder is not None and first:
             with writing(folder):
                 result.save(folder)
             out.print(f"Results in {folder}", soft_wrap=True)
+        communicator().barrier()  # whoever ends with an error ends the others
     if any(level.get("stability") == "not checked" for level in result.levels):
         pushed = "The grips push" if described.stretched else "Parts of the body are compressed"
         if model.family == "bond energy":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -47,8 +47,14 @@ CUT_SHIFT = 1e-6
 """Distance inside a grip's plane, in extents of the body, of the cut whose area is taken: more than corners in single precision are off."""
 
 
-def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
+def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> tuple[Body, np.ndarray, np.ndarray]:
     """The points of a scene, less its holes, with its precuts and the images beyond its grips; no bond crosses empty space.
+
+    Parameters
+    ----------
+    scene : Scene
+    part_of : callable, optional
+        What makes of the whole body, whose bonds nobody has asked for yet, the part that is wanted.
 
     Returns
     -------
@@ -70,6 +76,8 @@ def discretise(scene: Scene) -> tuple[Body, np.ndarray, np.ndarray]:
         horizon = scene.horizon_ratio * min(cell)
         cuts = _cuts(scene, horizon, cell, lower, upper)
         body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, groups, _mesh_cells(scene))
+        if part_of is not None:
+            body = part_of(body)
         _check_precuts(scene, body)
         return body, lower, upper
     except ValueError as error:
@@ -379,5 +387,5 @@ def _directions(dimension: int) -> np.ndarray:
 def _check_precuts(scene: Scene, body: Body) -> None:
     cut = body.all_points[body.bonds.cut]
     for number, precut in enumerate(scene.precuts):
-        if not len(cut) or not precut.crosses(cut[:, 0], cut[:, 1]).any():
+        if not body.part.any(len(cut) and precut.crosses(cut[:, 0], cut[:, 1]).any()):
             raise ValueError(f"precuts.{number}: it cuts no bond; it lies outside the body, in a hole, or between neighbouring points")

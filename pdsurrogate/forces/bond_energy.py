@@ -135,13 +135,17 @@ class PlainBondEnergyForce(BondEnergyForce):
 
 
 def pair_geometry(body: Body, pairs: np.ndarray | slice, weights: np.ndarray, precision: str) -> np.ndarray:
-    """Reference data of pairs in blocks, shape (n_blocks, d + 2, BLOCK): n, 1/l, and the volume that the energy of each counts for."""
+    """Reference data of pairs in blocks, shape (n_blocks, d + 2 or d + 3, BLOCK).
+
+    They are n, 1/l, the volume that the energy of each counts for and, of a body in parts, what of that is counted here.
+    """
     first, second = body.bonds.first[pairs], body.bonds.second[pairs]
+    counted = body.part.counted_pairs(first)
     vectors = body.all_points[second] - body.all_points[first]
     length = np.linalg.norm(vectors, axis=1)
-    blocks, size = -(-len(first) // BLOCK), body.dimension + 2
+    blocks, size = -(-len(first) // BLOCK), body.dimension + (2 if counted is None else 3)
     rows = np.zeros((size, blocks * BLOCK))
-    rows[:, : len(first)] = *(vectors / length[:, None]).T, 1 / length, weights
+    rows[:, : len(first)] = *(vectors / length[:, None]).T, 1 / length, weights, *(() if counted is None else (weights * counted,))
     geometry = aligned_rows((blocks, size, BLOCK), precision)
     geometry[:] = rows.reshape(size, blocks, BLOCK).transpose(1, 0, 2)
     return geometry
@@ -356,6 +360,7 @@ class EnergyOfPairs(Evaluation):
             if on_ghosts is not None:
                 on_ghosts[:] = self._stresses[n:]
             kinematics.gradient_ghosts.fold_moments(self._stresses)
+            body.part.fill(self._stresses[:n])
             beside = None if others_of is None else others_of(self._stresses[:n])
             if not len(ghosts):
                 sums[0].give("out", out)
@@ -410,17 +415,22 @@ class EnergyOfPairs(Evaluation):
         # The sums again, to the same bits, since those of the ghosts are not kept.
         self._own_sums(np.empty_like(self.body.points), moments)
         forces = self._all_forces[n:]
+        if self.body.part.divided:  # images count where the points behind them do
+            own = self.body.part.counted(np.ones(n))[self.body.ghosts.source, None]
+            forces, moments = forces * own, moments * own
         places = kinematics.positions, matrices(kinematics.gradients)
         return kinematics.gradient_ghosts.levers_on_planes(*places, forces, self.unit * matrices(moments))
 
     def mean_stress(self) -> np.ndarray:
         # Of the bonds' own stresses: the derivative of the energy by a homogeneous F.
         bonds, points, d = self.body.bonds, self.body.all_points, self.body.dimension
-        vectors = points[bonds.second] - points[bonds.first]
-        along = self._forces[: self._n_pairs].astype(float).T @ vectors
+        counted = self.body.part.counted_pairs(bonds.first)
+        pairs = slice(self._n_pairs) if counted is None else np.flatnonzero(counted)
+        vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
+        along = self._forces[pairs].astype(float).T @ vectors
         # P (I - n (x) n) is twice the moment.
-        across = 2 * self._moments[: self._n_pairs].sum(axis=0, dtype=float).reshape(d, d).T
-        return self.unit * (along + across) / self.body.volumes.sum()
+        across = 2 * self._moments[pairs].sum(axis=0, dtype=float).reshape(d, d).T
+        return self.unit * (along + across) / self._whole_volume()
 
     def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
         """The pair's own part, and what the two ends' S exert along it.
@@ -497,6 +507,9 @@ class EnergyOfPairs(Evaluation):
         around = np.unique(bonds.pair_of[entries])
         directed = bonds.pointers, bonds.neighbours, bonds.pair_of
         bond_shares[body.dimension](touched, *directed, body.all_points, body.volumes, self._counted, body.horizon, self.bond_shares)
+        if body.part.divided:
+            body.part.fill_bonds(self.bond_shares, body)
+            around = np.union1d(around, body.part.beside_halo(bonds.first, bonds.second))
         entries, starts = self._kinematics.pair_entries
         one, other = entries[starts[around]], entries[starts[around + 1] - 1]
         self.bond_weights[around] = self.bond_shares[one] + np.where(other != one, self.bond_shares[other], 0.0)
@@ -559,7 +572,7 @@ class BondEnergyEvaluation(EnergyOfPairs):
     def __init__(self, model: EnergySurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
         super().__init__(body, law, usual_precision(model, settings), "none", settings)
         self.model, self.outside, self.unit = model, settings.outside or OUTSIDE, law.shear_modulus
-        self._watches = [DomainWatch(model, self._n_pairs, self.outside, "energy", "energy")]
+        self._watches = [DomainWatch(model, self.pairs_evaluated, self.outside, "energy", "energy", body.part)]
         self._prepare()
         self.geometry = pair_geometry(body, slice(None), self.bond_weights, self.precision)
         self._bind_energies()
@@ -657,13 +670,16 @@ class BondEnergyEvaluation(EnergyOfPairs):
         self._intact[pairs] = False
         self.renew_weights(self._weigh_pairs(self._kinematics.break_bonds(pairs)))
         energy, forces = before - self._energy_at_present(remaining), forces - remaining
-        if not (np.isfinite(energy) and np.isfinite(forces).all()):
+        if self.body.part.any(not (np.isfinite(energy) and np.isfinite(forces).all())):
             return Release(0.0, np.zeros_like(forces))
         return Release(energy, forces)
 
     def renew_weights(self, pairs: np.ndarray) -> None:
         """Bring up to date what the pass reads of the weights of given pairs."""
-        self.geometry[pairs // BLOCK, -1, pairs % BLOCK] = self.bond_weights[pairs]
+        self.geometry[pairs // BLOCK, self.body.dimension + 1, pairs % BLOCK] = self.bond_weights[pairs]
+        counted = self.body.part.counted_pairs(self.body.bonds.first[pairs])
+        if counted is not None:
+            self.geometry[pairs // BLOCK, -1, pairs % BLOCK] = self.bond_weights[pairs] * counted
 
     def collapsed_pairs(self) -> np.ndarray:
         """Of the pairs that were turned inside out, or pressed below a third of their area or volume."""

@@ -102,11 +102,13 @@ class PairForces:
     first, second : ndarray of uint32
         Ends of the pairs, filled up to whole blocks.
     chunks : Chunks
+    counted : ndarray of bool, optional
+        Which pairs are counted, of a body in parts.
 
     Attributes
     ----------
     compiled : CompiledBondForce
-    geometry : ndarray, shape (n_blocks, 4 or 5, BLOCK)
+    geometry : ndarray, shape (n_blocks, 4 to 6, BLOCK)
         Reference vectors of the pairs, for `pdsurrogate.kernels.reference_state.pair_rows` to fill.
     forces : ndarray, shape (n_blocks * BLOCK, 2)
         Dimensionless force on the first point of every pair.
@@ -128,13 +130,19 @@ class PairForces:
         first: np.ndarray,
         second: np.ndarray,
         chunks: Chunks,
+        counted: np.ndarray | None = None,
     ) -> None:
         blocks = len(first) // BLOCK
         compiled = model.compiled(precision)
         if plane == "strain" and not compiled.asks_law:
             compiled = in_plane_strain(compiled, law, precision)
         self.compiled = compiled
-        self.geometry = aligned_rows((blocks, 5 if compiled.needs_length else 4, BLOCK), precision)
+        if counted is None:
+            self.geometry = aligned_rows((blocks, 5 if compiled.needs_length else 4, BLOCK), precision)
+        else:
+            self.geometry = aligned_rows((blocks, bond_force.COUNTED_ROW + 1, BLOCK), precision)
+            numbers = np.arange(len(counted))
+            self.geometry[numbers // BLOCK, bond_force.COUNTED_ROW, numbers % BLOCK] = counted
         self.learns_thickness = law.costly and model.domain is not None and model.gives_transverse and plane == "stress"
         if self.learns_thickness:
             states.surrogate_thickness = SurrogateThickness(compiled, model.domain, law, precision, chunks)
@@ -183,11 +191,11 @@ class BondForceEvaluation(Evaluation):
         self.model, self.outside = model, settings.outside or OUTSIDE
         bonds, kinematics = body.bonds, self._kinematics
         first, second = bonds.ends_in_blocks(BLOCK)
-        self._pairs = PairForces(
-            model, law, self.precision, self.outside, self.plane, kinematics.positions, kinematics, first, second, kinematics.chunks
-        )
+        how, arrays = (self.precision, self.outside, self.plane), (kinematics.positions, kinematics, first, second)
+        counted = body.part.counted_pairs(bonds.first)
+        self._pairs = PairForces(model, law, *how, *arrays, kinematics.chunks, counted)
         self.learnt_thickness = self._pairs.learns_thickness
-        self._watch = DomainWatch(model, self._n_pairs, self.outside, "force", "bond force")
+        self._watch = DomainWatch(model, self.pairs_evaluated, self.outside, "force", "bond force", body.part)
         self.geometry, self._forces = self._pairs.geometry, self._pairs.forces
         self._strength = pair_strength(body)
         self._find_geometry(np.arange(self._n_pairs, dtype=np.uint32))

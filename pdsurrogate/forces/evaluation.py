@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 
 from ..body import Body
+from ..body.part import WHOLE, Whole
 from ..materials import Law
 from ..materials.stretches import principal_stretches
 from .kinematics import Kinematics, matrices
@@ -83,10 +84,12 @@ class DomainWatch:
         See `ForceSettings`.
     quantity, stand_in : str
         What the model gives, and what would stand in for it, for messages.
+    part : Whole
+        Of the body.
     """
 
-    def __init__(self, model, n_pairs: int, outside: str, quantity: str, stand_in: str) -> None:
-        self._model, self._n_pairs, self._outside = model, n_pairs, outside
+    def __init__(self, model, n_pairs: int, outside: str, quantity: str, stand_in: str, part: Whole = WHOLE) -> None:
+        self._model, self._n_pairs, self._outside, self._part = model, n_pairs, outside, part
         self._quantity, self._stand_in, self._warned = quantity, stand_in, False
 
     def report(self, found: int) -> None:
@@ -97,9 +100,12 @@ class DomainWatch:
         OutsideDomain
             If there are any, and the policy is to stop.
         """
-        if not found or self._outside not in ("raise", "warn"):
+        if self._outside not in ("raise", "warn"):
             return
-        what = f"{found} of {self._n_pairs} bonds are outside the domain of {self._model.name}, {self._model.domain}"
+        found = self._part.total(found)
+        if not found:
+            return
+        what = f"{found} of {self._part.total(self._n_pairs)} bonds are outside the domain of {self._model.name}, {self._model.domain}"
         if self._outside == "raise":
             raise OutsideDomain(f"{what}; outside=fallback would use the exact {self._stand_in} for them")
         if not self._warned:

@@ -122,6 +122,8 @@ class Kinematics:
             self.inverse_shape,
             self.supported,
         )
+        body.part.fill(self.inverse_shape[: len(body)])
+        body.part.fill(self.supported[: len(body)])
         body.ghosts.fill_shapes(self.inverse_shape)
         body.ghosts.fill(self.supported)
 
@@ -145,7 +147,8 @@ class Kinematics:
         self.body.ghosts.fill(reached)
         outer = self._outer_pairs
         own = [bonds.pair_of[bonds.pointers[i] : bonds.pointers[i + 1]] for i in touched]
-        return np.unique(np.concatenate([*own, outer[reached[bonds.second[outer]]]]))
+        beside = self.body.part.beside_halo(bonds.first, bonds.second)  # where others may have broken some that are not here
+        return np.unique(np.concatenate([*own, outer[reached[bonds.second[outer]]], beside]))
 
     @cached_property
     def pair_entries(self) -> tuple[np.ndarray, np.ndarray]:
@@ -186,13 +189,17 @@ class Kinematics:
 
     def place(self, positions: np.ndarray) -> None:
         """Take new positions of the body's points, and move the ghosts with them; gradients and states follow when they are asked for."""
-        self._place.give("given", np.ascontiguousarray(positions, dtype=float))
+        positions = np.ascontiguousarray(positions, dtype=float)
+        self.body.part.fill(positions)
+        self._place.give("given", positions)
         self._place()
         self._formed = self._found = False
 
     def place_and_form(self, positions: np.ndarray) -> None:
         """Take new positions and bring the deformation gradients up to date."""
-        self._place.give("given", np.ascontiguousarray(positions, dtype=float))
+        positions = np.ascontiguousarray(positions, dtype=float)
+        self.body.part.fill(positions)
+        self._place.give("given", positions)
         self._place_and_form()
         self._found = False
         self._complete_gradients()
@@ -204,7 +211,8 @@ class Kinematics:
             self._complete_gradients()
 
     def _complete_gradients(self) -> None:
-        """What follows the pass over the points: where materials meet, and on ghosts."""
+        """What follows the pass over the points: what others own, where materials meet, and ghosts."""
+        self.body.part.fill(self.gradients[: len(self.body)])
         if self.interfaces is not None:
             self.interfaces.correct(self.positions, self.gradients)
         if len(self.body.ghosts):
@@ -306,7 +314,7 @@ def matrices(columns: np.ndarray) -> np.ndarray:
 
 def at_point(body: Body, i: int, what: str) -> str:
     """Say where something is."""
-    return f"point {i} at ({', '.join(f'{x:.4g}' for x in body.points[i])}): {what}"
+    return f"point {body.part.number(i)} at ({', '.join(f'{x:.4g}' for x in body.points[i])}): {what}"
 
 
 def locate(body: Body, values: np.ndarray, what: str) -> str:

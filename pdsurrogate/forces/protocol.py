@@ -203,8 +203,15 @@ class InternalForce(ABC):
             If bonds are outside the model's domain, and that was to stop it.
         """
         self.evaluations += 1
-        began = time.perf_counter()
-        self.evaluate(positions, out)
+        began, part, error = time.perf_counter(), self.body.part, None
+        try:
+            self.evaluate(positions, out)
+        except (InvalidState, OutsideDomain) as found:
+            if not part.divided:
+                raise
+            error = found
+        part.agree(error)
+        part.clear(out)
         self.seconds += time.perf_counter() - began
         self.timed += 1
 
@@ -320,15 +327,23 @@ class InternalForce(ABC):
         return self.law.shear_modulus
 
     def mean_stress(self) -> np.ndarray:
-        """Volume mean of the first Piola-Kirchhoff stress in the state last evaluated, shape (d, d).
+        """Volume mean of the first Piola-Kirchhoff stress in the state last evaluated, shape (d, d); what this part of a body has.
 
         (1/V) sum of f (x) x over the bonds, work-conjugate to the mean deformation gradient; of a bond with a ghost, half lies within the
         body.
         """
         bonds, points = self.body.bonds, self.body.all_points
         share = np.where(bonds.second < len(self.body), 1.0, 0.5)
+        counted = self.body.part.counted_pairs(bonds.first)
+        if counted is not None:
+            share = share * counted
         vectors = points[bonds.second] - points[bonds.first]
-        return np.einsum("b,bi,bj->ij", share, self.pair_forces(), vectors) / self.body.volumes.sum()
+        return np.einsum("b,bi,bj->ij", share, self.pair_forces(), vectors) / self._whole_volume()
+
+    def _whole_volume(self) -> float:
+        """Of the body that this one is a part of, if it is one."""
+        part = self.body.part
+        return part.total(float(part.counted(self.body.volumes).sum()))
 
     def energy(self) -> float:
         """Stored energy per unit thickness in the state last evaluated; of a force that `has_energy`."""
@@ -367,12 +382,14 @@ class InternalForce(ABC):
     @property
     def fraction_outside(self) -> float:
         """Share of all pair evaluations so far that were outside the model's domain."""
-        return self.pairs_outside / max(1, self.evaluations * self.pairs_evaluated)
+        outside, pairs = self.body.part.total(self.pairs_outside), self.body.part.total(self.pairs_evaluated)
+        return outside / max(1, self.evaluations * pairs)
 
     @property
     def pairs_evaluated(self) -> int:
-        """Pairs in one evaluation; of several materials those across an interface count twice."""
-        return len(self.body.bonds.first)
+        """Pairs counted in one evaluation; of several materials those across an interface count twice."""
+        counted = self.body.part.counted_pairs(self.body.bonds.first)
+        return len(self.body.bonds.first) if counted is None else int(counted.sum())
 
 
 class ForceModel(ABC):

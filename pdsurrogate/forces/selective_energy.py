@@ -99,10 +99,11 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         )
         smooth = self.smoothing.bind(self._dilatations, self._smoothed, chunks)
         self._find_volumes = Chain(self._pairs.find_volumes, find_dilatations, smooth)
+        self._smooth = smooth
         self._volumetric = volume_energy_block(self.law)
         find_volume_energies = selective_energy.volume_energies.bind(
             self._smoothed,
-            body.volumes,
+            body.part.counted(body.volumes),
             self._volumetric.address,
             kinematics.parameters,
             self._pairs.buffers,
@@ -113,19 +114,30 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         # What the bonds of the points feel of U' is the transpose of the smoothing, and V_i W_ij is symmetric.
         spread_slopes = self.smoothing.bind(self._slopes, self._pressures, chunks)
         self._find_energies = Chain(find_volume_energies, spread_slopes, self._pairs.find_energies)
+        self._find_pressures = Chain(find_volume_energies, spread_slopes)
 
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
         """Passes over pairs and points, and sums, with the deformation gradients last formed; see `BondEnergyEvaluation.pass_bonds`."""
         invalid = self._form_volumes()
-        if invalid:
+        if self.body.part.any(invalid):
             return [0], invalid, 0
-        self._find_energies()
+        if self.body.part.divided:
+            self._find_pressures()
+            self.body.part.fill(self._pressures[: len(self.body)])
+            self._pairs.find_energies()
+        else:
+            self._find_energies()
         self._energy = self._pairs.energy + float(sum_in_order(self._volume_energies))
         return [self._pairs.count_outside()], 0, self._own_sums(out)
 
     def _form_volumes(self) -> int:
         """Bring the smoothed dilatations up to date with the gradients last formed; the number of pairs turned inside out."""
         invalid, *_ = self._find_volumes()
+        part = self.body.part
+        if part.divided:  # the points in the halo have the means of all their bonds, and then of all their neighbours, from elsewhere
+            part.fill(self._dilatations)
+            self._smooth()
+            part.fill(self._smoothed)
         return invalid
 
     def linearised_dilatation(self) -> LinearisedDilatation:
@@ -136,8 +148,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
 
     def volume_ratios(self) -> np.ndarray:
         self._kinematics.form_gradients()
-        if self._form_volumes():
-            raise InvalidState(self._diagnose())
+        self.body.part.agree(InvalidState(self._diagnose()) if self._form_volumes() else None)
         return self._smoothed.copy()
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
@@ -310,7 +321,9 @@ class Smoothing:
         self._pointers[1:] = np.cumsum(np.bincount(rows, minlength=n))
         self._volumes, self._most = body.volumes, 1 - 0.5**body.dimension
         raw = np.concatenate([weights, weights[within]])[order]
+        self._part = body.part
         self._caps = self._cap(np.bincount(rows, raw, n) / body.volumes)
+        self._part.fill(self._caps)
         self._weights = raw * np.minimum(self._caps[rows], self._caps[self._columns]) / body.volumes[rows]
         self._own = 1 - np.bincount(rows, self._weights, n)
         if breakable:
@@ -339,7 +352,8 @@ class Smoothing:
         owners, entries = self._entries(rows)
         self._raw[entries[~carries[self._pairs[entries]]]] = 0.0
         self._caps[rows] = self._cap(np.bincount(owners, self._raw[entries], n)[rows] / self._volumes[rows])
-        rows = np.unique(np.concatenate([rows, self._columns[entries]]))
+        self._part.fill(self._caps)
+        rows = np.arange(n) if self._part.divided else np.unique(np.concatenate([rows, self._columns[entries]]))
         owners, entries = self._entries(rows)
         caps = np.minimum(self._caps[owners], self._caps[self._columns[entries]])
         self._weights[entries] = self._raw[entries] * caps / self._volumes[owners]

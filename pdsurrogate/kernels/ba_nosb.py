@@ -168,7 +168,7 @@ def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, respon
     at = np.int64(at)
     states = block_rows(rows[0:3])
     result = block_rows(rows[3:8])
-    F = block_rows(rows[8:12])
+    F = block_rows(rows[9:13])
     sums = quad_records(sums)
     inverse_shapes = triple_records(inverse_shapes[at : at + size])
     vectors = pair_records(vectors[at : at + size])
@@ -191,7 +191,7 @@ def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, respon
         states[0, k] = F11 * F11 + F21 * F21 + F12 * F12 + F22 * F22
         states[1, k] = F11 * F22 - F12 * F21
         states[2, k] = volume_ratios[k]
-    unsolved = solve_volume_ratios(size, states, result, response, parameters)
+    unsolved = solve_volume_ratios(size, states, result, rows[8], response, parameters)
     for k in range(size):
         p = result[0, k]
         q = result[1, k] / states[1, k]

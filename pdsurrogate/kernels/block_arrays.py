@@ -18,7 +18,7 @@ STATE_ROWS = 6
 TRACTION_ROWS = 3
 """Rows of its result: T_nn, T_nm, T_mm, dimensionless (theory (11))."""
 
-SCRATCH_ROWS = 8
+SCRATCH_ROWS = 9
 """Rows of doubles for a stress response: three of states, five of its result."""
 
 CACHE_LINE = 64

@@ -122,7 +122,7 @@ def pair_energies(
     positions : (n, 2) doubles.
     gradients : (n, 4) F as (11, 21, 12, 22).
     first, second : (n_blocks * BLOCK,) the pairs, padded with any.
-    geometry : (n_blocks, 4, BLOCK) n1, n2, 1/l, V_b.
+    geometry : (n_blocks, 4 or 5, BLOCK) n1, n2, 1/l, V_b and, of a body in parts, what of V_b is counted in energies here.
     energy_density, sizes, weights : address of the model's block function, and its constants.
     exact, response, parameters : the exact energy and the material law behind it.
     guard : UNGUARDED, COUNTED or FALL_BACK.
@@ -130,7 +130,7 @@ def pair_energies(
     buffers, work : (n_threads, rows, BLOCK) in the precision of the pass.
     sums, scratch : (n_threads, rows, BLOCK) doubles.
     counts : (n_chunks, 3) out: pairs outside the domain; those with det F_ij <= COLLAPSED; and of them those with det F_ij <= 0 or none.
-    energies : (n_blocks,) out: sum of V_b psi over each block, in double.
+    energies : (n_blocks,) out: sum of V_b psi over the pairs of each block that are counted, in double.
     forces : (n_blocks * BLOCK, 2) out: V_b P n/l, what the bond part exerts on the first point.
     moments : (n_blocks * BLOCK, 4) out: S of the pair as (11, 21, 12, 22).
     """
@@ -150,6 +150,7 @@ def pair_energies(
     least = real(COLLAPSED)
     limits = (domain[0], domain[1], domain[2], domain[3], domain[4], domain[5], domain[6])
     edge = -limits[6] if guard == FALL_BACK else zero
+    counted = geometry.shape[1] - 1
     count = 0
     small = 0
     bad = 0
@@ -191,7 +192,7 @@ def pair_energies(
                 x1, x2, x3, x4 = edge_distances(states[0, k], states[1, k], limits)
                 inside = (x1 <= zero) & (x2 <= zero) & (x3 <= zero) & (x4 <= zero)
                 deep = (x1 <= edge) & (x2 <= edge) & (x3 <= edge) & (x4 <= edge)
-                found += zero if inside else one
+                found += zero if inside | (reference[counted, k] == zero) else one
                 near += zero if deep else one
             if found > zero:
                 count += int(found)
@@ -230,7 +231,7 @@ def pair_energies(
             moment[k, 1] = -n2 * h2
             moment[k, 2] = n1 * h1
             moment[k, 3] = n1 * h2
-            total += np.float64(bond_volume * result[0, k])
+            total += np.float64(reference[counted, k] * result[0, k])
         energies[block] = total
     counts[chunk, 0] = count
     counts[chunk, 1] = small

@@ -11,6 +11,9 @@ UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
 """What is done about bonds outside the domain of a force model: it has no bounds; they are counted, and those turned so far that they have
 no stretch tensor, nor features, get the exact bond force; or all of them get it."""
 
+COUNTED_ROW = 5
+"""Row of the geometry that says which pairs are counted, of a body in parts; of others all are, and there is none."""
+
 BOND = STATE_ROWS
 TRACTION = BOND + 2
 EXACT_TRACTION = TRACTION + TRACTION_ROWS
@@ -54,7 +57,7 @@ def pair_forces(
     positions : (n, 2) doubles.
     records : (n, 4) node records (cos, sin, J, C33).
     first, second : (n_blocks * BLOCK,) the pairs, padded with pairs of point 0 with itself.
-    geometry : (n_blocks, 4 or 5, BLOCK) see `pdsurrogate.kernels.reference_state.pair_rows`.
+    geometry : (n_blocks, 4 to 6, BLOCK) see `pdsurrogate.kernels.reference_state.pair_rows`, and `COUNTED_ROW`.
     bond_force, sizes, weights : address of the force model's block function, and its constants.
     analytic_bond_force, response, parameters : the exact bond force and the material law behind it.
     guard : UNGUARDED, TURNED or FALL_BACK.
@@ -80,6 +83,7 @@ def pair_forces(
     # Scalars, not arrays: loads from one would stand in the way of the vectoriser.
     outer = (domain[0, 0], domain[0, 1], domain[0, 2], domain[0, 3], domain[0, 4], domain[0, 5], domain[0, 6])
     inner = (domain[1, 0], domain[1, 1], domain[1, 2], domain[1, 3], domain[1, 4], domain[1, 5], domain[1, 6])
+    counted = COUNTED_ROW if geometry.shape[1] > COUNTED_ROW else 2
     count = 0
     for block in range(first_block, last_block):
         at = block * BLOCK
@@ -122,7 +126,7 @@ def pair_forces(
                 call_block(analytic_bond_force, states, sizes, weights, response, parameters, work[thread], scratch[thread], exact)
                 for k in range(BLOCK):
                     a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
-                    if reference[2, k] > zero and is_outside(a, b, U_mm, J, C33, outer) > zero:
+                    if reference[2, k] > zero and reference[counted, k] > zero and is_outside(a, b, U_mm, J, C33, outer) > zero:
                         count += 1
                     if guard == FALL_BACK:
                         share = real(share_inside(a, b, U_mm, J, C33, outer, inner))

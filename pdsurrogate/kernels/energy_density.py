@@ -40,7 +40,7 @@ def analytic_energy_density(dtype):
             condition[0, k] = np.float64(states[0, k])
             condition[1, k] = np.float64(states[1, k])
             condition[2, k] = 1.0
-        unsolved = solve_volume_ratios(BLOCK, condition, found, response, parameters, 1e-7)
+        unsolved = solve_volume_ratios(BLOCK, condition, found, scratch[8], response, parameters, 1e-7)
         # The iteration ends with a step: once more at the state it led to, whose error is below 1e-13.
         call_block(response, condition, parameters, found)
         for k in range(BLOCK):

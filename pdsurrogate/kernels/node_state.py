@@ -14,15 +14,18 @@ SWELLING = 0.02
 
 
 @inline
-def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8):
+def solve_volume_ratios(n, states, result, settled, response, parameters, last_step=1e-8):
     """Newton's iteration for J3 in ``states[2]`` from the values there, over a block whose first n states count.
 
-    Returns the number of states without a solution.  Ends with a relative step below `last_step`; convergence is quadratic, so the error
-    after it is about the square of that.
+    Returns the number of states without a solution.  Each ends with a relative step below `last_step`; convergence is quadratic, so the
+    error after it is about the square of that.  It then stays, however long others of the block go on: what is found of a state depends on
+    nothing but itself, to the last bit.  `settled` is a row of working memory.
 
     The residual is J3 dPsi/dJ3, whose slope is about the bulk modulus: from J3 of the last evaluation one step reaches rounding, and the
     second confirms it.
     """
+    for k in range(n):
+        settled[k] = 0.0
     for _ in range(MOST_ITERATIONS):
         call_block(response, states, parameters, result)
         beyond = -np.inf
@@ -34,8 +37,11 @@ def solve_volume_ratios(n, states, result, response, parameters, last_step=1e-8)
             step = min(max(step, -J3), 0.5 * J3)
             # Past the law's limit at this J3, which a state with more volume may keep: swell, until there is one.
             step = step if result[2, k] == result[2, k] else -SWELLING * J3
+            step = step if settled[k] == 0.0 else 0.0
             states[2, k] = J3 - step
-            beyond = max(beyond, abs(step) - last_step * J3)
+            left = abs(step) - last_step * J3
+            settled[k] = 1.0 if left < 0.0 else 0.0
+            beyond = max(beyond, left)
         if beyond < 0.0:
             break
     unsolved = 0
@@ -132,7 +138,7 @@ def node_states(thread, chunk, chunks, gradients, volume_ratios, response, param
             states[0, k] = F[k, 0] * F[k, 0] + F[k, 1] * F[k, 1] + F[k, 2] * F[k, 2] + F[k, 3] * F[k, 3]
             states[1, k] = F[k, 0] * F[k, 3] - F[k, 1] * F[k, 2]
             states[2, k] = J3[k]
-        count += solve_volume_ratios(size, states, result, response, parameters)
+        count += solve_volume_ratios(size, states, result, scratch[thread, 8], response, parameters)
         for k in range(size):
             J3[k] = states[2, k]
         # All four at once: records that are written a part at a time are scattered.

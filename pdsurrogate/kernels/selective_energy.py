@@ -55,7 +55,7 @@ def pair_volumes(algebra):
         positions : (n, d) of points and ghosts.
         gradients : (n, d d) F by columns.
         first, second : (n_blocks * BLOCK,) the pairs, padded with any.
-        geometry : (n_blocks, d + 2, BLOCK) n, 1/l, volume.
+        geometry : (n_blocks, d + 2 or d + 3, BLOCK) n, 1/l, volume and, of a body in parts, what of it is counted here.
         buffers : (n_threads, `buffer_rows`, BLOCK).
         volumes : (n_blocks * BLOCK,) out.
 
@@ -179,7 +179,7 @@ def pair_energies(algebra):
         pressures : (n,) of points and ghosts: what a share of a point's volume weighs the change of det F_ij with.
         shares : (n_blocks, 2, BLOCK) of the volumes of both ends.
         response, parameters : the isochoric response of the law, as (p, q, r, energy).
-        energies : (n_blocks,) out: sum of the volume times the isochoric energy over each block.
+        energies : (n_blocks,) out: sum of the volume that is counted times the isochoric energy over each block.
         forces : (n_blocks * BLOCK, d) out: P n/l, what the bond part exerts on the first point.
         moments : (n_blocks * BLOCK, d d) out: S of the pair, P (I - n (x) n)/2, by columns.
         """
@@ -189,6 +189,7 @@ def pair_energies(algebra):
         bonds = rows_from(sums, matrix)
         states = rows_from(sums, state_rows)
         result = rows_from(sums, result_rows)
+        counted = geometry.shape[1] - 1
         for block in range(first_block, last_block):
             at = block * BLOCK
             reference = block_rows(geometry[block])
@@ -215,7 +216,7 @@ def pair_energies(algebra):
                 across = algebra.add_outer_product(P, algebra.times(-1.0, traction), n)
                 put_column(bonds, k, algebra.times(reference[length, k], traction))
                 put_column(sums, k, algebra.times_matrix(0.5, across))
-                total += reference[volume, k] * result[3, k]
+                total += reference[counted, k] * result[3, k]
             for k in range(0, BLOCK, 4):
                 algebra.put_vectors(bonds, k, forces, at + k)
                 algebra.put_matrices(sums, k, moments, at + k)

@@ -21,8 +21,9 @@ MOST_ITERATIONS = 20
 BUFFER_ROWS = STATE_ROWS + TRACTION_ROWS
 """Rows of the buffer in the precision of the model: bond states and tractions."""
 
-SCRATCH_ROWS = 14
-"""Rows of doubles: states and result of a response, the frame's components of U, and the last step and its residual."""
+SCRATCH_ROWS = 16
+"""Rows of doubles: states and result of a response, the frame's components of U, the last step and its residual, the last step over J3, and
+working memory of the law's own iteration."""
 
 
 @Pass
@@ -70,6 +71,7 @@ def surrogate_node_states(
     result = block_rows(scratch[thread, 3:8])
     frame = block_rows(scratch[thread, 8:11])
     last = block_rows(scratch[thread, 11:14])
+    moved = scratch[thread, 14]
     bond = block_rows(buffers[thread, 0:6])
     traction = block_rows(buffers[thread, 6:9])
     outer = (domain[0, 0], domain[0, 1], domain[0, 2], domain[0, 3], domain[0, 4], domain[0, 5], domain[0, 6])
@@ -110,6 +112,8 @@ def surrogate_node_states(
             bond[1, k] = frame[1, k]
             bond[2, k] = frame[2, k]
             bond[3, k] = states[1, k]
+        for k in range(BLOCK):
+            moved[k] = 1.0
         largest = 1.0
         for _ in range(MOST_ITERATIONS):
             if largest < tolerance:
@@ -129,14 +133,18 @@ def surrogate_node_states(
                 slope = min(max(chord, 0.3 * plain), 3.0 * plain) if abs(last[0, k]) > 1e-5 else last[2, k] * plain
                 slope = slope if last[0, k] != 0.0 else plain
                 step = min(max(-residual / slope, -0.5 * states[2, k]), states[2, k])
+                # Who has arrived stays, however long others of the block go on.
+                step = step if moved[k] >= tolerance else 0.0
                 last[0, k] = step
                 last[1, k] = residual
                 last[2, k] = slope / plain
                 states[2, k] += step
-                largest = max(largest, abs(step) / states[2, k])
+                moved[k] = abs(step) / states[2, k]
+                largest = max(largest, moved[k])
         # First whether any state is near the edge at all, which vectorises; `last` is of no further use.
-        near = 0.0 if largest < 100.0 * tolerance else 1.0
+        near = 0.0
         for k in range(size):
+            near += 0.0 if moved[k] < 100.0 * tolerance else 1.0
             thickness = states[2, k] / states[1, k]
             # NaN is outside.
             near += is_outside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness * thickness, inner)
@@ -144,13 +152,15 @@ def surrogate_node_states(
             for k in range(size):
                 thickness = states[2, k] / states[1, k]
                 share = share_inside(frame[0, k], frame[1, k], frame[2, k], states[1, k], thickness * thickness, outer, inner)
-                last[0, k] = share if largest < 100.0 * tolerance else 0.0
+                last[0, k] = share if moved[k] < 100.0 * tolerance else 0.0
                 last[1, k] = states[2, k]
             for k in range(size):
                 states[2, k] = J3[k]
-            count += solve_volume_ratios(size, states, result, response, parameters)
+            count += solve_volume_ratios(size, states, result, scratch[thread, 15], response, parameters)
             for k in range(size):
-                if last[0, k] > 0.0:
+                if last[0, k] == 1.0:
+                    states[2, k] = last[1, k]
+                elif last[0, k] > 0.0:
                     states[2, k] += last[0, k] * (last[1, k] - states[2, k])
         for k in range(size):
             thickness = states[2, k] / states[1, k]

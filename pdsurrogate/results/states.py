@@ -67,6 +67,26 @@ class StatesInMemory(list):
         super().append((moment, fields))
 
 
+class Moments:
+    """Moments alone, on ranks other than the first: what was recorded then is there."""
+
+    def __init__(self) -> None:
+        self.moments: list[Moment] = []
+
+    def append(self, moment: Moment, fields: Fields) -> None:
+        """Record when a state was."""
+        self.moments.append(moment)
+
+    def __len__(self) -> int:
+        return len(self.moments)
+
+    def __getitem__(self, number: int) -> tuple[Moment, Fields]:
+        raise IndexError("the fields of a run on several ranks are on the first of them")
+
+    def __iter__(self) -> Iterator[tuple[Moment, Fields]]:
+        raise IndexError("the fields of a run on several ranks are on the first of them")
+
+
 class StatesInFiles:
     """States written as a VTU series with its PVD index the moment they are reached, and read back when asked for.
 

@@ -207,7 +207,7 @@ def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float,
         if evaluations > patience:
             raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after the body had run away")
         if run.loads is not None:
-            moved = run.reductions.greatest_of_parts(float(np.abs(run.positions - guess).max()))
+            moved = run.reductions.greatest(np.abs(run.positions - guess))
             if moved > farthest:
                 raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way")
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..body import Body
 from ..results import measures
 from ..scenes import Rectangle
 from ..scenes.references import reference_level
@@ -126,8 +127,7 @@ def level_row(run: Run) -> dict:
 
 def _stretched(run: Run) -> dict:
     """An equilibrium between two grips."""
-    axis, body, stretch = run.loading.axis, run.body, run.parameter
-    displacements = run.positions - body.points
+    axis, stretch = run.loading.axis, run.parameter
     reactions = run.loading.reactions(run.force)
     level = {
         "stretch": stretch,
@@ -136,7 +136,7 @@ def _stretched(run: Run) -> dict:
         "nominal_stress_area": run.grip_areas[run.stress_grip.edge],
         "forces": {name: force.tolist() for name, force in forces_by_name(run, reactions).items()},
         "displacements": {name: displacement.tolist() for name, displacement in displacements_by_name(run).items()},
-        "nominal_stress_work_conjugate": float(run.force.mean_stress()[axis, axis]),
+        "nominal_stress_work_conjugate": float(run.reductions.total_of_parts(run.force.mean_stress())[axis, axis]),
     }
     if run.force.has_energy:
         level["energy"] = run.strain_energy()
@@ -144,11 +144,19 @@ def _stretched(run: Run) -> dict:
         level["stability"] = "checked" if run.force.has_energy else "not checked"
     if isinstance(run.scene.body, Rectangle):
         # Other outlines have no straight edges to read displacements from.
-        _, low, high = measures.edge_displacements(body, displacements, 1 - axis)
-        level["lateral_displacement"] = float((low - high).mean() / 2)
-        level["greatest_lateral_displacement"] = float(max(np.abs(low).max(), np.abs(high).max()))
-        level["roughness"] = measures.roughness(body, displacements, axis)
+        displacements = run.body.part.gather(run.positions - run.body.points)
+        level |= run.ranks.to_all(None if displacements is None else _lateral(run.whole, displacements, axis))
     return level | probe_readings(run)
+
+
+def _lateral(body: Body, displacements: np.ndarray, axis: int) -> dict[str, float]:
+    """What a rectangle's displacements (n, 2) say of its narrowing."""
+    _, low, high = measures.edge_displacements(body, displacements, 1 - axis)
+    return {
+        "lateral_displacement": float((low - high).mean() / 2),
+        "greatest_lateral_displacement": float(max(np.abs(low).max(), np.abs(high).max())),
+        "roughness": measures.roughness(body, displacements, axis),
+    }
 
 
 def compare(run: Run, level: dict) -> None:

@@ -16,10 +16,12 @@ from ..forces import ForceModel, InternalForce, bind_portions
 from ..forces.identity import identity_of
 from ..kernels.threads import threads_for
 from ..materials import Law
+from ..ranks import ALONE, Communicator, ReductionsOfParts, communicator, divided
+from ..ranks.communicator import Alone
 from ..results import measures
 from ..results.checkpoint import Checkpoint
 from ..results.probes import Probes
-from ..results.states import Moment, States, StatesInFiles, StatesInMemory
+from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory
 from ..scenes import Scene, SceneError
 from ..scenes.model import EDGES
 from ..solvers.conditions import Loading, place_of
@@ -124,6 +126,10 @@ class Run:
         Whether somebody wants it to stop.
     reductions : LocalReductions
         Of the body that is here.
+    ranks : Alone or Communicator
+        The processes that share the run.
+    whole : Body or None
+        The whole body, for results; of a run on several ranks on the first of them alone, where nobody asks for its bonds.
     """
 
     scene: Scene
@@ -140,9 +146,11 @@ class Run:
     crack: dict | None = None
     interruption: Interruption = field(default_factory=Interruption)
     reductions: LocalReductions = LOCAL
+    ranks: Alone | Communicator = ALONE
 
     def __post_init__(self) -> None:
         scene = self.scene
+        self.ranks = communicator()
         self.stages = stages_of(scene)
         self.stage, self.outputs, self.elapsed = 0, 0, 0.0
         self.damage: Damage | None = None
@@ -151,15 +159,21 @@ class Run:
         self.law: Law = scene.material.build()
         self.models = [self.model, *models_of(scene, self.model)]
         self.body: Body
-        self.body, lower, upper = discretise(scene)
+        self.whole: Body | None
+        self.body, lower, upper = discretise(scene, self._part_of)
         self.regions = BodyRegions(scene, self.body, lower, upper, lambda: surface_of(scene, self.body, lower, upper))
         self.threads = self.threads or threads_for(len(self.body.bonds.first))
         settings = settings_of(scene)
         try:
             self.loads = Loads(scene, self.body, self.regions) if scene.loads else None
             self.loading = self._loading(lower, upper)
+            self.body.part.clear(self.loading.free)  # what others own they move
             self._check_speeds()
             numba.set_num_threads(self.threads)
+            if self.ranks.size > 1:
+                from .sharing import compile_first  # of which a run of one process has no need
+
+                compile_first(self.ranks, self.model, self.law, settings, scene.dimension)
             self.force: InternalForce
             if scene.materials:
                 self.force = bind_portions(self.body, portions_of(scene, self.body, self.models, self.regions), settings)
@@ -176,7 +190,19 @@ class Run:
         self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]), default=None)
         self.parameter = self.target = self.begin = self.loading.rest
         self.positions = self.body.points.copy()
-        self.states: States = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.body, scene.name)
+        if self.ranks.rank:
+            self.states: States = Moments()
+        else:
+            self.states = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.whole, scene.name)
+
+    def _part_of(self, body: Body) -> Body:
+        """Of the whole body what falls to this rank."""
+        self.whole = None if self.ranks.rank else body
+        if self.ranks.size == 1:
+            return body
+        part = divided(body, self.ranks)
+        self.reductions = ReductionsOfParts(part.part)
+        return part
 
     def _portion_of(self) -> np.ndarray | None:
         """Material of every point; None where there is one."""
@@ -223,7 +249,7 @@ class Run:
 
     def _check_support(self) -> None:
         """Refuse points whose bonds lie on one line, or in one plane: only a crack may leave points without a deformation gradient."""
-        alone = np.flatnonzero(~self.force.supported)
+        alone = self.reductions.counts(np.flatnonzero(~self.force.supported))
         if len(alone):
             where = ("on one line", "two rows of points or more in either direction")
             if self.body.dimension == 3:
@@ -244,7 +270,7 @@ class Run:
 
     def unsupported_points(self) -> int:
         """How many points have too few bonds left for a deformation gradient."""
-        return self.reductions.total_of_parts(int(np.count_nonzero(~self.force.supported)))
+        return self.reductions.total_of_parts(len(self.reductions.counts(np.flatnonzero(~self.force.supported))))
 
     def nominal_stress(self, forces: np.ndarray) -> float:
         """Pull of one grip outwards along the loaded axis, over its own cross-section, by the forces (2, d) of the grips."""
@@ -255,6 +281,7 @@ class Run:
     def record(self, damage: np.ndarray | None = None, time: float = 0.0) -> None:
         """Record the present state: of the last equilibrium, or so long after the beginning of the stage in dynamics."""
         fields = measures.point_fields(measures.PointState(self.force, self.positions, damage))
+        fields = {name: self.body.part.gather(values) for name, values in fields.items()}
         equilibria, since = sum("time" not in level for level in self.levels), self.elapsed + time
         moment = Moment(equilibria + since, self.parameter, since)
         self.states.append(moment if self.scene.stretched else Moment(moment.run_time, None, since, self.parameter), fields)
@@ -266,13 +293,26 @@ class Run:
             "scene": self.scene.model_dump(mode="json"),
             "force": identity_of(self.model),
             **({"forces_of_materials": [identity_of(model) for model in self.models[1:]]} if self.scene.materials else {}),
-            "n_points": len(self.body),
-            "n_pairs": len(self.body.bonds.first),
+            "n_points": self.reductions.total_size(len(self.body)),
+            "n_pairs": self.reductions.total_of_parts(self.counted_pairs()),
         }
+
+    def counted_pairs(self) -> int:
+        """How many pairs are counted here; all but where several ranks share the run."""
+        counted = self.body.part.counted_pairs(self.body.bonds.first)
+        return len(self.body.bonds.first) if counted is None else int(np.count_nonzero(counted))
+
+    def directed_bonds(self) -> int:
+        """Directed bonds within the body of the points that are counted here."""
+        bonds, n = self.body.bonds, len(self.body)
+        if not self.body.part.divided:
+            return bonds.n_directed
+        owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
+        return int(np.count_nonzero(self.body.part.own[owners] & (bonds.neighbours < n)))
 
     def checkpoint(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
         """Write a checkpoint, if there is a folder for it."""
-        if self.folder is None:
+        if self.folder is None or self.ranks.size > 1:
             return
         common = {
             "parameter": self.parameter,

@@ -15,6 +15,7 @@ from ..forces import ForceModel, InvalidState, OutsideDomain
 from ..forces.identity import digest_of
 from ..kernels.compile import compilation_clock
 from ..kernels.threads import thread_count
+from ..ranks import communicator
 from ..results import Result
 from ..results.checkpoint import CheckpointError
 from ..results.folder import check_room, make_room, occupied
@@ -93,6 +94,7 @@ def simulate(
     Returns
     -------
     Result
+        On several ranks (``mpiexec -n 4 python -m mpi4py ...``) the fields and the whole body are those of the first rank's.
 
     Raises
     ------
@@ -126,6 +128,15 @@ def simulate(
         raise ValueError("a run is either resumed or begun anew: give resume or overwrite, not both")
     if folder is not None and not str(folder):
         raise ValueError("a folder is needed for the results, and its name is empty")
+    ranks = communicator()
+    if ranks.size > 1:
+        # Imported here: a run of one process knows nothing of others.
+        from .sharing import refuse, share_of_cores
+
+        refuse(scene, model, resume)
+        threads = threads or share_of_cores(ranks)
+        if ranks.rank:
+            progress, folder = Silent(), None
     folder = None if folder is None else Path(folder)
     if folder is not None and not resume:
         check_room(folder, scene.name, overwrite)  # before any work
@@ -244,27 +255,30 @@ def _take_up(run: Run, solver):
 
 def _result(run: Run, seconds_compile: float, began: float, failure: str | None) -> Result:
     """Everything reached so far."""
-    force, bonds, scene = run.force, run.body.bonds, run.scene
+    force, scene = run.force, run.scene
     residuals = [level["residual"] for level in run.levels if "residual" in level]
     if failure is not None and run.residual is not None and np.isfinite(run.residual):
         residuals.append(run.residual)
     outside = force.fraction_outside
+    total, total_size = run.reductions.total_of_parts, run.reductions.total_size
+    directed = total(run.directed_bonds())
     summary = {
         "scene": scene.name,
         "force": run.model.name,
         "material": run.law.describe(),
         "plane": force.plane,
         "thickness": 1.0,
-        "n_points": len(run.body),
-        "n_bonds": len(bonds.first),
-        "n_directed_bonds": bonds.n_directed,
-        "n_ghost_points": len(run.body.ghosts),
+        "n_points": total_size(len(run.body)),
+        "n_bonds": total(run.counted_pairs()),
+        "n_directed_bonds": directed,
+        "n_ghost_points": total(int(run.body.part.counted(np.ones(len(run.body)))[run.body.ghosts.source].sum())),
         "spacing": run.body.spacing,
         "cell_size": run.body.cell.tolist(),
         "horizon": run.body.horizon,
         "precision": force.precision,
         "correction": force.correction,
         "support": scene.support,
+        **({"ranks": run.ranks.size} if run.ranks.size > 1 else {}),
         "threads": run.threads,
         "converged": failure is None,
         "failure": failure,
@@ -272,7 +286,7 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         "n_force_evaluations": force.evaluations,
         "seconds_total": time.perf_counter() - began,
         "seconds_compile": seconds_compile,
-        "ns_per_directed_bond": 1e9 * force.seconds / max(1, force.timed * bonds.n_directed),
+        "ns_per_directed_bond": 1e9 * force.seconds / max(1, force.timed * directed),
         "fallback_fraction": outside if scene.outside in (None, "fallback") else 0.0,
         "fraction_outside_domain": outside,
         "unsupported_points": run.unsupported_points(),
@@ -301,4 +315,4 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
     if run.crack is not None:
         summary["critical_stretch"] = run.critical_stretch
         summary["crack"] = run.crack
-    return Result(scene, run.body, summary, run.history, run.states, run.convergence)
+    return Result(scene, run.body if run.whole is None else run.whole, summary, run.history, run.states, run.convergence)

@@ -74,8 +74,8 @@ class Account:
         Step in which a bond last broke.
     outputs : int
         States written so far.
-    recent : list of int
-        Pairs broken since the last state was written.
+    recent, batches : list of int
+        Pairs broken since the last state was written, and which of the events they broke in.
     """
 
     time: float = 0.0
@@ -92,6 +92,7 @@ class Account:
     last_break: int = -STEPS_PER_ROW
     outputs: int = 0
     recent: list[int] = field(default_factory=list)
+    batches: list[int] = field(default_factory=list)
 
 
 class Transient:
@@ -106,7 +107,7 @@ class Transient:
 
     def __init__(self, run: Run, stage: Stage) -> None:
         self.run, self.damage, self.spec, self.most_outputs = run, run.damage, stage.inertia, stage.outputs
-        self.account, self.motion = Account(), self.spec.motion(run.begin, stage.to)
+        self.account, self.motion, self._batch = Account(), self.spec.motion(run.begin, stage.to), 0
         self.integrator = ExplicitDynamics(
             run.force,
             self._hold,
@@ -157,6 +158,7 @@ class Transient:
         """Take up what a checkpoint holds."""
         run, integrator, kept = self.run, self.integrator, checkpoint.progress["dynamics"]
         self.account = Account(**kept["account"])
+        self._batch = max(self.account.batches, default=-1) + 1
         integrator.time_step, integrator.last_step, integrator.steps = kept["time_step"], kept["last_step"], kept["steps"]
         run.steps = kept["all_steps"]
         integrator.velocities[:], integrator.forces[:] = checkpoint.arrays["velocities"], checkpoint.arrays["forces"]
@@ -291,39 +293,43 @@ class Transient:
         bonds, n, mirror = run.body.bonds, len(run.body), run.body.ghosts.source
         F = run.force.deformation_gradients()
         ratio = F[:, 0, 0] * F[:, 1, 1] - F[:, 1, 0] * F[:, 0, 1] if F.shape[1] == 2 else np.linalg.det(F)
-        collapsed, crushed = np.flatnonzero(~(ratio > LEAST_RATIO)), run.force.collapsed_pairs()
-        if not len(collapsed) and not len(crushed):
+        collapsed, crushed, part = np.flatnonzero(~(ratio > LEAST_RATIO)), run.force.collapsed_pairs(), run.body.part
+        if not part.any(len(collapsed) or len(crushed)):
             return collapsed
         broken = np.flatnonzero(self.damage.broken)
         failed = np.zeros(len(run.body.all_points), dtype=bool)
         failed[np.intersect1d(collapsed, np.concatenate([bonds.first[broken], bonds.second[broken]]))] = True
+        part.fill(failed[:n])
         failed[n:] = failed[mirror]
         failing = failed[bonds.first] | failed[bonds.second]
-        if len(crushed):
+        if part.any(len(crushed)):
             # A bond whose own gradient has collapsed is broken where an end of it has lost others.
             lost = np.zeros(len(run.body.all_points), dtype=bool)
             lost[bonds.first[broken]] = lost[bonds.second[broken]] = True
+            part.fill(lost[:n])
             failing[crushed[lost[bonds.first[crushed]] | lost[bonds.second[crushed]]]] = True
         pairs = np.flatnonzero(failing & ~self.damage.broken)
-        if len(pairs):
-            run.crack["failed_points"] += run.reductions.total_of_parts(int(failed[:n].sum()))
+        if part.any(len(pairs)):
+            run.crack["failed_points"] += run.reductions.total_of_parts(len(run.reductions.counts(np.flatnonzero(failed[:n]))))
         return pairs
 
     def _break(self, pairs: np.ndarray) -> None:
         run, crack = self.run, self.run.crack
         if crack["start"] is None:
-            where = _midpoints(run.body, pairs).mean(axis=0)
+            where = self._in_order(pairs, np.zeros(len(pairs), dtype=np.int64)).mean(axis=0)
             start = {"time": run.elapsed + self.account.time, run.loading.parameter: run.parameter}
             if "nominal_stress" in run.history[-1]:
                 start["nominal_stress"] = run.history[-1]["nominal_stress"]
             crack["start"] = start | {"x": where.tolist()}
-        crack["broken_bonds"] += run.reductions.total_of_parts(len(pairs))
+        crack["broken_bonds"] += run.reductions.total_of_parts(len(self._counted(pairs)))
         self.damage.break_bonds(pairs)
         release = run.force.break_bonds(pairs)
         if release is not None:
             self.account.released_energy += run.reductions.total_of_parts(release.energy)
             self.integrator.kick(release.forces)
         self.account.recent += pairs.tolist()
+        self.account.batches += [self._batch] * len(pairs)
+        self._batch += 1
         self.account.last_break = self.integrator.steps
 
     def _last_row(self) -> None:
@@ -430,11 +436,12 @@ class Transient:
         self._apply()
         if self.damage is not None:
             entry = {"time": run.elapsed + account.time, run.loading.parameter: run.parameter, "broken_bonds": run.crack["broken_bonds"]}
-            tips = crack_tips(run.body, np.array(account.recent, dtype=np.int64))
+            places = self._in_order(np.array(account.recent, dtype=np.int64), np.array(account.batches, dtype=np.int64))
+            tips = crack_tips(places, run.body.horizon)
             # The tip of the largest crack stays where it was while nothing breaks.
             last = run.crack["tips"][-1]["tip"] if run.crack["tips"] else None
             run.crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
-            account.recent = []
+            account.recent, account.batches = [], []
         if not run.scene.stretched:
             run.loaded(run.positions, np.empty_like(run.positions))
             row = output_row(run, run.elapsed + account.time)
@@ -445,7 +452,24 @@ class Transient:
     def _connected(self, some: np.ndarray, others: np.ndarray) -> bool:
         """Whether intact bonds connect any of `some` points with any of the `others`."""
         _, piece = self.run.loading.pieces(~self.damage.broken)
-        return bool(np.isin(piece[some], piece[others]).any())
+        union = self.run.reductions.union
+        return bool(np.isin(union(piece[some]), union(piece[others])).any())
+
+    def _counted(self, pairs: np.ndarray) -> np.ndarray:
+        """Of some pairs those that are counted here."""
+        counted = self.run.body.part.counted_pairs(self.run.body.bonds.first[pairs])
+        return pairs if counted is None else pairs[counted]
+
+    def _in_order(self, pairs: np.ndarray, batches: np.ndarray) -> np.ndarray:
+        """Middles (k, d) of broken pairs of the whole body, in the order in which they broke: batches, rising, and their pairs in each."""
+        body = self.run.body
+        counted = body.part.counted_pairs(body.bonds.first[pairs])
+        if counted is None:
+            return _midpoints(body, pairs)
+        pairs, batches = pairs[counted], batches[counted]
+        order = np.stack([batches, body.part.numbers[body.bonds.first[pairs]]], axis=1)
+        order, places = body.part.everywhere(order), body.part.everywhere(_midpoints(body, pairs))
+        return places[np.lexsort(order.T[::-1])]
 
     def _checkpoint(self) -> None:
         integrator = self.integrator
@@ -459,12 +483,18 @@ class Transient:
         self.run.checkpoint({"phase": "dynamics", "dynamics": kept}, self.arrays())
 
 
-def crack_tips(body: Body, recent: np.ndarray) -> list[list[float]]:
-    """Where cracks have grown: mean places of the pairs broken of late, one for each group of them within a horizon, the largest first."""
-    if not len(recent):
+def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
+    """Where cracks have grown: mean places of the pairs broken of late, one for each group of them within a horizon, the largest first.
+
+    Parameters
+    ----------
+    places : ndarray, shape (k, d)
+        Middles of the pairs, in the order in which they broke.
+    horizon : float
+    """
+    if not len(places):
         return []
-    places = _midpoints(body, recent)
-    near = cKDTree(places).query_pairs(body.horizon, output_type="ndarray")
+    near = cKDTree(places).query_pairs(horizon, output_type="ndarray")
     count, group = LOCAL.pieces(len(places), *near.T)
     sizes = np.bincount(group)
     # The front of a group is where its latest bonds broke: the last tenth of it, in the order of breaking.

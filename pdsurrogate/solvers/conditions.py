@@ -185,7 +185,7 @@ class Loading(ABC):
     def _check_planes(self, keys: tuple[str, ...]) -> None:
         """Refuse planes that no bond crosses; `keys` name them."""
         for number, (key, plane) in enumerate(zip(keys, self._planes, strict=True)):
-            if not (self._levers[1] == number).any():
+            if not self._reductions.any((self._levers[1] == number).any()):
                 name, edge = plane.name.split()[0], "edge" if self.body.dimension == 2 else "face"
                 raise ValueError(f"{key}: no bond of the body crosses its {name} {edge}; do holes take all that is there?")
 
@@ -241,10 +241,11 @@ class Loading(ABC):
                 place += displaced(motion, place[None])[0]
                 beyond = (positions - place) @ (normal + motion[:, :-1] @ normal)
             beyond = np.where(supported, plane.side * beyond, 0.0)
-            worst = int(beyond.argmax())
+            worst, error = int(beyond.argmax()), None
             if beyond[worst] > 1e-6 * self.body.spacing:
                 what = f"it lies {beyond[worst]:.3g} beyond the {held.name}, on the side of its own image"
-                raise InvalidState(at_point(self.body, worst, what))
+                error = InvalidState(at_point(self.body, worst, what))
+            self.body.part.agree(error)
 
     def reactions(self, force: InternalForce, on_points: np.ndarray | None = None) -> Reactions:
         """Forces of all holders on the body in the state last evaluated.
@@ -339,7 +340,9 @@ class Loading(ABC):
             for component in part.components:
                 owner[part.points, component] = number
         return [
-            {} if part.holder is None else {c: part.points[owner[part.points, c] == number] for c in part.components}
+            {}
+            if part.holder is None
+            else {c: self._reductions.counts(part.points[owner[part.points, c] == number]) for c in part.components}
             for number, part in enumerate(self._held)
         ]
 
@@ -348,12 +351,14 @@ class Loading(ABC):
         """Bonds with images that planes move: number of the bond, of the plane, and half the image's displacement by that of the plane."""
         n, ghosts = len(self.body), self.body.ghosts
         outer = np.flatnonzero(self.body.bonds.second >= n)
+        counted = self.body.part.counted_pairs(self.body.bonds.first[outer])
+        outer = outer if counted is None else outer[counted]
         levers = ghosts.lever[self.body.bonds.second[outer] - n]
         rows, planes = np.nonzero(levers.any(axis=2))
         return outer[rows], planes, levers[rows, planes] / 2
 
     def ends(self) -> list[np.ndarray]:
-        """Points that each holder holds directly."""
+        """Points that each holder holds directly, of those that are here."""
         found: list[list[np.ndarray]] = [[] for _ in self.names]
         ghosts = self.body.ghosts
         for number, plane in enumerate(self._planes):

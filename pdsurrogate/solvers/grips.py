@@ -54,7 +54,7 @@ class GripLoading(Loading):
                 planes.append(HeldPlane(f"{grip.edge} grip", (number,) * body.dimension, components, displacement))
                 continue
             points = np.flatnonzero(along_edge(body, grip.edge, lower, upper).inside)
-            if len(points) == 0:
+            if not body.part.any(len(points)):
                 raise ValueError(f"grips: no point lies within one cell of the {grip.edge} edge")
             held.append(HeldPoints(f"the {grip.edge} grip", number, points, components, displacement))
         names = tuple(grip.edge for grip in scene.grips)
@@ -69,22 +69,26 @@ class GripLoading(Loading):
         held = np.zeros(count, dtype=bool)
         held[piece[self.free[:, self.axis] == 0]] = True
         held[piece[bonds.first[bonds.second >= len(self.body)]]] = True  # by a grip's plane
+        held = self._reductions.total_of_parts(held.astype(np.int64)) > 0
         if not held.all():
-            loose = np.flatnonzero(piece == np.flatnonzero(~held)[0])
+            loose = self._reductions.counts(np.flatnonzero(piece == np.flatnonzero(~held)[0]))
+            size = self._reductions.total_of_parts(len(loose))
+            where = f", at {place_of(self.body, loose[0])}," if len(loose) else ""
             raise ValueError(
-                f"body: it is in {count} pieces, and one of {len(loose)} points, at {place_of(self.body, loose[0])}, is held by no grip; "
+                f"body: it is in {count} pieces, and one of {size} points{where} is held by no grip; "
                 "a hole or precut separates it, or a hold is missing"
             )
 
     def _region(self, number: int, hold: Hold, body: Body) -> HeldPoints:
         if hold.points is not None:
-            points = np.array(hold.points)
-            if points.size and points.max() >= len(body):
-                raise ValueError(f"holds.{number}: there is no point {points.max()}; the body has {len(body)}")
+            points, size = np.array(hold.points), body.part.size(len(body))
+            if points.size and points.max() >= size:
+                raise ValueError(f"holds.{number}: there is no point {points.max()}; the body has {size}")
+            points = body.part.local(points)
         else:
             low, high = np.array(hold.box)
             points = np.flatnonzero(((body.points >= low) & (body.points <= high)).all(axis=1))
-        if len(points) == 0:
+        if not body.part.any(len(points)):
             raise ValueError(f"holds.{number}: no point of the body lies in its region")
         components = tuple(range(body.dimension)) if hold.components is None else tuple(int(name[1:]) - 1 for name in hold.components)
         travel = np.zeros(body.dimension) if hold.travel is None else np.array(hold.travel)

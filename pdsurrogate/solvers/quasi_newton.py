@@ -62,6 +62,7 @@ class QuasiNewton(EquilibriumSolver):
     def _bound(self, force, step) -> None:
         """Shorten a step that strains a bond more than may be."""
         bonds = force.body.bonds
+        force.body.part.fill(step)
         strain = self.reductions.greatest_of_parts(greatest_strain[step.shape[1]](step, force.body.points, bonds.first, bonds.second))
         step *= min(1.0, self.LARGEST_STRAIN / max(strain, 1e-300))
 

@@ -28,6 +28,10 @@ class LocalReductions:
         """Sum of all entries of an array by points."""
         return float(values.sum())
 
+    def total_in_order(self, values: np.ndarray) -> float:
+        """The same sum to the same bits whatever parts a body is in, at the cost of bringing all entries to one place."""
+        return float(values.sum())
+
     def greatest(self, values: np.ndarray) -> float:
         """Greatest entry of an array by points; NaN if there is one."""
         return float(values.max())
@@ -47,6 +51,22 @@ class LocalReductions:
     def any(self, flag: bool) -> bool:
         """Whether something holds in one part or another."""
         return bool(flag)
+
+    def total_size(self, n: int) -> int:
+        """Points of the whole body, of which n are here."""
+        return n
+
+    def take(self, values: np.ndarray) -> np.ndarray:
+        """Of values of all points of the whole body those of the points here."""
+        return values
+
+    def union(self, values: np.ndarray) -> np.ndarray:
+        """Values that some part has, each once and rising."""
+        return np.unique(values)
+
+    def counts(self, points: np.ndarray) -> np.ndarray:
+        """Of the given points those that are counted here."""
+        return points
 
     def pieces(self, n: int, first: np.ndarray, second: np.ndarray) -> tuple[int, np.ndarray]:
         """Pieces into which bonds connect n points: how many there are, and the number of every point's, shape (n,)."""

@@ -32,7 +32,8 @@ class FrequencyEstimate:
     def __init__(self, mass: np.ndarray, free: np.ndarray, reductions: LocalReductions = LOCAL) -> None:
         self._mass = mass[:, None]
         self._free, self._reductions = free, reductions
-        self.vector = np.random.default_rng(0).standard_normal(free.shape) * free
+        whole = reductions.total_size(len(free)), free.shape[1]
+        self.vector = reductions.take(np.random.default_rng(0).standard_normal(whole)) * free
         self.fresh = True
 
     def __call__(self, force: InternalForce, positions: np.ndarray) -> float:
@@ -48,7 +49,7 @@ class FrequencyEstimate:
             force(positions + probe * self.vector, moved)
             image = (at_rest - moved) / probe / self._mass * self._free
             # The norm bounds the Rayleigh quotient from above for a tangent that is not quite symmetric.
-            value = np.sqrt(self._reductions.total(image**2) / self._reductions.total(self.vector**2))
+            value = np.sqrt(self._reductions.total_in_order(image**2) / self._reductions.total_in_order(self.vector**2))
             self.vector = image
         self.fresh = False
         return float(value)
@@ -90,7 +91,7 @@ def least_curvature(
     ahead, behind = np.empty_like(positions), np.empty_like(positions)
     # K-conjugate bases: displacements q and the forces p = P q, with q_i . p_j = 1 if i = j, else 0.
     displacements, duals, diagonal, off_diagonal = [], [], [], []
-    p = np.random.default_rng(0).standard_normal(positions.shape) * free
+    p = reductions.take(np.random.default_rng(0).standard_normal((reductions.total_size(len(free)), free.shape[1]))) * free
     least = np.inf
     for _ in range(MOST_PRODUCTS):
         q = stiffness.solve(p) * free
@@ -104,6 +105,7 @@ def least_curvature(
         p, q = p / norm, q / norm
         displacements.append(q)
         duals.append(p)
+        force.body.part.fill(q)
         probe = PROBE / max(reductions.greatest_of_parts(greatest_strain[q.shape[1]](q, points, bonds.first, bonds.second)), 1e-300)
         force(positions + probe * q, ahead)
         force(positions - probe * q, behind)

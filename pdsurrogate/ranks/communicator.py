@@ -1,0 +1,135 @@
+"""Ranks: the processes that share one run, and all that they say to each other."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+
+LAUNCHED = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "PMIX_SIZE")
+"""Variables by which launchers of MPI say how many processes they have started."""
+
+
+class NotUnderMPI(RuntimeError):
+    """Several processes were started, and none of them knows of the others."""
+
+
+class Alone:
+    """One process with nobody to talk to; nothing of MPI is loaded."""
+
+    rank, size = 0, 1
+
+    def barrier(self) -> None:
+        """Wait for all ranks."""
+
+    def to_all(self, value):
+        """What the first rank has, on every rank."""
+        return value
+
+
+class Communicator:
+    """All ranks of an MPI run.
+
+    Parameters
+    ----------
+    mpi : module
+        ``mpi4py.MPI``.
+
+    Attributes
+    ----------
+    rank, size : int
+    """
+
+    def __init__(self, mpi) -> None:
+        self._mpi, self._world = mpi, mpi.COMM_WORLD
+        self.rank, self.size = self._world.rank, self._world.size
+
+    def barrier(self) -> None:
+        """Wait for all ranks."""
+        self._world.Barrier()
+
+    def to_all(self, value):
+        """What the first rank has, on every rank."""
+        return self._world.bcast(value, root=0)
+
+    def total(self, part):
+        """Sum of what every rank has formed: a number, a few of them, or an array of doubles."""
+        values = np.asarray(part)
+        sums = np.empty_like(values)
+        self._world.Allreduce(np.ascontiguousarray(values), sums)
+        if isinstance(part, np.ndarray):
+            return sums
+        return tuple(sums.tolist()) if isinstance(part, tuple) else sums.item()
+
+    def greatest(self, part: float) -> float:
+        """Greatest of what every rank has; NaN if there is one."""
+        # What MPI makes of the maximum of a NaN is not said anywhere.
+        found = np.array([-np.inf if np.isnan(part) else part, float(np.isnan(part))])
+        self._world.Allreduce(self._mpi.IN_PLACE, found, op=self._mpi.MAX)
+        return float(np.nan if found[1] else found[0])
+
+    def everywhere(self, value) -> list:
+        """What every rank has, on every rank."""
+        return self._world.allgather(value)
+
+    def to_each(self, values: Sequence) -> list:
+        """Hand one value to every rank; returns those of all ranks for this one."""
+        return self._world.alltoall(list(values))
+
+    def gather(self, rows: np.ndarray) -> list[np.ndarray] | None:
+        """Arrays of all ranks on the first; None on the others."""
+        if self.rank:
+            # In slices: a message has fewer than 2^31 elements.
+            self._world.send((rows.shape, rows.dtype.str), dest=0, tag=1)
+            self._world.Send([np.ascontiguousarray(rows).reshape(-1).view(np.uint8), self._mpi.BYTE], dest=0, tag=2)
+            return None
+        found = [rows]
+        for source in range(1, self.size):
+            shape, kind = self._world.recv(source=source, tag=1)
+            buffer = np.empty(shape, dtype=kind)
+            self._world.Recv([buffer.reshape(-1).view(np.uint8), self._mpi.BYTE], source=source, tag=2)
+            found.append(buffer)
+        return found
+
+    def exchange(self, outgoing: dict[int, np.ndarray], incoming: dict[int, np.ndarray]) -> None:
+        """Send arrays to ranks, and receive into others, all at the same time."""
+        byte = self._mpi.BYTE
+        requests = [self._world.Irecv([array.reshape(-1).view(np.uint8), byte], source=rank) for rank, array in incoming.items()]
+        requests += [self._world.Isend([array.reshape(-1).view(np.uint8), byte], dest=rank) for rank, array in outgoing.items()]
+        self._mpi.Request.Waitall(requests)
+
+    def abort(self, status: int) -> None:
+        """End all ranks at once."""
+        self._world.Abort(status)
+
+
+ALONE = Alone()
+_world: Communicator | None = None
+
+
+def communicator() -> Alone | Communicator:
+    """The ranks of this run: several only under a launcher of MPI, and where mpi4py is in use, as under ``python -m mpi4py``.
+
+    Raises
+    ------
+    NotUnderMPI
+        If a launcher has started several processes, and mpi4py is not in use: each would run the scene by itself.
+    """
+    global _world
+    if "mpi4py.run" in sys.modules or "mpi4py.MPI" in sys.modules:
+        from mpi4py import MPI as mpi  # noqa: N811 - of which a run of one process loads nothing
+    else:
+        started = max((int(os.environ[name]) for name in LAUNCHED if os.environ.get(name, "").isdecimal()), default=1)
+        if started > 1:
+            raise NotUnderMPI(
+                f"{started} processes were started, and each would run by itself; for one run on all of them: "
+                f"mpiexec -n {started} python -m mpi4py -m pdsurrogate ..."
+            )
+        return ALONE
+    if mpi.COMM_WORLD.size == 1:
+        return ALONE
+    if _world is None:
+        _world = Communicator(mpi)
+    return _world

@@ -1,0 +1,66 @@
+"""What a run on several ranks does before it begins: what it cannot do yet, how many threads it takes, and who compiles."""
+
+from __future__ import annotations
+
+import os
+import socket
+import warnings
+
+import numba
+import numpy as np
+
+from ..body import Body, ReflectionPlane
+from ..body.body import Cells
+from ..forces import ForceModel, ForceSettings
+from ..materials import Law
+from ..ranks import Communicator
+from ..scenes import Scene, SceneError
+
+
+class Oversubscribed(RuntimeWarning):
+    """More threads than cores: ranks wait for each other in loops, and each keeps a core from those it waits for."""
+
+
+def refuse(scene: Scene, model: ForceModel, resume: bool) -> None:
+    """Refuse what does not run on several ranks yet.
+
+    Raises
+    ------
+    SceneError
+        Names the key.
+    """
+    why = None
+    if resume:
+        why = "a run is not resumed on them yet"
+    elif scene.materials:
+        why = "materials: bodies of several materials are not divided yet"
+    elif not scene.stretched:
+        why = "prescribed: loadings said by prescribed displacements, loads and steps are not divided yet, those by grips are"
+    elif scene.probes:
+        why = "probes: places in a body that is divided are not read yet"
+    elif scene.solver.method == "minimiser":
+        why = "solver.method=minimiser does not run on them yet; automatic and relaxation do"
+    if why is not None:
+        raise SceneError(f"scene {scene.name}: on several ranks {why}; run it on one")
+
+
+def share_of_cores(ranks: Communicator) -> int:
+    """Threads of every rank: the cores of a machine over the ranks on it."""
+    here = ranks.everywhere(socket.gethostname()).count(socket.gethostname())
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if here > cores and ranks.rank == 0:
+        what = f"{here} ranks share {cores} cores: each keeps the others waiting; take as many ranks as cores"
+        warnings.warn(what, Oversubscribed, stacklevel=3)
+    return max(1, min(numba.config.NUMBA_NUM_THREADS, cores // here))
+
+
+def compile_first(ranks: Communicator, model: ForceModel, law: Law, settings: ForceSettings, dimension: int) -> None:
+    """Let the first rank compile what the others then load: they would all compile the same, on cores that one of them needs."""
+    if ranks.rank == 0:
+        cells = Cells.filling((0.0,) * dimension, (8.0 if dimension == 2 else 5.0,) * dimension, 1.0)
+        points = cells.centres()
+        planes = (ReflectionPlane(0, 0.0, -1, (-1,) * dimension),)
+        body = Body(points, np.full(len(points), cells.volume), 3.15 if dimension == 2 else 1.75, 1.0, planes=planes)
+        force = model.bind(body, law, settings)
+        force(points.copy(), np.empty_like(points))
+    ranks.barrier()
