@@ -9,8 +9,8 @@ class Whole:
     """A body that is all there: every point counts, and nothing has to be brought from elsewhere.
 
     Bodies in parts have another (`pdsurrogate.ranks.Part`) that answers the same questions.  Points of a part that others own are its
-    *halo*: what is summed or found by looking at all bonds of a point is right on the points that are owned, and is brought to the halo from
-    there.
+    *halo*: what is summed or found by looking at all bonds of a point is right on the points that are owned, and is brought to the halo
+    from there.
     """
 
     divided = False

@@ -405,7 +405,7 @@ class Loading(ABC):
         for part in self._held:
             if part.holder is not None:
                 found[part.holder].append(part.points)
-        return [np.unique(np.concatenate(parts)) for parts in found]
+        return [self._reductions.counts(np.unique(np.concatenate(parts))) for parts in found]
 
     @abstractmethod
     def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float:
