@@ -77,7 +77,7 @@ import json
 from pdsurrogate.stress_test.report import stress_test
 models = stress_test(quick=True)["models"]
 print(json.dumps({
-    f"{model['force']}: {case}": [result["verdict"], result["value"], result["limit"]]
+    f"{model['force']}{', space' if model.get('plane') == 'space' else ''}: {case}": [result["verdict"], result["value"], result["limit"]]
     for model in models for case, result in model["results"].items()
 }), flush=True)
 """

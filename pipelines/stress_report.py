@@ -1,7 +1,8 @@
 """Hard cases for every force model, the fallback beyond a surrogate's domain, and what guarding it costs.
 
-python pipelines/stress_report.py            print the tables
-python pipelines/stress_report.py --docs     and put them into the documentation, the long one into docs/validation/hard-cases-table.md
+python pipelines/stress_report.py                      print the tables
+python pipelines/stress_report.py --docs               and put them into the documentation, those of the cases into pages of their own
+python pipelines/stress_report.py --docs --plane space the cases of bodies in space alone
 """
 
 from __future__ import annotations
@@ -21,23 +22,30 @@ from pdsurrogate.kernels.threads import thread_count
 from pdsurrogate.learning import domain_of, surrogate_of
 from pdsurrogate.reports.speed import sheet
 from pdsurrogate.results.files import write_text
-from pdsurrogate.stress_test.report import count, stress_test, table
+from pdsurrogate.stress_test.report import BODIES, count, stress_test, table
 
 console = Console()
 
 SHORT = {"pass": "", "WEAK": "**weak** "}
 
 
-def hard_cases() -> str:
-    """The table of all cases and models, and the named weaknesses explained."""
+PAGES = {"stress": "hard-cases-table.md", "space": "hard-cases-in-space.md"}
+"""Of ``docs/validation``, by what is put to the cases."""
+
+
+def hard_cases(plane: str) -> str:
+    """The page of a plane: the table of all cases and models, and the named weaknesses explained."""
+    began = time.perf_counter()
     with console.status("Starting") as status:
-        report = stress_test(progress=status.update)
-    header, rows = table(report)
+        report = stress_test(progress=status.update, planes=[plane])
+    minutes = (time.perf_counter() - began) / 60
+    header, rows = table(report, plane)
     body = [[row[0], row[1], *(_short(cell) for cell in row[2:])] for row in rows]
     counts = [count(model) for model in report["models"]]
     body.append(["passed / weak / does not apply", "", *(f"{one['pass'] + one['stops']} / {one['weak']} / {one['-']}" for one in counts)])
     weaknesses = "\n".join(f"- *{name}*: {what}." for name, what in report["weaknesses"].items())
-    return f"{markdown_table(header, body)}\n\n{weaknesses}"
+    made = f"`pdsurrogate stress-test --plane {plane}`, made by `python pipelines/stress_report.py --docs --plane {plane}`, here in"
+    return f"# Hard cases of {BODIES[plane]}\n\n{made} {minutes:.0f} minutes.\n\n{markdown_table(header, body)}\n\n{weaknesses}"
 
 
 def _short(cell: str) -> str:
@@ -113,15 +121,18 @@ def jump() -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
+    parser.add_argument("--plane", choices=list(BODIES), help="the cases of these bodies alone")
     arguments = parser.parse_args()
-    for mark, make in (("guard", overhead), ("jump", jump), ("fallback", fallback), ("hard cases", hard_cases)):
+    for mark, make in (("guard", overhead), ("jump", jump), ("fallback", fallback)) if arguments.plane is None else ():
         text = make()
         console.print(f"{mark}\n{text}\n", soft_wrap=True, markup=False)
-        if arguments.docs and make is hard_cases:
-            head = "# Hard cases: the table\n\n`pdsurrogate stress-test`, made by `pipelines/stress_report.py`."
-            write_text(VALIDATION / "hard-cases-table.md", f"{head}\n\n{text}\n")
-        elif arguments.docs:
+        if arguments.docs:
             replace_block(mark, text)
+    for plane in [arguments.plane] if arguments.plane else BODIES:
+        text = hard_cases(plane)
+        console.print(f"{text}\n", soft_wrap=True, markup=False)
+        if arguments.docs:
+            write_text(VALIDATION / PAGES[plane], f"{text}\n")
 
 
 if __name__ == "__main__":

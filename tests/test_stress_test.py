@@ -2,17 +2,33 @@
 
 import json
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from pdsurrogate.cli import app
 from pdsurrogate.stress_test import report as report_module
-from pdsurrogate.stress_test.case import INAPPLICABLE, PASS, STOPS, WEAK, Outcome, Subject, spring_stiffness, square_sheet
-from pdsurrogate.stress_test.report import CASES, all_models, cell, stress_test, table
+from pdsurrogate.stress_test.bodies import of_simplices, regular
+from pdsurrogate.stress_test.case import INAPPLICABLE, PASS, STOPS, WEAK, Outcome, Subject, spring_stiffness
+from pdsurrogate.stress_test.report import CASES, all_models, cell, planes_of, stress_test, table
 from pdsurrogate.stress_test.tangents import tangent
 
-CONSERVATIVE = {"symmetry", "undamped_steps", "angular_momentum"}
-"""What a force made of averaged features does not pass (theory, section 10)."""
+BOND_FORCES = {"symmetry", "undamped_steps", "angular_momentum", "slender"}
+"""What a force made of averaged features does not pass (theory, section 10), nor with a bar of four points across."""
+
+MODES = {
+    "single_point",
+    "checkerboard",
+    "least_eigenvalue",
+    "equibiaxial",
+    "simple_shear",
+    "jitter",
+    "mesh",
+    "horizons",
+    "slender",
+    "notch_tip",
+}
+"""Where modes without energy show, in the plane and in space."""
 
 
 def weak(model) -> set[str]:
@@ -21,22 +37,43 @@ def weak(model) -> set[str]:
 
 def test_a_surrogate_passes_what_physics_allows_and_nosb_does_not():
     """The quick suite, two models: the shipped surrogate lacks conservation only; NOSB's zero-energy modes show wherever they can."""
-    report = stress_test(["neo-hookean", "nosb"], quick=True)
+    report = stress_test(["neo-hookean", "nosb"], quick=True, planes=["stress"])
     surrogate, nosb = report["models"]
-    assert weak(surrogate) <= CONSERVATIVE
+    assert weak(surrogate) <= BOND_FORCES
     assert "symmetry" in weak(surrogate)
-    assert {"single_point", "checkerboard", "least_eigenvalue", "equibiaxial", "horizons", "notch_tip"} <= weak(nosb)
+    assert weak(nosb) >= MODES
     assert "symmetry" not in weak(nosb)
     for model in report["models"]:
-        assert set(model["results"]) == {case.key for case in CASES}
+        assert set(model["results"]) == {case.key for case in CASES if "stress" in case.planes}
         for result in model["results"].values():
             assert result["verdict"] in (PASS, STOPS, WEAK, INAPPLICABLE)
             assert (result["weakness"] is not None) == (result["verdict"] == WEAK)
     assert "zero-energy modes" in report["weaknesses"]
     json.dumps(report, allow_nan=False)
-    header, rows = table(report)
+    assert planes_of(report) == ["stress"]
+    header, rows = table(report, "stress")
     assert header[2:] == ["neo-hookean", "nosb"]
-    assert len(rows) == len(CASES)
+    assert len(rows) == sum("stress" in case.planes for case in CASES)
+
+
+QUICK_IN_SPACE = ("single_point", "checkerboard", "least_eigenvalue", "rigid_motions", "symmetry", "simple_shear", "mesh", "loose_points")
+"""Cases of a few seconds."""
+
+
+def test_in_space_a_learnt_energy_passes_and_nosb_shows_its_modes(monkeypatch):
+    keys = (*QUICK_IN_SPACE, "beyond_the_domain", "sudden_load", "time_step")
+    monkeypatch.setattr(report_module, "CASES", tuple(case for case in CASES if case.key in keys))
+    report = stress_test(["neo-hookean-isochoric", "nosb"], quick=True)
+    learnt, sheets, nosb = report["models"]
+    assert [(model["force"], model["plane"]) for model in (learnt, sheets, nosb)] == [
+        ("neo-hookean-isochoric", "space"),
+        ("nosb", "stress"),
+        ("nosb", "space"),
+    ]
+    assert weak(learnt) == set()
+    assert weak(nosb) == MODES & set(keys)
+    assert planes_of(report) == ["stress", "space"]
+    assert table(report, "space")[0][2:] == ["neo-hookean-isochoric", "nosb"]
 
 
 @pytest.mark.slow
@@ -45,11 +82,13 @@ def test_every_model_on_every_case():
     report = stress_test()
     for model in report["models"]:
         if model["force"] not in ("nosb", "ba-nosb", "neo-hookean-paper"):
-            assert weak(model) <= CONSERVATIVE, model["force"]
+            assert weak(model) <= (BOND_FORCES if model["plane"] == "stress" else set()), model["force"]
 
 
 def test_every_force_model_takes_part():
-    assert {"analytic", "nosb", "ba-nosb", "neo-hookean", "neo-hookean-paper", "gent"} <= set(all_models())
+    assert {"analytic", "nosb", "ba-nosb", "neo-hookean", "neo-hookean-paper", "gent"} <= set(all_models("stress"))
+    assert {"bond-energy", "nosb", "neo-hookean-isochoric", "full-network-isochoric"} <= set(all_models("space"))
+    assert "analytic" not in all_models("space")
 
 
 def test_command(tmp_path, monkeypatch):
@@ -60,11 +99,14 @@ def test_command(tmp_path, monkeypatch):
     assert "not conservative" in done.output
     assert "force at rest" in done.output
     written = json.loads((tmp_path / "stress-test.json").read_text())
-    assert [model["force"] for model in written["models"]] == ["analytic", "neo-hookean-paper"]
+    assert [(model["force"], model["plane"]) for model in written["models"]] == [("analytic", "stress"), ("neo-hookean-paper", "stress")]
+    assert "sheets under plane stress" in done.output
     for arguments, message in (
         (["--force", "wizardry"], "unknown force"),
         (["--out", "/dev/null/x"], "Not a directory"),
-        (["--force", "ogden-isochoric"], "sheets"),
+        (["--force", "ogden-isochoric", "--plane", "stress"], "takes plane=strain and space"),
+        (["--force", "analytic", "--plane", "space"], "bodies in space"),
+        (["--plane", "strain"], "--plane: must be stress or space"),
     ):
         refused = CliRunner().invoke(app, ["stress-test", *arguments])
         assert refused.exit_code == 2
@@ -73,7 +115,7 @@ def test_command(tmp_path, monkeypatch):
 
 def test_the_tangent_of_springs_is_what_it_is():
     """Springs of one stiffness between all neighbours: their tangent at rest is the stiffness matrix, to differences."""
-    body = square_sheet(5)
+    body = regular(2, 5)
 
     class Springs:
         def __init__(self):
@@ -106,7 +148,31 @@ def test_spring_stiffness_by_hand():
     distances = [1] * 4 + [2**0.5] * 4 + [2] * 4 + [5**0.5] * 8 + [8**0.5] * 4 + [3] * 4
     kappa = 3.141592653589793 / 3 * 3.15**4
     by_hand = 4 * 2.5 * sum(3.15 / distance for distance in distances) / kappa
-    assert spring_stiffness(square_sheet(5), 2.5) == pytest.approx(by_hand)
+    assert spring_stiffness(regular(2, 5), 2.5) == pytest.approx(by_hand)
+
+
+def test_springs_in_space_by_hand():
+    """4 mu V^2 sum(w)/kappa with kappa = pi delta^5/3 and w = delta/l, over the 18 neighbours within 1.5 spacings."""
+    by_hand = 4 * 2.5 * 1.5 * (6 + 12 / 2**0.5) / (3.141592653589793 / 3 * 1.5**5) * 0.1
+    assert spring_stiffness(regular(3, 3, 1.5), 2.5) == pytest.approx(by_hand)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_triangles_and_tetrahedra_fill_the_body(dimension):
+    """They leave no gap and do not overlap: volume and middle of the square or cube."""
+    body = of_simplices(np.random.default_rng(0), dimension, 4)
+    assert len(body) == 4**dimension * (2 if dimension == 2 else 6)
+    assert body.volumes.sum() == pytest.approx(0.4**dimension, rel=1e-12)
+    np.testing.assert_allclose(body.volumes @ body.points / body.volumes.sum(), 0.2, rtol=1e-12)
+    assert body.volumes.std() > 0.05 * body.volumes.mean()
+
+
+def test_a_sheet_in_space_has_no_stress_across():
+    subject = Subject("bond-energy", plane="space")
+    F = subject.gradient(np.array([[1.5, 0.3], [0.0, 0.9]]))
+    assert np.abs(subject.exact_stress(F)[2]).max() < 1e-9
+    plane = Subject("bond-energy")
+    np.testing.assert_allclose(subject.exact_stress(F)[:2, :2], plane.exact_stress(F[:2, :2]), rtol=1e-9)
 
 
 def test_outcomes_and_cells():

@@ -17,31 +17,41 @@ def stress_test(
     force: Annotated[
         list[str] | None, typer.Option(metavar="REF", help="Force model (NAME, NAME@VERSION, path); may be repeated; all by default.")
     ] = None,
+    plane: Annotated[
+        str | None, typer.Option("--plane", metavar="stress|space", help="Sheets or bodies in space alone; both by default.")
+    ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A fiftieth of the explicit steps.")] = False,
     folder: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write stress-test.json here.")] = None,
 ) -> None:
     """Put every force model to hard cases: what was asked, what came, pass or a named weakness."""
     from ..artifacts import ArtifactError
+    from ..forces.settings import WHERE
     from ..results.files import check_writable, write_json
     from ..stress_test import report as report_module
 
     if folder is not None:
         with bad_input(OSError):
             check_writable(folder)
-    with bad_input(ArtifactError), err.status("Starting") as status:
-        report = report_module.stress_test(force, quick, lambda text: status.update(escape(text)))
-    header, rows = report_module.table(report)
-    printed = Table(title="Hard cases", title_justify="left", show_lines=True)
-    for title in header:
-        printed.add_column(title)
-    for row in rows:
-        printed.add_row(*(f"[yellow]{escape(cell)}[/]" if cell.startswith("WEAK") else escape(cell) for cell in row))
-    show(printed)
+    known = report_module.BODIES
+    with bad_input(ArtifactError, ValueError), err.status("Starting") as status:
+        if plane not in (None, *known):
+            raise ValueError(f"--plane: must be {' or '.join(known)}, for {' or '.join(known.values())}, not {plane}")
+        planes = tuple(known) if plane is None else (plane,)
+        report = report_module.stress_test(force, quick, lambda text: status.update(escape(text)), planes)
+    for tested in report_module.planes_of(report):
+        header, rows = report_module.table(report, tested)
+        printed = Table(title=f"Hard cases of {known[tested]}", title_justify="left", show_lines=True)
+        for title in header:
+            printed.add_column(title)
+        for row in rows:
+            printed.add_row(*(f"[yellow]{escape(cell)}[/]" if cell.startswith("WEAK") else escape(cell) for cell in row))
+        show(printed)
     for name, what in report["weaknesses"].items():
         out.print(f"[yellow]{name}[/]: {escape(what)}", soft_wrap=True)
     for model in report["models"]:
         counts = report_module.count(model)
-        out.print(f"{model['force']}: {', '.join(f'{number} {verdict}' for verdict, number in counts.items() if number)}", soft_wrap=True)
+        name = f"{model['force']}{WHERE[model['plane']]}"
+        out.print(f"{name}: {', '.join(f'{number} {verdict}' for verdict, number in counts.items() if number)}", soft_wrap=True)
     if folder is not None:
         with writing(folder):
             write_json(folder / "stress-test.json", report)

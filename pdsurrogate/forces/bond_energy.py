@@ -549,10 +549,9 @@ class EnergyOfPairs(Evaluation):
             return
         from ..materials import solid  # of which a sheet under plane stress has no need
 
-        full, d = np.eye(3), len(F)
-        full[:d, :d] = F
-        if not np.isfinite(solid.isochoric_response(law, *solid.invariants(full))[3]):
-            raise ValueError(f"{law.name}: a bond has no energy: {law.limit(solid.stretch_squares(full))}")
+        reason = solid.why_no_energy(law, F)
+        if reason:
+            raise ValueError(f"{law.name}: a bond has no energy: {reason}")
 
     def _laws_of(self, pair: int) -> list[Law]:
         """Laws that have a part in the energy of a pair."""

@@ -12,7 +12,7 @@ from ..kernels import nosb
 from ..kernels.block_arrays import aligned_rows
 from ..materials import PLANES, Law
 from .evaluation import Evaluation
-from .kinematics import locate, matrices
+from .kinematics import at_point, locate, matrices
 from .portions import EvaluationOfPortions, refuse_in_plane_strain
 from .protocol import ForceModel, InvalidState, Portion
 from .settings import ForceSettings
@@ -49,13 +49,27 @@ class StressesAtPoints(Evaluation):
         self._kinematics.place(positions)
         self.find_states()
         if self.pass_bonds(out):
-            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
+            raise InvalidState(self._diagnose(out))
 
     def pass_bonds(self, out: np.ndarray) -> int:
         """Stresses and bond pass in the states last found; the number of points without a force."""
         self._find_stresses()
         self._sum_forces.give("out", out)
         return self._sum_forces()
+
+    def _diagnose(self, out: np.ndarray) -> str:
+        """Say which point has no stress and why, or else where there is no force."""
+        if self.plane != "stress":  # there the thickness is where a law ends, and is found before
+            from ..materials import solid  # of which a sheet under plane stress has no need
+
+            F = self.deformation_gradients()
+            for law, points in self.laws:
+                numbers = np.arange(len(F))[points]
+                for i in numbers[np.argsort(-np.linalg.norm(F[points], axis=(1, 2)))][:100]:
+                    reason = solid.why_no_energy(law, F[i])
+                    if reason:
+                        return at_point(self.body, int(i), f"{law.name}: it has no stress: {reason}")
+        return locate(self.body, out, "the force on it is not finite")
 
     def find_states(self) -> None:
         """Bring gradients and the points' states up to date."""

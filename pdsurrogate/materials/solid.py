@@ -130,6 +130,15 @@ def stretch_squares(F):
     return np.linalg.svd(F, compute_uv=False) ** 2 / np.abs(np.linalg.det(F))[..., None] ** (2 / 3)
 
 
+def why_no_energy(law: Law, F) -> str | None:
+    """Why a law has no energy at one deformation gradient, 2 by 2 of plane strain or 3 by 3; None where it has one."""
+    full, d = np.eye(3), len(F)
+    full[:d, :d] = F
+    with np.errstate(all="ignore"):  # what is not finite is looked for
+        found = isochoric_response(law, *invariants(full))[3]
+    return None if np.isfinite(found) else law.limit(stretch_squares(full))
+
+
 def first_piola_stress(law: Law, F):
     """First Piola-Kirchhoff stress P, shape (..., 3, 3), in the unit of the shear modulus."""
     check_consistency(law)

@@ -1,10 +1,27 @@
-"""Small bodies of every kind that tests and hard cases are put to."""
+"""Small bodies of every kind that tests and hard cases are put to, in the plane and in space."""
 
 from __future__ import annotations
+
+from itertools import permutations
 
 import numpy as np
 
 from ..body import Body, ReflectionPlane, grid
+
+SPACING = 0.1
+"""Of the small bodies; every figure is dimensionless."""
+
+HORIZONS = {2: 3.15, 3: 1.75}
+"""In spacings, by dimension: that of the paper, and 26 bonds to a point in space."""
+
+
+def regular(dimension: int, cells: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
+    """A square or a cube of so many points a side, or a box with so many along each axis."""
+    cells = (cells,) * dimension if isinstance(cells, int) else cells
+    ratio = ratio or HORIZONS[dimension]
+    if dimension == 2:
+        return Body.rectangle(*(count * SPACING for count in cells), SPACING, ratio * SPACING, **options)
+    return of_points(_lattice(tuple(count * SPACING for count in cells)), ratio, **options)
 
 
 def sheet(spacing=0.1, width=1.2, height=1.0, **options) -> Body:
@@ -22,10 +39,33 @@ def plain(dimension: int, **options) -> Body:
     return (sheet if dimension == 2 else block)(**options)
 
 
-def of_points(points: np.ndarray, **options) -> Body:
-    """A body of points 0.1 apart, 3.15 spacings of horizon in the plane and 1.75 in space."""
+def of_points(points: np.ndarray, ratio: float | None = None, **options) -> Body:
+    """A body of points 0.1 apart, 3.15 spacings of horizon in the plane and 1.75 in space if no other is asked for."""
     dimension = points.shape[1]
-    return Body(points, np.full(len(points), 0.1**dimension), 0.315 if dimension == 2 else 0.175, 0.1, **options)
+    return Body(points, np.full(len(points), SPACING**dimension), (ratio or HORIZONS[dimension]) * SPACING, SPACING, **options)
+
+
+def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount=0.2) -> Body:
+    """A square or a cube of triangles or tetrahedra, a point in the middle of each, as a mesh file gives them.
+
+    Every square is cut in two, every cube in six: along the paths over its edges from one corner to the opposite one.  The corners within
+    are moved by up to `amount` of the side of a square, so that no two cells are alike.
+    """
+    axes = np.meshgrid(*[np.arange(cells + 1)] * dimension, indexing="ij")
+    corners = np.stack(axes, axis=-1).reshape(-1, dimension)
+    within = ((corners > 0) & (corners < cells)).all(axis=1)
+    nodes = SPACING * (corners + amount * within[:, None] * random.uniform(-1, 1, corners.shape))
+    nodes = nodes.reshape(*axes[0].shape, dimension)
+    origins = corners[(corners < cells).all(axis=1)]
+    middles, volumes = [], []
+    for path in permutations(np.eye(dimension, dtype=int)):
+        steps = np.cumsum([np.zeros(dimension, dtype=int), *path], axis=0)
+        cell = np.stack([nodes[tuple((origins + step).T)] for step in steps], axis=1)
+        middles.append(cell.mean(axis=1))
+        volumes.append(np.abs(np.linalg.det(cell[:, 1:] - cell[:, :1])) / (2 if dimension == 2 else 6))
+    volumes = np.concatenate(volumes)
+    spacing = float(volumes.mean() ** (1 / dimension))
+    return Body(np.concatenate(middles), volumes, HORIZONS[dimension] * spacing, spacing)
 
 
 def jittered(random: np.random.Generator, amount=0.3, dimension=2, **options) -> Body:

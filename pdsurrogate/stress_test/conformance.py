@@ -44,7 +44,7 @@ from ..run.run import Silent
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import MaterialSpec, load_scene
 from .bodies import disc_with_hole, gripped, jittered, notched, of_points, plain, sheet
-from .case import INAPPLICABLE, PASS, WEAK, Case, Outcome, Subject, square_sheet
+from .case import INAPPLICABLE, PASS, WEAK, Case, Outcome, Subject
 from .deformations import force_densities, turn, wavy, why_inaccurate
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
@@ -133,6 +133,7 @@ class Property(Case):
         Whether its function takes any number of deformations of `notched` bodies too, so that a test can draw them.
     """
 
+    planes: tuple[str, ...] = tuple(PLANES)
     drawn: bool = False
 
 
@@ -180,7 +181,7 @@ def rigid_rotation(subject: Subject) -> Outcome:
 
     Rounding of positions leaves K/mu times 1e-15 times the number of spacings; 1e-9 is asked.
     """
-    body = square_sheet(10) if subject.dimension == 2 else plain(3)
+    body = subject.body(10) if subject.dimension == 2 else plain(3)
     force, found = subject.bind(body), []
     for degrees in range(0, 361, 15):
         found += [np.abs(force_densities(force, body.points @ turn(degrees, subject.dimension).T)).max(), abs(_energy(force))]
@@ -628,7 +629,7 @@ PROPERTIES = (
 
 
 def _force_at_rest(reference: str) -> float:
-    """Force density that a force on every bond at rest adds up to, in mu/dx on `square_sheet`.
+    """Force density that a force on every bond at rest adds up to, in mu/dx on a square sheet.
 
     The card states t kappa/(w l mu) of a bond at rest.  Corrections make every horizon count as a whole one, so a point's bonds add up to
     2 mu/kappa times the sum of w l V, at the most, where they do not cancel: 6 mu over the horizon of 3.15 dx.

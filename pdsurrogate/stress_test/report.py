@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from .. import __version__
 from ..artifacts import ArtifactError, list_artifacts, load_surrogate
-from ..forces import FORCES, ForceModel
+from ..forces import FORCES
 from ..results.provenance import processor
 from . import conformance, deformations, discretisations, dynamics, tangents
 from .case import INAPPLICABLE, PASS, STOPS, WEAK, WEAKNESSES, Case, Subject
@@ -19,77 +19,94 @@ CASES: tuple[Case, ...] = (*tangents.CASES, *conformance.PROPERTIES, *deformatio
 """Every case, in the order of the table: the hard ones, and the properties of `conformance`."""
 
 
-def all_models() -> list[str]:
-    """References of every force model of sheets: those that need no artefact, and the highest version of each artefact that is found."""
+BODIES = {"stress": "sheets under plane stress", "space": "bodies in space"}
+"""Where the hard cases are asked, in words."""
+
+
+def all_models(plane: str = "stress") -> list[str]:
+    """References of every force model of sheets, or of bodies in space: those without an artefact, and the newest version of each found."""
     found = dict.fromkeys(folder.parent.name for folder in list_artifacts())
-    return [*FORCES, *(name for name in found if _takes_sheets(load_surrogate(name)))]
+    return [name for name in (*FORCES, *found) if plane in load_surrogate(name).honours["plane"]]
 
 
-def _takes_sheets(model: ForceModel) -> bool:
-    """Whether the cases can be put to a model: they are sheets under plane stress."""
-    return "stress" in model.honours["plane"]
-
-
-def stress_test(references: Iterable[str] | None = None, quick: bool = False, progress: Callable[[str], None] = lambda text: None) -> dict:
+def stress_test(
+    references: Iterable[str] | None = None,
+    quick: bool = False,
+    progress: Callable[[str], None] = lambda text: None,
+    planes: Iterable[str] = tuple(BODIES),
+) -> dict:
     """Put every hard case to every force model.
 
     Parameters
     ----------
     references : iterable of str, optional
-        Force models as on the command line; all by default.
+        Force models as on the command line, each put to the cases of those of the planes that it takes; all by default.
     quick : bool
         A fiftieth of the explicit steps.
     progress : callable
         Told what is being done.
+    planes : iterable of {"stress", "space"}
+        Of sheets, of bodies in space, or both.
 
     Returns
     -------
     dict
-        ``machine``; ``cases`` with what is asked of each; ``models``: for each its material and, by case, verdict, figure, value,
-        limit, weakness and seconds; ``weaknesses``, explained.
+        ``machine``; ``cases`` with what is asked of each, and in which ``planes``; ``models``: for each and each plane that it takes its
+        material and, by case, verdict, figure, value, limit, weakness and seconds; ``weaknesses``, explained.
 
     Raises
     ------
     ArtifactError
-        If a force model is unknown or damaged, or does not take sheets; before any case is run.
+        If a force model is unknown or damaged, or takes none of the planes; before any case is run.
     """
-    subjects = [Subject(reference, quick) for reference in (references or all_models())]
+    references, planes = None if references is None else list(references), list(planes)
+    subjects = []
+    for reference in references or dict.fromkeys(name for plane in planes for name in all_models(plane)):
+        progress(f"reading {reference}")
+        taken = load_surrogate(reference).honours["plane"]
+        found = [Subject(reference, quick, plane) for plane in planes if plane in taken]
+        if not found:
+            asked = " or ".join(BODIES[plane] for plane in planes)
+            raise ArtifactError(f"{reference} takes plane={' and '.join(taken)}: the hard cases are those of {asked}")
+        subjects += found
     for subject in subjects:
-        progress(f"reading {subject.reference}")
         _ = subject.law
-        if not _takes_sheets(subject.model):
-            planes = " and ".join(subject.model.honours["plane"])
-            raise ArtifactError(f"{subject.model.name} takes plane={planes}: the hard cases are sheets under plane stress")
     models = []
     # BLAS threads would spin on the cores that the kernels want.
     with threadpool_limits(1, user_api="blas"):
         for subject in subjects:
             results = {}
             for case in CASES:
-                progress(f"{subject.reference}: {case.title}")
+                if subject.plane not in case.planes:
+                    continue
+                progress(f"{subject.reference}, {BODIES[subject.plane]}: {case.title}")
                 began = time.perf_counter()
                 outcome = case.function(subject)
                 results[case.key] = {**vars(outcome), "seconds": time.perf_counter() - began}
-            models.append({"force": subject.reference, "material": subject.law.describe(), "results": results})
+            models.append({"force": subject.reference, "plane": subject.plane, "material": subject.law.describe(), "results": results})
     shown = {result["weakness"] for model in models for result in model["results"].values()}
     return {
         "machine": {"processor": processor(), "threads": numba.config.NUMBA_NUM_THREADS, "version": __version__, "quick": quick},
-        "cases": [{"case": case.key, "title": case.title, "asked": case.asked} for case in CASES],
+        "cases": [{"case": case.key, "title": case.title, "asked": case.asked, "planes": case.planes} for case in CASES],
         "models": models,
         "weaknesses": {name: what for name, what in WEAKNESSES.items() if name in shown},
     }
 
 
-def table(report: dict) -> tuple[list[str], list[list[str]]]:
-    """Header and rows: a case a row, a force model a column."""
-    header = ["case", "asked", *(model["force"] for model in report["models"])]
-    rows = []
-    for case in report["cases"]:
-        row = [case["title"], case["asked"]]
-        for model in report["models"]:
-            row.append(cell(model["results"][case["case"]]))
-        rows.append(row)
-    return header, rows
+def planes_of(report: dict) -> list[str]:
+    """Those of which a report has a table."""
+    return [plane for plane in BODIES if any(model["plane"] == plane for model in report["models"])]
+
+
+def table(report: dict, plane: str) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of a plane: a case a row, a force model a column."""
+    models = [model for model in report["models"] if model["plane"] == plane]
+    rows = [
+        [case["title"], case["asked"], *(cell(model["results"][case["case"]]) for model in models)]
+        for case in report["cases"]
+        if plane in case["planes"]
+    ]
+    return ["case", "asked", *(model["force"] for model in models)], rows
 
 
 def cell(result: dict) -> str:

@@ -1,33 +1,38 @@
-"""Tangents of small sheets by central differences, and the cases that read them."""
+"""Tangents of small bodies by central differences, and the cases that read them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
 from ..materials import homogeneous
-from .case import Case, Outcome, Subject, middle_point, spring_stiffness, square_sheet
+from .case import WEAK, Case, Outcome, Subject, middle_point, spring_stiffness
 
-CELLS = 12
+CELLS = {2: 12, 3: 7}
+"""Points a side, by dimension."""
+
+FREE_CELLS = {2: 7, 3: 4}
+"""Of the body that nothing holds."""
 
 
 @dataclass(frozen=True)
-class InteriorTangent:
-    """The tangent -df/du of a sheet in a homogeneous state, its outermost points held.
+class Tangent:
+    """The tangent -df/du of a body in a homogeneous state.
 
     Attributes
     ----------
-    matrix : ndarray, shape (2 m, 2 m)
+    matrix : ndarray, shape (d m, d m)
         For the free points, component by component.
-    interior : ndarray, shape (m,)
+    free : ndarray, shape (m,)
         Their numbers.
     """
 
     matrix: np.ndarray
-    interior: np.ndarray
+    free: np.ndarray
 
     @property
     def symmetric(self) -> np.ndarray:
@@ -45,31 +50,39 @@ class InteriorTangent:
         return float(np.linalg.norm(self.matrix - self.matrix.T, 2) / np.linalg.norm(self.matrix, 2))
 
 
-def tangent(force: InternalForce, positions: np.ndarray) -> InteriorTangent:
-    """Central differences over a hundred-thousandth of the spacing: errors of 1e-10 from both curvature and rounding."""
-    body = force.body
+def tangent(force: InternalForce, positions: np.ndarray, held: bool = True) -> Tangent:
+    """Central differences over a hundred-thousandth of the spacing: errors of 1e-10 from both curvature and rounding.
+
+    Parameters
+    ----------
+    force : InternalForce
+    positions : ndarray, shape (n, d)
+    held : bool
+        Whether the outermost points are held; otherwise all are free.
+    """
+    body, d = force.body, positions.shape[1]
     margin = np.minimum(body.points - body.points.min(axis=0), body.points.max(axis=0) - body.points).min(axis=1)
-    interior = np.flatnonzero(margin > 0.5 * body.spacing)
+    free = np.flatnonzero(margin > 0.5 * body.spacing) if held else np.arange(len(body))
     probe = 1e-5 * body.spacing
     forward, backward = np.empty_like(positions), np.empty_like(positions)
-    matrix = np.empty((2 * len(interior), 2 * len(interior)))
-    for number, point in enumerate(interior):
-        for component in range(2):
+    matrix = np.empty((d * len(free), d * len(free)))
+    for number, point in enumerate(free):
+        for component in range(d):
             for sign, out in ((1, forward), (-1, backward)):
                 moved = positions.copy()
                 moved[point, component] += sign * probe
                 force(moved, out)
-            matrix[:, 2 * number + component] = ((backward - forward)[interior] / (2 * probe)).ravel()
-    return InteriorTangent(matrix, interior)
+            matrix[:, d * number + component] = ((backward - forward)[free] / (2 * probe)).ravel()
+    return Tangent(matrix, free)
 
 
-def states(law) -> dict[str, np.ndarray]:
-    """Deformation gradients at which the tangent is formed: theory, section 10, and a compression."""
+def states(subject: Subject) -> dict[str, np.ndarray]:
+    """Deformation gradients at which the tangent is formed: theory, section 10, and a compression; in space nothing presses on x3."""
 
     def uniaxial(stretch):
-        return np.diag([stretch, homogeneous.uniaxial(law, stretch).lateral_stretch])
+        return np.diag([stretch, homogeneous.uniaxial(subject.law, stretch).lateral_stretch])
 
-    return {
+    found = {
         "rest": np.eye(2),
         "uniaxial 2": uniaxial(2.0),
         "uniaxial 3": uniaxial(3.0),
@@ -77,21 +90,22 @@ def states(law) -> dict[str, np.ndarray]:
         "shear 0.8": np.array([[1.0, 0.8], [0.0, 1.0]]),
         "equibiaxial 2": np.diag([2.0, 2.0]),
     }
+    return {name: subject.gradient(F) for name, F in found.items()}
 
 
-def tangents(subject: Subject) -> tuple[Body, dict[str, InteriorTangent]]:
+def tangents(subject: Subject) -> tuple[Body, dict[str, Tangent]]:
     """Tangents in all states, formed once for a subject."""
     if "tangents" not in subject.measured:
-        body = square_sheet(CELLS)
-        found = {name: tangent(subject.bind(body), body.points @ F.T) for name, F in states(subject.law).items()}
+        body = subject.body(CELLS[subject.dimension])
+        found = {name: tangent(subject.bind(body), body.points @ F.T) for name, F in states(subject).items()}
         subject.measured["tangents"] = body, found
     return subject.measured["tangents"]
 
 
 def least_of_a_continuum(body: Body, shear_modulus: float) -> float:
-    """Least stiffness of a membrane between the held points: 2 pi^2 mu V/L^2, its lowest mode one half wave in each direction."""
+    """Least stiffness of rubber between the held points: d pi^2 mu V/L^2, its lowest mode one half wave in each direction."""
     length = np.ptp(body.points[:, 0])
-    return 2 * np.pi**2 * shear_modulus * body.volumes[0] / length**2
+    return body.dimension * np.pi**2 * shear_modulus * body.volumes[0] / length**2
 
 
 def worst(values: dict[str, float]) -> tuple[str, float]:
@@ -107,42 +121,40 @@ def single_point(subject: Subject) -> Outcome:
     stretch of the state, a factor of two or three.
     """
     body, found = tangents(subject)
-    middle = middle_point(body)
-    stiffness = {}
+    middle, d = middle_point(body), body.dimension
+    springs, stiffness = spring_stiffness(body, subject.law.shear_modulus), {}
     for name, formed in found.items():
-        at = 2 * int(np.flatnonzero(formed.interior == middle)[0])
-        stiffness[name] = np.linalg.eigvalsh(formed.symmetric[at : at + 2, at : at + 2])[0] / spring_stiffness(
-            body, subject.law.shear_modulus
-        )
+        at = d * int(np.flatnonzero(formed.free == middle)[0])
+        stiffness[name] = np.linalg.eigvalsh(formed.symmetric[at : at + d, at : at + d])[0] / springs
     place, least = worst(stiffness)
     return Outcome.above(least, 0.1, "zero-energy modes", f"{{:.2g}} ({place})")
 
 
 def checkerboard(subject: Subject) -> Outcome:
-    """Resistance to displacements that change sign from point to point, along rows, columns and both, the least over all states.
+    """Resistance to displacements that change sign from point to point, along any of the axes, the least over all states.
 
     Held against the springs as for a single point, with the same tolerance: such modes stretch the bonds even more.
     """
     body, found = tangents(subject)
     cell = np.rint((body.points - body.points.min(axis=0)) / body.spacing).astype(int)
-    stiffness = {}
+    d, springs, stiffness = body.dimension, spring_stiffness(body, subject.law.shear_modulus), {}
     for name, formed in found.items():
-        parity = cell[formed.interior]
-        for pattern in (parity[:, 0], parity[:, 1], parity.sum(axis=1)):
-            for direction in ((1, 0), (0, 1)):
-                mode = np.outer((-1.0) ** pattern, direction).ravel()
-                value = mode @ formed.matrix @ mode / (mode @ mode) / spring_stiffness(body, subject.law.shear_modulus)
+        for axes in list(product((0, 1), repeat=d))[1:]:
+            signs = (-1.0) ** (cell[formed.free] @ axes)
+            for direction in np.eye(d):
+                mode = np.outer(signs, direction).ravel()
+                value = mode @ formed.matrix @ mode / (mode @ mode) / springs
                 stiffness[name] = min(value, stiffness.get(name, np.inf))
     place, least = worst(stiffness)
     return Outcome.above(least, 0.1, "zero-energy modes", f"{{:.2g}} ({place})")
 
 
 def least_eigenvalue(subject: Subject) -> Outcome:
-    """Least eigenvalue of the symmetric part of the tangent, over that of a continuous membrane, the least over all states.
+    """Least eigenvalue of the symmetric part of the tangent, over that of a continuous membrane or block, the least over all states.
 
     Neo-Hookean rubber resists every wave with at least mu |a|^2 |k|^2 in every state (its energy is mu/2 |F|^2 and a convex
-    function of J), so the membrane's lowest mode is a bound from below.  A horizon of three spacings takes up to half off a mode
-    of eleven spacings; a quarter is asked.
+    function of J), so the continuum's lowest mode is a bound from below.  A horizon of three spacings takes up to half off a mode
+    of eleven spacings, as one of 1.75 does of six; a quarter is asked.
     """
     body, found = tangents(subject)
     bound = least_of_a_continuum(body, subject.law.shear_modulus)
@@ -160,14 +172,31 @@ def symmetry(subject: Subject) -> Outcome:
     return Outcome.below(found[place].asymmetry, 1e-6, "not conservative", f"{{:.1e}} ({place})")
 
 
+def rigid_motions(subject: Subject) -> Outcome:
+    """Displacements of a free body at rest that no force answers: the three rigid ones of the plane or the six of space, and no other.
+
+    Counted are singular values of the tangent below a millionth of the springs' stiffness, which rounding and differences leave of none;
+    the next one of a body of seven or four points is a bend or a twist of hundredths, and of thousandths with zero-energy modes.
+    """
+    body = subject.body(FREE_CELLS[subject.dimension])
+    formed = tangent(subject.bind(body), body.points.copy(), held=False)
+    values = np.linalg.svd(formed.matrix, compute_uv=False)[::-1] / spring_stiffness(body, subject.law.shear_modulus)
+    without, rigid = int((values < 1e-6).sum()), body.dimension * (body.dimension + 1) // 2
+    figure = f"{without}, the next {values[min(without, len(values) - 1)]:.2g}"
+    if without < rigid:
+        return Outcome(WEAK, figure, without, rigid, "force at rest")
+    return Outcome.below(without, rigid, "zero-energy modes", figure)
+
+
 def resistance(subject: Subject, body: Body, F: np.ndarray) -> float:
-    """Least eigenvalue of the tangent of any sheet in a homogeneous state, over that of a membrane."""
+    """Least eigenvalue of the tangent of any body in a homogeneous state, over that of a membrane or block."""
     return tangent(subject.bind(body), body.points @ F.T).least / least_of_a_continuum(body, subject.law.shear_modulus)
 
 
 CASES = (
     Case("single point displaced (Fig. 2)", "held with at least 0.1 of its bonds' springs, in six states", single_point),
     Case("checkerboard and hourglass modes", "resisted with at least 0.1 of the bonds' springs, in six states", checkerboard),
-    Case("least eigenvalue of the tangent", "at least 0.25 of a membrane's, in six states", least_eigenvalue),
+    Case("least eigenvalue of the tangent", "at least 0.25 of a continuum's, in six states", least_eigenvalue),
+    Case("displacements of a free body that no force answers", "the rigid ones alone: 3 in the plane, 6 in space", rigid_motions),
     Case("symmetry of the tangent", "1e-6 at the most, in six states", symmetry),
 )
