@@ -57,6 +57,7 @@ _HOMES = {
     "SimulationInterrupted": "run.simulate",
     "SobolevRegressor": "learning",
     "Sphere": "scenes",
+    "SplineForce": "forces",
     "Step": "scenes",
     "StepDynamics": "scenes",
     "Study": "studies",

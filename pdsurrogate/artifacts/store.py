@@ -18,7 +18,17 @@ import joblib
 import numpy as np
 
 from ..array_files import read_arrays
-from ..forces import FORCES, EnergyNetwork, ForceModel, IsochoricNetwork, LearntBondForce, LearntEnergy, NetworkForce, PolynomialForce
+from ..forces import (
+    FORCES,
+    EnergyNetwork,
+    ForceModel,
+    IsochoricNetwork,
+    LearntBondForce,
+    LearntEnergy,
+    NetworkForce,
+    PolynomialForce,
+    SplineForce,
+)
 from ..materials import Law
 from ..scenes import Scene
 from .card import FORMAT, NAME_PATTERN, SCHEMA_VERSION, VERSION_PATTERN, Card, CardError, read_card
@@ -28,7 +38,7 @@ CARD, SURROGATE, PIPELINE = "card.json", "surrogate.npz", "pipeline.joblib"
 MOST_BYTES = 64 * 2**20
 """Size of the largest payload that is read without trust."""
 
-KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, EnergyNetwork, IsochoricNetwork)}
+KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
 """Force models that can be stored, by the kind their card states."""
 
 

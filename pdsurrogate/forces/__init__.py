@@ -12,6 +12,7 @@ from .polynomial import PolynomialForce
 from .portions import bind_portions
 from .protocol import Domain, ForceModel, InternalForce, InvalidState, OutsideDomain, OutsideDomainWarning, Portion
 from .settings import ForceSettings
+from .spline import SplineForce
 
 FORCES = {model.name: model for model in (AnalyticBondForce, BANOSBForce, BondEnergyForce, NOSBForce)}
 """Force models that need no artefact, by the name under which scenes and the command line know them."""
@@ -39,5 +40,6 @@ __all__ = [
     "PlainBondEnergyForce",
     "PolynomialForce",
     "Portion",
+    "SplineForce",
     "bind_portions",
 ]

@@ -1,4 +1,4 @@
-"""Multilayer perceptrons of one or two hidden layers as bond-force block functions.
+"""Multilayer perceptrons of one to three hidden layers as bond-force block functions.
 
 Weights arrive packed for the loops here: units in groups of four, whose weights are scalars of the inner loop over
 bonds, so that a state is loaded once for four units and the accumulators are written once for four.  Inputs are
@@ -23,7 +23,7 @@ N_OUTPUTS = 2
 """Outputs of every bond-force network; the feature set says what they mean."""
 
 
-MOST_HIDDEN = 2
+MOST_HIDDEN = 3
 """Hidden layers that a network may have."""
 
 MOST_SHARED = 2

@@ -11,14 +11,15 @@ from .energy import (
 )
 from .energy_form import EnergySamples
 from .export import surrogate_of
-from .fitting import cross_validate, domain_of, store
+from .fitting import cross_validate, domain_of
+from .force_model import evaluate, force_model_of
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .pipeline import bond_force_pipeline
 from .sampling import BondSamples, reachable_stretches, wide_design
 from .sobolev import SobolevRegressor, TorchSobolevRegressor
+from .storing import store
 from .target import InputAwareTargetRegressor
 from .torch_regressor import TorchMLPRegressor
-from .validation import evaluate
 
 __all__ = [
     "BondSamples",
@@ -38,6 +39,7 @@ __all__ = [
     "energy_surrogate_of",
     "evaluate",
     "evaluate_energy",
+    "force_model_of",
     "reachable_stretches",
     "store",
     "store_energy",

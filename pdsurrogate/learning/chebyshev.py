@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 
 class ChebyshevRegressor(RegressorMixin, BaseEstimator):
@@ -41,13 +41,15 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
         tags.target_tags.multi_output = True
         return tags
 
-    def fit(self, X, y):
+    def fit(self, X, y, sample_weight=None):
         """Fit the coefficients.
 
         Parameters
         ----------
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
+        sample_weight : array-like, shape (n_samples,), optional
+            Of the squared errors; samples of weight 0 do not count for the range of the features either.
 
         Returns
         -------
@@ -57,11 +59,19 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
         X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
         y = np.asarray(y, dtype=np.float64)
         self._single_output = y.ndim == 1
+        Y = y.reshape(len(X), -1)
+        if sample_weight is not None:
+            weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+            X, Y, weights = (array[weights > 0] for array in (X, Y, weights))
         low, high = X.min(axis=0), X.max(axis=0)
         self.centre_ = (low + high) / 2
         self.half_width_ = np.where(high > low, (high - low) / 2, 1.0)
         self.powers_ = np.array(list(_powers(self._degrees(X.shape[1]), 1.0)))
-        self.coef_ = np.linalg.lstsq(self._terms(X), y.reshape(len(X), -1), rcond=1e-13)[0]
+        terms = self._terms(X)
+        if sample_weight is not None:
+            root = np.sqrt(weights)[:, None]
+            terms, Y = terms * root, Y * root
+        self.coef_ = np.linalg.lstsq(terms, Y, rcond=1e-13)[0]
         return self
 
     def predict(self, X):

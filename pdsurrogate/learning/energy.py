@@ -19,6 +19,7 @@ from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
 from ..materials import Law, plane_stress
 from ..materials.law import checked_law
 from .energy_form import EnergyForm, EnergySamples, checked_derivatives, checked_invariants
+from .export import best_of
 from .fitting import check_worth_storing, versions
 from .isochoric import ISOCHORIC
 from .sampling import checked_count, checked_range, log_stretches, stretches_of_strain
@@ -397,6 +398,7 @@ def store_energy(
 ) -> Path:
     """Write the artefact of a fitted energy pipeline with a full card; the arguments are those of `pdsurrogate.store`."""
     new_artifact(folder, name, version)
+    model = best_of(model)
     surrogate = energy_surrogate_of(model, checked_law(law), samples, f"{name}@{version}")
     errors = evaluate_energy(surrogate, law)
     check_worth_storing(errors, f"{name}@{version}")

@@ -1,25 +1,38 @@
-"""From a fitted pipeline to the plain arrays that a simulation needs."""
+"""From a fitted model to the plain arrays that a simulation needs: taken over as it is, or resampled."""
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable
+
 import numpy as np
+from sklearn.base import BaseEstimator, MetaEstimatorMixin
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted
 
-from ..forces import Domain, LearntBondForce, NetworkForce, PolynomialForce
+from ..forces import Domain, LearntBondForce, NetworkForce, PolynomialForce, SplineForce
+from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.spline import FEATURES
 from ..materials import Law
 from .chebyshev import ChebyshevRegressor
-from .pipeline import parts_of
+from .layers import network_of
+from .pipeline import AT_REST, feature_set_of, feature_values, force_of_outputs, parts_of
+from .resampling import MARGIN, Spline, isochoric_outputs_of, resampled
+from .sampling import COLUMNS, wide_design
 from .target import InputAwareTargetRegressor
 
+STATES = 4000
+"""At most so many states of the training set tell how far a surrogate is from what it was made of."""
 
-def surrogate_of(model: InputAwareTargetRegressor, law: Law, domain: Domain, name: str = "unsaved") -> LearntBondForce:
-    """The surrogate of a fitted `bond_force_pipeline`: the same function, both scalings folded into its constants.
+
+def surrogate_of(model, law: Law, domain: Domain, name: str = "unsaved") -> LearntBondForce:
+    """The surrogate of a fitted model.
 
     Parameters
     ----------
-    model : InputAwareTargetRegressor
-        Fitted, with a `ChebyshevRegressor`, or any network that has ``coefs_``, ``intercepts_`` and ``activation``.
+    model : estimator or object
+        A fitted `bond_force_pipeline`, whatever its regressor; a search over one; any other fitted regressor of the five bond quantities
+        (columns of `BondSamples.X`); or an object with a ``bond_force(stretch, rotation, length, C33, J)``.
     law : Law
         Of the training data.
     domain : Domain
@@ -28,20 +41,197 @@ def surrogate_of(model: InputAwareTargetRegressor, law: Law, domain: Domain, nam
 
     Returns
     -------
-    NetworkForce or PolynomialForce
+    NetworkForce, PolynomialForce or SplineForce
+        Networks of one to three hidden layers and `ChebyshevRegressor` are taken over as they are, scalings folded into their constants.
+        Everything else is resampled onto a spline: of its own features where it has two or three, else of the isochoric ones.
 
     Raises
     ------
     ValueError
-        If the pipeline is not of that make, or not fitted.
+        If the model is no regressor of bond forces, or not fitted, or has no finite value somewhere in the domain.
     """
-    parts = parts_of(model)
+    return taken_over(model, law, domain, name)[0]
+
+
+def taken_over(model, law: Law, domain: Domain, name: str) -> tuple[LearntBondForce, dict]:
+    """The same with a report of the resampling: empty of what was taken over as it is.
+
+    The report states what was resampled and onto what, the error of resampling (``rms`` and ``max`` over the RMS of the force, on states
+    of the training set) and ``jump``, the greatest step of a function that is not continuous, in parts of the RMS of its outputs.
+    """
+    model = best_of(model)
+    if not isinstance(model, InputAwareTargetRegressor):
+        return _of_bonds(force_of(model), type(model).__name__, law, domain, name, _states(None, law, domain))
+    feature_set = feature_set_of(model)
     check_is_fitted(model)
-    common = (name, parts.feature_set, model.offsets_.astype(float), domain, law.name, law.shape)
+    common = (name, feature_set, model.offsets_.astype(float), domain, law.name, law.shape)
+    try:
+        parts = parts_of(model)
+    except ValueError:  # it is not of the make that is folded exactly
+        return _of_another_make(model, common, law, domain)
     scaling, target = shift_and_scale(parts.scaling), shift_and_scale(parts.target)
     if isinstance(parts.regressor, ChebyshevRegressor):
-        return PolynomialForce(*common, *_polynomial(parts.regressor, *scaling, *target))
-    return NetworkForce(*common, parts.regressor.activation, _layers(parts.regressor, *scaling, *target))
+        return PolynomialForce(*common, *_polynomial(parts.regressor, *scaling, *target)), {}
+    return NetworkForce(*common, parts.regressor.activation, _layers(parts.regressor, *scaling, *target)), {}
+
+
+def best_of(model):
+    """The fitted estimator of a search over parameters; every other model as it is.
+
+    Raises
+    ------
+    ValueError
+        If the search was not run, or keeps no fitted estimator.
+    """
+    if not isinstance(model, BaseEstimator) or not (hasattr(model, "param_grid") or hasattr(model, "param_distributions")):
+        return model
+    check_is_fitted(model)
+    if not hasattr(model, "best_estimator_"):
+        raise ValueError(f"the {type(model).__name__} keeps no fitted model: give it refit=True")
+    return model.best_estimator_
+
+
+def force_of(model) -> Callable:
+    """The bond force ``force(stretch, rotation, length, C33, J)`` of a model, dimensionless.
+
+    Parameters
+    ----------
+    model : estimator or object
+        As for `surrogate_of`; also a function of the five.
+
+    Raises
+    ------
+    ValueError
+        If it has none.
+    """
+    model = best_of(model)
+    if isinstance(model, InputAwareTargetRegressor):
+        return _force_of_pipeline(model)
+    if callable(getattr(model, "bond_force", None)):
+        return model.bond_force
+    if isinstance(model, BaseEstimator):
+        if not callable(getattr(model, "predict", None)):
+            raise ValueError(f"a {type(model).__name__} predicts nothing: a regressor of bond forces is taken")
+        check_is_fitted(model)
+        count = getattr(model, "n_features_in_", len(COLUMNS))
+        if count != len(COLUMNS):
+            raise ValueError(
+                f"the {type(model).__name__} was fitted to {count} features; taken are regressors of the five bond quantities "
+                f"{', '.join(COLUMNS)}, alone or within a bond_force_pipeline, which makes features of them"
+            )
+        return lambda *bond: _quietly(model, np.stack(np.broadcast_arrays(*bond), axis=1))
+    if callable(model):
+        return model
+    raise ValueError(f"a {type(model).__name__} is no model of a bond force")
+
+
+def _force_of_pipeline(model: InputAwareTargetRegressor) -> Callable:
+    feature_set = feature_set_of(model)
+    check_is_fitted(model)
+    horizon = model.regressor_[0].kw_args["horizon"]
+
+    def force(stretch, rotation, length, C33, J):
+        X = np.stack(np.broadcast_arrays(*np.atleast_1d(stretch, rotation, np.multiply(length, horizon), C33, J)), axis=1)
+        return force_of_outputs(X, _quietly(model.regressor_, X) - model.offsets_, feature_set)
+
+    return force
+
+
+def _quietly(estimator, X) -> np.ndarray:
+    """What it predicts; of an estimator that was fitted to a table with names of columns, too."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="X does not have valid feature names")
+        return np.asarray(estimator.predict(X), dtype=float)
+
+
+def _states(model: InputAwareTargetRegressor | None, law: Law, domain: Domain) -> np.ndarray:
+    """Bonds of the training set in units of the horizon; of a model that keeps none those of a wide design."""
+    X = None if model is None else model.training_inputs_
+    if X is None:
+        return wide_design(law, STATES, (domain.least_stretch, domain.greatest_stretch)).X
+    chosen = X[np.linspace(0, len(X) - 1, min(STATES, len(X))).astype(int)]
+    return chosen / [1, 1, model.regressor_[0].kw_args["horizon"], 1, 1]
+
+
+def _of_another_make(model, common, law: Law, domain: Domain) -> tuple[LearntBondForce, dict]:
+    """A network with other steps around it, or anything else that predicts the outputs of a feature set."""
+    feature_set, rest = common[1], model.regressor_[1:]
+    states, names = _states(model, law, domain), FEATURE_SETS[feature_set].names
+    network = network_of(rest, feature_values(states, feature_set))
+    if network is not None:
+        return NetworkForce(*common, *network), {}
+    force, title = _force_of_pipeline(model), title_of(regressor_of(model))
+    if len(names) not in FEATURES:
+        return _of_bonds(force, title, law, domain, common[0], states)
+    anchored = model.anchored_outputs
+    return _of_function(lambda features: _quietly(rest, features), force, title, common, anchored, states)
+
+
+def _of_bonds(force: Callable, title: str, law: Law, domain: Domain, name: str, states) -> tuple[SplineForce, dict]:
+    """A function of bonds, on the isochoric features."""
+    common = (name, "isochoric", np.zeros(2), domain, law.name, law.shape)
+    return _of_function(isochoric_outputs_of(force), force, title, common, (1,), states)
+
+
+def _of_function(function, force, title, common, anchored, states) -> tuple[SplineForce, dict]:
+    """A spline of a function of features; `force` is the bond force that is meant, at whose `states` the two are compared."""
+    name, feature_set, offsets, *described = common
+    rest = feature_values(np.array([AT_REST]), feature_set)
+    right = np.asarray(force(*states.T), dtype=float)
+    size = np.sqrt((right**2).sum(axis=1).mean())
+
+    def made_of(spline: Spline) -> SplineForce:
+        arrays = spline.low, spline.step, spline.coefficients
+        at_rest, found = offsets.copy(), SplineForce(name, feature_set, offsets, *described, *arrays)
+        for output in anchored:
+            at_rest[output] = found.outputs(rest)[0, output]
+        return SplineForce(name, feature_set, at_rest, *described, *arrays)
+
+    def errors(spline: Spline) -> np.ndarray:
+        return np.linalg.norm(made_of(spline).bond_force(*states.T) - right, axis=1) / size
+
+    low, high = feature_box(feature_set, described[0])
+    spline, jump = resampled(function, low, high, lambda spline: np.sqrt((errors(spline) ** 2).mean()))
+    surrogate, found = made_of(spline), errors(spline)
+    report = {
+        "model": title,
+        "onto": f"cubic spline of {' and '.join(surrogate.features)}, {surrogate.size}",
+        "rms": float(np.sqrt((found**2).mean())),
+        "max": float(found.max()),
+        "jump": jump,
+    }
+    return surrogate, report
+
+
+def feature_box(feature_set: str, domain: Domain) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper ends of the features of all bonds of a domain, and a margin."""
+    logs = np.linspace(np.log(domain.least_stretch), np.log(domain.greatest_stretch), 25)
+    bulk = np.exp(np.linspace(np.log(domain.least_bulk), np.log(domain.greatest_bulk), 3))
+    angles, lengths = np.linspace(0.01, np.pi / 2 - 0.01, 13), (0.05, 1.0)
+    first, second, J3, angle, length = (grid.ravel() for grid in np.meshgrid(np.exp(logs), np.exp(logs), bulk, angles, lengths))
+    cos, sin, J = np.cos(angle), np.sin(angle), first * second
+    a, b = first * cos**2 + second * sin**2, (second - first) * sin * cos
+    features = feature_values(np.stack([np.hypot(a, b), np.arctan2(b, a), length, J3 / J**2, J], axis=1), feature_set)
+    low, high = features.min(axis=0), features.max(axis=0)
+    beyond = MARGIN * (high - low)
+    return low - beyond, high + beyond
+
+
+def regressor_of(model: InputAwareTargetRegressor):
+    """The regressor within a fitted bond-force pipeline, below the transformation of the target."""
+    last = model.regressor_[-1]
+    return getattr(last, "regressor_", last)
+
+
+def title_of(regressor) -> str:
+    """What a regressor is called, with what is inside it."""
+    if hasattr(regressor, "steps"):
+        inner = regressor.steps[-1][1]
+    elif isinstance(regressor, MetaEstimatorMixin):
+        inner = getattr(regressor, "best_estimator_", getattr(regressor, "estimator", None))
+    else:
+        inner = None
+    return type(regressor).__name__ if inner is None else f"{type(regressor).__name__}({title_of(inner)})"
 
 
 def shift_and_scale(scaler: StandardScaler) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
-from sklearn.base import clone
+from sklearn.base import BaseEstimator, clone
 from sklearn.model_selection import KFold
 
 from ..artifacts import new_artifact, save_artifact
@@ -17,13 +17,18 @@ from ..body import WEIGHT_FUNCTIONS
 from ..forces import Domain
 from ..materials import Law
 from ..materials.law import checked_law
-from .export import shift_and_scale, surrogate_of
+from .export import best_of, regressor_of, shift_and_scale, taken_over, title_of
 from .pipeline import parts_of
 from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples, reachable_stretches
-from .validation import evaluate, relative_errors
+from .target import InputAwareTargetRegressor
+from .validation import force_report, relative_errors
 
 MOST_STORED = 0.1
 """RMS error on the plane-stress surface, relative to the force, beyond which a surrogate describes nothing and is not stored."""
+
+
+MOST_WORDS = 200
+"""Characters of a parameter on a card."""
 
 
 class TooInexact(ValueError):
@@ -31,7 +36,7 @@ class TooInexact(ValueError):
 
 
 def check_worth_storing(errors: dict, what: str) -> None:
-    """Raise `TooInexact` if the report of a model (`evaluate`, `evaluate_energy`) says that it is too far from its law."""
+    """Raise `TooInexact` if the report of a model (`force_report`, `evaluate_energy`) says that it is too far from its law."""
     rms = errors["on_surface"]["rms"]
     if not rms <= MOST_STORED:
         low, high = errors["stretch_range"]
@@ -65,7 +70,7 @@ def _error_left_out(model, samples, train, test) -> dict[str, float]:
     return relative_errors(lambda *bond: model.predict(np.stack(bond, axis=1)), left_out)
 
 
-def store(
+def store_bond_force(
     model,
     samples: BondSamples,
     law: Law,
@@ -77,47 +82,19 @@ def store(
     search: list[dict] | None = None,
     identification: dict | None = None,
 ) -> Path:
-    """Write the artefact of a fitted pipeline with a full card.
-
-    Parameters
-    ----------
-    model : InputAwareTargetRegressor
-        Fitted to `samples`.
-    samples : BondSamples
-        Nondimensional.
-    law : Law
-    folder, name, version
-        As for `pdsurrogate.artifacts.save_artifact`.
-    description : str
-        What it is for, in a sentence.
-    cross_validation, search : list of dict, optional
-        Tables for the card.
-    identification : dict, optional
-        How the law's parameters were found, for the card (`pdsurrogate.identification.report`).
-
-    Returns
-    -------
-    Path
-        Of the artefact.
-
-    Raises
-    ------
-    TooInexact
-        If it is off by more than `MOST_STORED` on the plane-stress surface; nothing is written then.
-    ArtifactError
-        See `pdsurrogate.artifacts.save_artifact`.
-    """
+    """Write the artefact of a model of a bond force with a full card; see `pdsurrogate.store`."""
     new_artifact(folder, name, version)
     checked_law(law)
-    surrogate = surrogate_of(model, law, domain_of(samples), f"{name}@{version}")
-    parts = parts_of(model)
-    regressor = parts.regressor
-    (mean, scale), (target_mean, target_scale) = shift_and_scale(parts.scaling), shift_and_scale(parts.target)
+    if search is None and hasattr(model, "cv_results_"):
+        search = search_table(model)
+    model = best_of(model)
+    surrogate, resampling = taken_over(model, law, domain_of(samples), f"{name}@{version}")
     low, high = samples.design["stretch_range"]
-    errors = {"box": evaluate(surrogate.bond_force, law, (low, high))}
+    errors = {"box": force_report(surrogate.bond_force, law, (low, high))}
     check_worth_storing(errors["box"], f"{name}@{version}")
     if low > 0.5 and reachable_stretches(law) == (0.5, 4.0):
-        errors["outside_box"] = evaluate(surrogate.bond_force, law, (0.5, 4.0))
+        errors["outside_box"] = force_report(surrogate.bond_force, law, (0.5, 4.0))
+    regressor = regressor_of(model) if isinstance(model, InputAwareTargetRegressor) else model
     card = {
         "name": name,
         "version": version,
@@ -132,31 +109,63 @@ def store(
             "targets": list(TARGETS),
             "units": "dimensionless; rotation in radians; length in horizons; force in w l mu / kappa",
         },
-        "scaling": {
-            "feature_mean": mean.tolist(),
-            "feature_scale": scale.tolist(),
-            "output_mean": target_mean.tolist(),
-            "output_scale": target_scale.tolist(),
-            "folded": "into the constants of the payload",
-        },
+        "scaling": _scaling(model),
         "training": {
             "design": samples.design,
-            "regressor": type(regressor).__name__,
-            "parameters": {key: list(value) if isinstance(value, tuple) else value for key, value in regressor.get_params().items()},
+            "regressor": title_of(regressor),
+            "parameters": _plain(regressor.get_params()) if hasattr(regressor, "get_params") else {},
             "outcome": {
                 key.removesuffix("_"): value
                 for key in ("n_iter_", "loss_", "validation_loss_", "test_score_")
-                if np.isfinite(value := getattr(regressor, key, np.nan))
+                if np.isscalar(value := getattr(regressor, key, None)) and np.isfinite(value)
             },
             "cross_validation": cross_validation or [],
             "search": search or [],
             **({"identification": identification} if identification else {}),
+            **({"resampling": resampling} if resampling else {}),
         },
         "domain": asdict(surrogate.domain),
         "errors": errors,
         "made_with": versions(),
     }
-    return save_artifact(folder, card, surrogate, model)
+    return save_artifact(folder, card, surrogate, model if isinstance(model, BaseEstimator) else None)
+
+
+def _scaling(model) -> dict:
+    """What the card says of the scalings of a pipeline."""
+    try:
+        parts = parts_of(model)
+    except ValueError:
+        return {"folded": "whatever scaling the model has is part of the payload, which is on plain features"}
+    (mean, scale), (target_mean, target_scale) = shift_and_scale(parts.scaling), shift_and_scale(parts.target)
+    return {
+        "feature_mean": mean.tolist(),
+        "feature_scale": scale.tolist(),
+        "output_mean": target_mean.tolist(),
+        "output_scale": target_scale.tolist(),
+        "folded": "into the constants of the payload",
+    }
+
+
+def search_table(search) -> list[dict]:
+    """Rows of a fitted search over parameters, for a card: what was tried, and the mean and the spread of its scores."""
+    found = search.cv_results_
+    scores = "mean_test_score" if "mean_test_score" in found else f"mean_test_{search.refit}"
+    rows = zip(found["params"], found[scores], found[scores.replace("mean", "std")], strict=True)
+    return [{**_plain(parameters), "score": float(mean), "spread": float(spread)} for parameters, mean, spread in rows]
+
+
+def _plain(parameters: dict) -> dict:
+    """Parameters of an estimator as a card keeps them: numbers and names as they are, all else in words."""
+
+    def plain(value):
+        if isinstance(value, tuple | list):
+            return [plain(inner) for inner in value]
+        if value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and np.isfinite(value)):
+            return value
+        return value.item() if isinstance(value, np.integer) else repr(value)[:MOST_WORDS]
+
+    return {key: plain(value) for key, value in parameters.items()}
 
 
 def versions() -> dict[str, str]:

@@ -1,46 +1,59 @@
-"""A fitted pipeline as a force model, without an artefact in between."""
+"""What a user brings as a model, an estimator, an artefact or an object of their own: as a force model, and against its law."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from ..forces import Domain, LearntBondForce, LearntEnergy
+from ..artifacts import load_surrogate
+from ..forces import Domain, ForceModel, ForceSurrogate, LearntBondForce, LearntEnergy
+from ..forces.bond_energy import EnergySurrogate
 from ..materials import Law
-from .energy import energy_network, form_of, range_of_stretches
-from .export import surrogate_of
+from ..materials.law import checked_law
+from .energy import energy_network, evaluate_energy, form_of, range_of_stretches
+from .export import best_of, force_of, surrogate_of
+from .pipeline import feature_set_of
 from .sampling import COLUMNS
 from .target import InputAwareTargetRegressor
+from .validation import force_report
 
 NAME = "fitted pipeline"
 
 
-def force_model_of(model: InputAwareTargetRegressor, law: Law) -> LearntBondForce | LearntEnergy:
-    """The force model of a fitted `bond_force_pipeline` or `energy_pipeline`.
+def force_model_of(model: BaseEstimator, law: Law) -> LearntBondForce | LearntEnergy:
+    """The force model of a fitted `bond_force_pipeline` or `energy_pipeline`, or of a search over one.
 
     Its domain are the states that it was fitted to.  A pipeline does not know its material: `law` is taken for it.
 
     Parameters
     ----------
-    model : InputAwareTargetRegressor
+    model : estimator
     law : Law
 
     Raises
     ------
     ValueError
-        If the pipeline cannot become a surrogate, is not fitted, or was read from a file, which does not say what it was fitted to.
+        If it is none, is not fitted, or was read from a file, which does not say what it was fitted to.
     """
-    if not isinstance(model, InputAwareTargetRegressor):
-        raise ValueError(
-            f"a {type(model).__name__} is no force model: a fitted bond_force_pipeline or energy_pipeline is taken, or an artefact of one"
-        )
+    model = best_of(model)
+    form = form_of(model) if isinstance(model, InputAwareTargetRegressor) else None
+    if form is None:
+        try:
+            feature_set_of(model)
+        except ValueError:
+            raise ValueError(
+                f"a {type(model).__name__} by itself does not say which stretches it was fitted to: fit it within a bond_force_pipeline, "
+                "which takes any regressor, or give pd.store the samples that it was fitted to, and simulate the artefact"
+            ) from None
     check_is_fitted(model)
     if model.training_inputs_ is None:
         raise ValueError(
             "a pipeline read from a file does not say which stretches it was fitted to: give the artefact instead, or fit it here"
         )
     X = model.training_inputs_
-    form = form_of(model)
     if form is not None:
         return energy_network(model, law, form.range_of(X), X, NAME)
     stretch, rotation, J, C33 = (X[:, COLUMNS.index(name)] for name in ("stretch", "rotation", "J", "C33"))
@@ -49,3 +62,49 @@ def force_model_of(model: InputAwareTargetRegressor, law: Law) -> LearntBondForc
     low, high = range_of_stretches(U_nn**2 + 2 * U_nm**2 + ((J + U_nm**2) / U_nn) ** 2, J)
     bulk = J * J * C33
     return surrogate_of(model, law, Domain(low, high, float(bulk.min()), float(bulk.max())), NAME)
+
+
+def evaluate(
+    model, law: Law, stretch_range: tuple[float, float] | None = None, n_samples: int = 20_000, random_state: int = 1_000_003
+) -> dict:
+    """Report of a model against the exact bond force, or energy, of a law, in double precision.
+
+    Parameters
+    ----------
+    model : estimator, str, path, ForceModel, object or callable
+        A fitted `bond_force_pipeline` or `energy_pipeline`, a search over one, or another regressor of the five bond quantities: as they
+        predict, before anything is taken over or resampled; an artefact (NAME, NAME@VERSION or a path); a force model; an object with a
+        ``bond_force``; or a function ``force(stretch, rotation, length, C33, J)``.
+    law : Law
+    stretch_range : tuple of float, optional
+        Of the principal stretches; those of the model's own domain by default, 0.5 to 4 where it states none.
+    n_samples : int
+        Of each set of states.
+    random_state : int
+        Seed; choose one that no training used.
+
+    Returns
+    -------
+    dict
+        See `pdsurrogate.learning.validation.force_report`, and of an energy `pdsurrogate.evaluate_energy`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the model is none of these, or not fitted.
+    """
+    checked_law(law)
+    if isinstance(model, str | Path):
+        model = load_surrogate(model)
+        if hasattr(model, "law") and isinstance(model, ForceSurrogate) and model.domain is None:
+            model.law = law  # of the exact model, which serves every law
+    model = best_of(model)
+    if isinstance(model, InputAwareTargetRegressor) and form_of(model) is not None:
+        model = force_model_of(model, law)
+    if isinstance(model, EnergySurrogate | LearntEnergy):
+        return evaluate_energy(model, law, stretch_range, n_samples, random_state)
+    if isinstance(model, ForceModel) and not isinstance(model, ForceSurrogate):
+        raise TypeError(f"{model.name} has no bond force of its own to evaluate")
+    domain = getattr(model, "domain", None)
+    stretches = stretch_range or ((domain.least_stretch, domain.greatest_stretch) if isinstance(domain, Domain) else (0.5, 4.0))
+    return force_report(force_of(model), law, stretches, n_samples, random_state)

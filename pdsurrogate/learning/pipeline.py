@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from sklearn.base import is_regressor
 from sklearn.compose import TransformedTargetRegressor
+from sklearn.multioutput import MultiOutputRegressor
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
+from sklearn.utils import get_tags
 
 from ..kernels.activations import ACTIVATIONS
 from ..kernels.feature_sets import FEATURE_SETS
@@ -37,7 +39,8 @@ def bond_force_pipeline(
         What the regressor sees, one of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`.  With "symmetric" and "isochoric" ones the force is
         isotropic, mirror symmetric, and zero at rest by construction.
     regressor : estimator, optional
-        Regressor of the scaled outputs by the scaled features; a Levenberg-Marquardt network of 20 units by default.
+        Regressor of the scaled outputs by the scaled features, any of scikit-learn's make, pipelines and searches among them; one that
+        takes a single target is fitted to each output by itself.  A Levenberg-Marquardt network of 20 units by default.
     horizon : float
         Unit of length of the samples' third column.
     weight : str, optional
@@ -49,10 +52,10 @@ def bond_force_pipeline(
     -------
     InputAwareTargetRegressor
 
-    Warns
-    -----
-    UserWarning
-        If it could not become a surrogate once it is fitted, see `parts_of`.
+    Raises
+    ------
+    ValueError
+        If the features are unknown, or the regressor is none.
     """
     if features not in FEATURE_SETS:
         raise ValueError(f"unknown features {features!r}; there are {', '.join(FEATURE_SETS)}")
@@ -62,20 +65,32 @@ def bond_force_pipeline(
     steps = [
         ("features", feature_transformer(features, horizon)),
         ("scaling", StandardScaler()),
-        ("regressor", TransformedTargetRegressor(inner, transformer=StandardScaler())),
+        ("regressor", TransformedTargetRegressor(_for_two_outputs(inner), transformer=StandardScaler())),
     ]
-    model = InputAwareTargetRegressor(
+    return InputAwareTargetRegressor(
         Pipeline(steps),
         func=partial(outputs_of_force, features=features, factor=factor),
         inverse_func=partial(force_of_outputs, features=features, factor=factor),
         anchor=(AT_REST[0], AT_REST[1], horizon, *AT_REST[3:]) if anchored is not None else None,
         anchored_outputs=(anchored,) if anchored is not None else (),
     )
-    try:
-        parts_of(model)
-    except ValueError as error:
-        warnings.warn(f"{error}; this pipeline can be fitted and evaluated, but not stored or simulated", stacklevel=2)
-    return model
+
+
+def _for_two_outputs(regressor):
+    """A regressor of both outputs at once.
+
+    Raises
+    ------
+    ValueError
+        If it is no regressor.
+    """
+    if isinstance(regressor, type) or not (hasattr(regressor, "fit") and hasattr(regressor, "predict")) or not is_regressor(regressor):
+        title = regressor.__name__ if isinstance(regressor, type) else type(regressor).__name__
+        more = "; give an instance of it" if isinstance(regressor, type) else ""
+        raise ValueError(f"{title} is no regressor with fit and predict, as a bond force is learnt by{more}")
+    # skorch's regressors take as many targets as their module has outputs, and say otherwise.
+    both = get_tags(regressor).target_tags.multi_output or hasattr(regressor, "module")
+    return regressor if both else MultiOutputRegressor(regressor)
 
 
 @dataclass(frozen=True)
@@ -88,29 +103,41 @@ class Parts:
     target: StandardScaler
 
 
+def feature_set_of(model) -> str:
+    """The feature set of a bond-force pipeline, fitted or not.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    pipeline = getattr(model, "regressor_", getattr(model, "regressor", None))
+    if not isinstance(model, InputAwareTargetRegressor) or not isinstance(pipeline, Pipeline) or len(pipeline.steps) < 2:
+        raise ValueError("a bond_force_pipeline is asked for: a pipeline whose first step are its features")
+    features = pipeline.steps[0][1]
+    if not isinstance(features, FunctionTransformer) or features.func is not feature_values:
+        raise ValueError("the pipeline's features must be those of bond_force_pipeline")
+    feature_set = features.kw_args["features"]
+    if getattr(model.func, "func", None) is not outputs_of_force or model.func.keywords["features"] != feature_set:
+        raise ValueError("the pipeline's target must be the one of bond_force_pipeline, of the same features")
+    return feature_set
+
+
 def parts_of(model) -> Parts:
-    """The steps of a bond-force pipeline that can become a surrogate: whose function the kernels evaluate.
+    """The steps of a bond-force pipeline whose function the kernels evaluate as it is, scalings folded into its constants.
 
     Takes fitted pipelines and those that are not fitted yet, so that it is known before a training.
 
     Raises
     ------
     ValueError
-        If it cannot become one; says what is taken.
+        If it is of another make; says what is taken.
     """
-    pipeline = getattr(model, "regressor_", getattr(model, "regressor", None))
-    if (
-        not isinstance(model, InputAwareTargetRegressor)
-        or not isinstance(pipeline, Pipeline)
-        or list(pipeline.named_steps) != ["features", "scaling", "regressor"]
-    ):
-        raise ValueError("only a bond_force_pipeline, with steps features, scaling and regressor, can become a surrogate")
-    features, scaling, last = pipeline.named_steps.values()
-    if not isinstance(features, FunctionTransformer) or features.func is not feature_values:
-        raise ValueError("the pipeline's features must be those of bond_force_pipeline")
-    feature_set = features.kw_args["features"]
-    if getattr(model.func, "func", None) is not outputs_of_force or model.func.keywords["features"] != feature_set:
-        raise ValueError("the pipeline's target must be the one of bond_force_pipeline, of the same features")
+    feature_set = feature_set_of(model)
+    pipeline = getattr(model, "regressor_", model.regressor)
+    if list(pipeline.named_steps) != ["features", "scaling", "regressor"]:
+        raise ValueError("only a bond_force_pipeline with steps features, scaling and regressor is taken over as it is")
+    _, scaling, last = pipeline.named_steps.values()
     if not isinstance(scaling, StandardScaler) or not isinstance(last, TransformedTargetRegressor):
         raise ValueError("the pipeline's scaling must be a StandardScaler and its regressor a TransformedTargetRegressor")
     regressor, target = getattr(last, "regressor_", last.regressor), getattr(last, "transformer_", last.transformer)

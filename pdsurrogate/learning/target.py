@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
 from sklearn.linear_model import LinearRegression
+from sklearn.pipeline import Pipeline
 from sklearn.utils import get_tags
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 
 def check_targets(y, names) -> None:
@@ -58,13 +59,15 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         tags.regressor_tags.poor_score = True
         return tags
 
-    def fit(self, X, y):
+    def fit(self, X, y, sample_weight=None):
         """Fit the regressor to the transformed target.
 
         Parameters
         ----------
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
+        sample_weight : array-like, shape (n_samples,), optional
+            For the regressor, or the last step of a pipeline.
 
         Returns
         -------
@@ -84,7 +87,11 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
             first = np.flatnonzero(~np.isfinite(z).reshape(len(X), -1).all(axis=1))[0]
             raise ValueError(f"the transformed target of sample {first} is not finite: the transformation has no value at {X[first]}")
         self.regressor_ = clone(self.regressor) if self.regressor is not None else LinearRegression()
-        self.regressor_.fit(X, z)
+        weights = {}
+        if sample_weight is not None:
+            last = f"{self.regressor_.steps[-1][0]}__" if isinstance(self.regressor_, Pipeline) else ""
+            weights[f"{last}sample_weight"] = _check_sample_weight(sample_weight, X)
+        self.regressor_.fit(X, z, **weights)
         self.offsets_ = np.zeros(z.shape[1] if z.ndim == 2 else 1)
         if self.anchor is not None:
             at_anchor = np.ravel(self.regressor_.predict(np.asarray(self.anchor, dtype=float).reshape(1, -1)))

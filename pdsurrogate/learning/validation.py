@@ -9,7 +9,6 @@ import numpy as np
 
 from ..forces import AnalyticBondForce
 from ..materials import Law
-from ..materials.law import checked_law
 from .sampling import states_of_strain, wide_design
 
 STRAIN_BINS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 3.0)
@@ -39,7 +38,7 @@ def relative_errors(force: Callable, samples) -> dict[str, float]:
     return {"rms": float(np.sqrt((error**2).mean()) / size), "max": float(error.max() / size)}
 
 
-def evaluate(
+def force_report(
     force: Callable, law: Law, stretch_range: tuple[float, float] = (0.5, 4.0), n_samples: int = 20_000, random_state: int = 1_000_003
 ) -> dict:
     """Report of a bond force against the exact one.
@@ -64,12 +63,6 @@ def evaluate(
         t_n / d lambda_b at fixed dtheta, J and C33 over both sets, with ``least_slope_exact``, that of the exact
         force in the same states; the least value must be positive, or short waves are unstable.
     """
-    checked_law(law)
-    if not callable(force):
-        raise TypeError(
-            "force must be a function of (stretch, rotation, length, C33, J), such as the bond_force of the model that "
-            f"surrogate_of makes of a pipeline, not a {type(force).__name__}"
-        )
     on = wide_design(law, n_samples, stretch_range, near_rest=0.25, off_surface=0, random_state=random_state)
     off = wide_design(law, n_samples, stretch_range, near_rest=0, off_surface=1, random_state=random_state + 1)
     bins = []

@@ -1,0 +1,197 @@
+"""Tensor-product cubic splines of two or three features as bond-force block functions.
+
+Knots are even, so that a state finds its cell by one multiplication; the function and its first two derivatives are continuous.  Beyond
+the box of the knots it has the value of the nearest place in the box, and a feature that is no number has that of the box's lower end: no
+state gives NaN for want of a cell.
+"""
+
+from functools import cache
+
+import numpy as np
+from llvmlite import ir
+from numba import carray, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
+from .compile import bond_force_signature, compile_block_function, inlined, widest_vectors
+from .feature_sets import FeatureSet, like
+
+FEATURES = (2, 3)
+"""How many features a spline may have."""
+
+N_OUTPUTS = 2
+
+SUPPORT = 4
+"""Coefficients that a cubic spline of one variable has in a cell: one more than the cells in all, three at the ends."""
+
+MOST_FEATURES, MOST_SHARED = 3, 2
+
+SCALING = 2 * MOST_FEATURES
+"""Constants before the coefficients: lower ends of the features, and their cells per unit; zeros where there is no third feature."""
+
+N_WEIGHTS, CELLS = 0, 1
+"""Places in a spline's sizes: length of its weights, then the cells along every feature."""
+
+N_SIZES = CELLS + MOST_FEATURES
+
+OFFSET, SHARES, KEPT = 0, 1, 1 + MOST_FEATURES * SUPPORT
+"""Rows of working memory: where a state's coefficients begin, the values of the B-splines by feature, and what the features share."""
+
+WORK_ROWS = KEPT + MOST_SHARED
+
+
+def pack(low, step, coefficients, at_rest, dtype):
+    """Pack a spline for `spline_block`.
+
+    Parameters
+    ----------
+    low, step : ndarray, shape (n,)
+        Lower end of the box by feature, and the width of a cell.
+    coefficients : ndarray, shape (2, cells_1 + 3, …, cells_n + 3)
+        By output.
+    at_rest : array_like, shape (2,)
+        Taken off the outputs.
+    dtype : float32 or float64
+
+    Returns
+    -------
+    sizes : ndarray of int64, shape (N_SIZES,)
+    weights : ndarray of `dtype`
+    """
+    missing = MOST_FEATURES - len(low)
+    scaling = [np.pad(values, (missing, 0)) for values in (low, 1 / np.asarray(step))]
+    # Both outputs of a place side by side.
+    packed = np.concatenate([*scaling, np.moveaxis(coefficients, 0, -1).ravel(), at_rest]).astype(dtype)
+    sizes = np.zeros(N_SIZES, dtype=np.int64)
+    sizes[N_WEIGHTS] = packed.size
+    sizes[CELLS:] = [1] * missing + [count - (SUPPORT - 1) for count in coefficients.shape[1:]]
+    return sizes, packed
+
+
+def cubic_weights(u):
+    """Values of the four cubic B-splines of a cell at a place u in [0, 1] of it."""
+    one = like(u, 1.0)
+    v = one - u
+    sixth = like(u, 1 / 6)
+    first, last = sixth * v * v * v, sixth * u * u * u
+    second = like(u, 2 / 3) - u * u * (one - like(u, 0.5) * u)
+    return first, second, one - first - second - last, last
+
+
+@intrinsic
+def sums_of_rows(typingctx, table, begin, row, first, second):
+    """Sums over p and q < 4 of first_p second_q times both outputs at ``table[begin + p row + 2 q]``; the shares are tuples of four.
+
+    A row of eight numbers, of four places, is one vector: written as sixteen sums, LLVM gathers every number by itself, which takes three
+    times as long.
+    """
+    real = table.dtype
+    count, flags = SUPPORT * N_OUTPUTS, ("contract", "reassoc", "nsz")
+
+    def codegen(context, builder, signature, arguments):
+        scalar = context.get_value_type(real)
+        size = context.get_abi_sizeof(scalar)
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        begin, row = arguments[1:3]
+        weights, across = (cgutils.unpack_tuple(builder, argument) for argument in arguments[3:])
+        index = ir.IntType(32)
+
+        def mask(places):
+            return ir.Constant(ir.VectorType(index, len(places)), list(places))
+
+        def vector(values):
+            found = ir.Constant(ir.VectorType(scalar, len(values)), ir.Undefined)
+            for place, value in enumerate(values):
+                found = builder.insert_element(found, value, ir.Constant(index, place))
+            return found
+
+        wide = ir.VectorType(scalar, count)
+        total = None
+        for number, weight in enumerate(weights):
+            at = builder.add(begin, builder.mul(row, ir.Constant(begin.type, number)))
+            place = builder.bitcast(builder.gep(data, [at]), wide.as_pointer())
+            one = vector([weight])
+            all_alike = builder.shuffle_vector(one, one, mask([0] * count))
+            part = builder.fmul(all_alike, builder.load(place, align=size), flags=flags)
+            total = part if total is None else builder.fadd(total, part, flags=flags)
+        four = vector(across)
+        total = builder.fmul(total, builder.shuffle_vector(four, four, mask([n // N_OUTPUTS for n in range(count)])), flags=flags)
+        while total.type.count > N_OUTPUTS:
+            half = total.type.count // 2
+            halves = [builder.shuffle_vector(total, total, mask(range(start, start + half))) for start in (0, half)]
+            total = builder.fadd(*halves, flags=flags)
+        return cgutils.pack_array(builder, [builder.extract_element(total, ir.Constant(index, n)) for n in range(N_OUTPUTS)])
+
+    return types.UniTuple(real, N_OUTPUTS)(table, begin, row, first, second), codegen
+
+
+@cache
+def spline_block(features: FeatureSet, dtype):
+    """Block function of the splines of a feature set of two or three; cells and coefficients are arguments of it.
+
+    ``sizes`` and ``weights`` are what `pack` returns.
+    """
+    shared_of, inputs, traction_of = inlined(features.shared), inlined(features.inputs), inlined(features.traction)
+    weights_at = inlined(cubic_weights)
+    # Of two features the first of three has one cell and one weight.
+    layers = SUPPORT ** (len(features.names) - 2)
+
+    def spline(states, sizes, weights, response, parameters, work, scratch, traction):
+        widest_vectors()
+        states = carray(states, (STATE_ROWS, BLOCK))
+        traction = carray(traction, (TRACTION_ROWS, BLOCK))
+        sizes = carray(sizes, (N_SIZES,))
+        weights = carray(weights, (sizes[N_WEIGHTS],))
+        work = carray(work, (WORK_ROWS, BLOCK))
+        places = block_rows(work[:SHARES])
+        ahead = block_rows(work[SHARES : SHARES + SUPPORT])
+        down = block_rows(work[SHARES + SUPPORT : SHARES + 2 * SUPPORT])
+        along = block_rows(work[SHARES + 2 * SUPPORT : KEPT])
+        kept = block_rows(work[KEPT:WORK_ROWS])
+        real = weights.dtype.type
+        zero, one = real(0.0), real(1.0)
+        low0, low1, low2 = weights[0], weights[1], weights[2]
+        scale0, scale1, scale2 = weights[3], weights[4], weights[5]
+        cells0, cells1, cells2 = real(sizes[CELLS]), real(sizes[CELLS + 1]), real(sizes[CELLS + 2])
+        row = N_OUTPUTS * (sizes[CELLS + 2] + SUPPORT - 1)
+        layer = row * (sizes[CELLS + 1] + SUPPORT - 1)
+        size1, size0 = real(row), real(layer)
+        for k in range(BLOCK):
+            a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
+            shared = shared_of(a, b, J, C33)
+            put_column(kept, k, shared)
+            values = inputs(shared, a, b, U_mm, J, C33, states[5, k])
+            t0, t1, t2 = (values[0] - low0) * scale0, (values[-2] - low1) * scale1, (values[-1] - low2) * scale2
+            # Written so that NaN goes to the lower end.
+            t0, t1, t2 = t0 if t0 > zero else zero, t1 if t1 > zero else zero, t2 if t2 > zero else zero
+            t0, t1, t2 = min(t0, cells0), min(t1, cells1), min(t2, cells2)
+            i0, i1, i2 = min(np.floor(t0), cells0 - one), min(np.floor(t1), cells1 - one), min(np.floor(t2), cells2 - one)
+            # A whole number that single precision holds exactly: tables are far smaller than 2^24.
+            places[OFFSET, k] = real(SCALING) + i0 * size0 + i1 * size1 + real(N_OUTPUTS) * i2
+            put_column(ahead, k, weights_at(t0 - i0))
+            put_column(down, k, weights_at(t1 - i1))
+            put_column(along, k, weights_at(t2 - i2))
+        for k in range(BLOCK):
+            begin = np.int64(places[OFFSET, k])
+            rows = down[0, k], down[1, k], down[2, k], down[3, k]
+            columns = along[0, k], along[1, k], along[2, k], along[3, k]
+            first, second = sums_of_rows(weights, begin, row, rows, columns)
+            if layers > 1:
+                first, second = first * ahead[0, k], second * ahead[0, k]
+                for n in range(1, layers):
+                    more, other = sums_of_rows(weights, begin + n * layer, row, rows, columns)
+                    first, second = first + more * ahead[n, k], second + other * ahead[n, k]
+            traction[0, k] = first
+            traction[1, k] = second
+        last = sizes[N_WEIGHTS] - N_OUTPUTS
+        rest0, rest1 = weights[last], weights[last + 1]
+        for k in range(BLOCK):
+            a, b, U_mm, J, C33 = states[0, k], states[1, k], states[2, k], states[3, k], states[4, k]
+            again = column_like(kept, k, shared)
+            T_nn, T_nm, T_mm = traction_of(again, traction[0, k] - rest0, traction[1, k] - rest1, a, b, U_mm, J, C33)
+            traction[0, k] = T_nn
+            traction[1, k] = T_nm
+            traction[2, k] = T_mm
+
+    return compile_block_function(spline, bond_force_signature(np.dtype(dtype)))

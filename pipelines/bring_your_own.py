@@ -1,0 +1,216 @@
+"""Regressors of scikit-learn and skorch in simulations: fit, store, run, and how far each is off.
+
+    python pipelines/bring_your_own.py           print the tables
+    python pipelines/bring_your_own.py --docs    put them into docs/validation/bring-your-own.md as well
+
+Every regressor is fitted to the bond force of Ogden's rubber, behind the two isochoric features, stored as an artefact, and runs the scene
+``uniaxial`` to a stretch of 2.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+import warnings
+from pathlib import Path
+
+import torch
+from pages import markdown_table, replace_block
+from rich.console import Console
+from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import RBF, WhiteKernel
+from sklearn.kernel_ridge import KernelRidge
+from sklearn.linear_model import Ridge
+from sklearn.model_selection import GridSearchCV
+from sklearn.neighbors import KNeighborsRegressor
+from sklearn.neural_network import MLPRegressor
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import PolynomialFeatures
+from sklearn.svm import SVR
+from skorch import NeuralNetRegressor
+
+import pdsurrogate as pd
+from pdsurrogate.reports.speed import TimedModel, measure_speed, sheet
+
+LAW = pd.Ogden()
+SAMPLES = 2000
+PATIENCE = 30.0
+console = Console()
+
+
+def module() -> torch.nn.Sequential:
+    """A network of torch in double precision, as the samples are."""
+    layers = [torch.nn.Linear(2, 24), torch.nn.Tanh(), torch.nn.Linear(24, 24), torch.nn.Tanh(), torch.nn.Linear(24, 2)]
+    return torch.nn.Sequential(*layers).double()
+
+
+def regressors() -> dict[str, object]:
+    """What a user might bring, by a name."""
+
+    def network(activation, hidden=(16, 16)):
+        return MLPRegressor(hidden, activation=activation, solver="lbfgs", max_iter=2000, max_fun=100_000, tol=1e-9, random_state=0)
+
+    torch.manual_seed(0)
+    return {
+        "MLP, tanh, 16 + 16": network("tanh"),
+        "MLP, relu, 16 + 16": network("relu"),
+        "MLP, logistic, 16 + 16": network("logistic"),
+        "MLP, tanh, 12 + 12 + 12": network("tanh", (12, 12, 12)),
+        "GradientBoosting": GradientBoostingRegressor(n_estimators=300, max_depth=4, random_state=0),
+        "RandomForest": RandomForestRegressor(100, min_samples_leaf=2, random_state=0),
+        "GaussianProcess": GaussianProcessRegressor(RBF((1.0, 1.0)) + WhiteKernel(1e-7), optimizer=None, normalize_y=True),
+        "KernelRidge": KernelRidge(kernel="rbf", alpha=1e-6, gamma=0.2),
+        "SVR": SVR(C=10.0, epsilon=1e-3),
+        "Ridge on polynomials": make_pipeline(PolynomialFeatures(10), Ridge(1e-8)),
+        "KNeighbors": KNeighborsRegressor(8, weights="distance"),
+        "skorch, tanh, 24 + 24": NeuralNetRegressor(
+            module, max_epochs=300, lr=5e-3, batch_size=128, optimizer=torch.optim.Adam, train_split=None, verbose=0
+        ),
+    }
+
+
+def stress_error(force) -> float:
+    """Relative error of the nominal stress in the scene uniaxial at a stretch of 2."""
+    scene = pd.load_scene("uniaxial", spacing=0.05, stretches=2.0, material=LAW.describe())
+    return pd.simulate(scene, force).levels[0]["nominal_stress_error"]
+
+
+def percent(value: float) -> str:
+    return f"{100 * value:.2g} %"
+
+
+def of_ten(folder: Path) -> str:
+    """The table of all regressors."""
+    samples = pd.wide_design(LAW, SAMPLES, random_state=0)
+    names, rows, cases = [], [], []
+    for number, (name, regressor) in enumerate(regressors().items()):
+        console.print(name)
+        began = time.perf_counter()
+        model = pd.bond_force_pipeline("isochoric", regressor).fit(samples.X, samples.y)
+        seconds = time.perf_counter() - began
+        path = pd.store(model, samples, LAW, folder, f"own-{number}", "1", name)
+        card, force = pd.load_card(path), pd.load_surrogate(path)
+        box, resampling = card.errors["box"], card.training.get("resampling")
+        taken = "as it is" if resampling is None else f"spline, {force.size}"
+        names.append(name)
+        rows.append(
+            [
+                f"{seconds:.1f}",
+                taken,
+                "" if resampling is None else percent(resampling["rms"]),
+                "none" if resampling is None or resampling["jump"] == 0 else percent(resampling["jump"]),
+                percent(box["on_surface"]["rms"]),
+                f"{box['least_slope']:.3f}",
+                percent(stress_error(path)),
+            ]
+        )
+        cases.append(TimedModel(force, "float32", sheet()))
+    exact = pd.AnalyticBondForce(LAW)
+    slope = pd.evaluate(exact, LAW, n_samples=2000)["least_slope_exact"]
+    names.append("exact bond force")
+    rows.append(["", "", "", "", "0", f"{slope:.3f}", percent(stress_error("analytic"))])
+    cases.append(TimedModel(exact, "float64", sheet()))
+    speed = measure_speed(cases, LAW, PATIENCE, console.print)
+    header = [
+        "regressor",
+        "fit (s)",
+        "taken over",
+        "error of resampling",
+        "jumps",
+        "error of the force",
+        "least slope",
+        "stress at 2, error",
+        "ns a bond",
+    ]
+    table = [[name, *row, f"{found['ns_per_directed_bond_1']:.1f}"] for name, row, found in zip(names, rows, speed, strict=True)]
+    return markdown_table(header, table)
+
+
+def refused(folder: Path) -> str:
+    """What is not taken, when, and what is said."""
+    from sklearn.dummy import DummyRegressor
+    from sklearn.linear_model import LinearRegression, LogisticRegression
+    from sklearn.preprocessing import StandardScaler
+
+    samples = pd.wide_design(LAW, 500, random_state=0)
+    scene = pd.load_scene("uniaxial", spacing=0.2, stretches=1.2, material="ogden")
+
+    def stored(regressor):
+        pd.store(pd.bond_force_pipeline("isochoric", regressor).fit(samples.X, samples.y), samples, LAW, folder, "none", "1", "none")
+
+    cases = [
+        ("a classifier", "before the training", lambda: pd.bond_force_pipeline("isochoric", LogisticRegression())),
+        ("a transformer", "before the training", lambda: pd.bond_force_pipeline("isochoric", StandardScaler())),
+        ("a class, not an instance", "before the training", lambda: pd.bond_force_pipeline("isochoric", Ridge)),
+        ("a pipeline that is not fitted", "before the run", lambda: pd.simulate(scene, pd.bond_force_pipeline("isochoric"))),
+        (
+            "a search without a fitted model",
+            "before the run",
+            lambda: pd.simulate(
+                scene,
+                GridSearchCV(
+                    pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor()),
+                    {"regressor__regressor__regressor__degree": [2, 3]},
+                    cv=2,
+                    refit=False,
+                ).fit(samples.X, samples.y),
+            ),
+        ),
+        ("a regressor of bonds by itself", "before the run", lambda: pd.simulate(scene, LinearRegression().fit(samples.X, samples.y))),
+        (
+            "a regressor of other columns",
+            "at storing",
+            lambda: pd.store(LinearRegression().fit(samples.X[:, :3], samples.y), samples, LAW, folder, "none", "1", "none"),
+        ),
+        ("a regressor that is far off", "at storing", lambda: stored(DummyRegressor())),
+    ]
+    rows = []
+    for what, when, action in cases:
+        try:
+            action()
+            said = "taken"
+        except (ValueError, TypeError) as error:
+            said = str(error)
+        rows.append([what, when, said.replace("|", "\\|")])
+    return "\n".join(["| what | when | what is said |", "| --- | --- | --- |", *("| " + " | ".join(row) + " |" for row in rows)])
+
+
+def search() -> str:
+    """A grid search over features and widths, and straight into a run."""
+    samples = pd.wide_design(LAW, SAMPLES, random_state=0)
+    path = "regressor__regressor__regressor"
+    found, rows = {}, []
+    for features in ("isochoric", "symmetric"):
+        network = pd.LevenbergMarquardtRegressor(activation="algebraic", max_iter=100, random_state=0)
+        grid = {f"{path}__hidden_layer_sizes": [(4,), (8,), (16,)]}
+        found[features] = GridSearchCV(pd.bond_force_pipeline(features, network), grid, cv=3).fit(samples.X, samples.y)
+        for row in pd.learning.fitting.search_table(found[features]):
+            units = row[f"{path}__hidden_layer_sizes"][0]
+            rows.append([f"{features}, {units} units", f"{1 - row['score']:.1e}"])
+    best = max(found.values(), key=lambda one: one.best_score_)
+    units = best.best_params_[f"{path}__hidden_layer_sizes"][0]
+    table = markdown_table(["features and width", "1 - R² on the folds left out"], rows)
+    run = "`pd.simulate(scene, search)` of the best"
+    return f"{table}\n\n{run}, {units} units: stress at a stretch of 2 off by {percent(stress_error(best))}."
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--docs", action="store_true", help="put the tables into docs/validation/bring-your-own.md")
+    parser.add_argument("--table", choices=("regressors", "refused", "search"), help="only this one")
+    arguments = parser.parse_args()
+    tables = {"regressors": of_ten, "refused": refused, "search": lambda folder: search()}
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of trainings that stop before their end
+        for name, make in tables.items():
+            if arguments.table in (None, name):
+                text = make(Path(folder))
+                print(text)
+                if arguments.docs:
+                    replace_block(f"own-{name}", text)
+
+
+if __name__ == "__main__":
+    main()
