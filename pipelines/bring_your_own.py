@@ -50,7 +50,9 @@ def regressors() -> dict[str, object]:
     """What a user might bring, by a name."""
 
     def network(activation, hidden=(16, 16)):
-        return MLPRegressor(hidden, activation=activation, solver="lbfgs", max_iter=2000, max_fun=100_000, tol=1e-9, random_state=0)
+        return MLPRegressor(
+            hidden_layer_sizes=hidden, activation=activation, solver="lbfgs", max_iter=2000, max_fun=100_000, tol=1e-9, random_state=0
+        )
 
     torch.manual_seed(0)
     return {
@@ -66,7 +68,7 @@ def regressors() -> dict[str, object]:
         "Ridge on polynomials": make_pipeline(PolynomialFeatures(10), Ridge(1e-8)),
         "KNeighbors": KNeighborsRegressor(8, weights="distance"),
         "skorch, tanh, 24 + 24": NeuralNetRegressor(
-            module, max_epochs=300, lr=5e-3, batch_size=128, optimizer=torch.optim.Adam, train_split=None, verbose=0
+            module, max_epochs=200, lr=1e-2, batch_size=256, optimizer=torch.optim.Adam, train_split=None, verbose=0
         ),
     }
 

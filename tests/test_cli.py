@@ -69,7 +69,7 @@ def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
         (["fit", "x", "--least", "nan"], "0 < least < 1 < greatest, finite, not nan and 4"),
         (["evaluate", "analytic", "--greatest", "0.9"], "0 < least < 1 < greatest, finite, not 0.5 and 0.9"),
         (["evaluate", "bond-energy", "--least", "1.5"], "0 < least < 1 < greatest, finite, not 1.5 and 4"),
-        (["fit", "x", "--data", "none.csv", "--units", "8,8,8"], "networks of one to 2 hidden layers, this one has 3"),
+        (["fit", "x", "--data", "none.csv", "--units", "8,8,8,8"], "networks of one to 3 hidden layers, this one has 4"),
         (["fit", "x", "--data", "none.csv", "--features", "symmetric"], "polynomials in two features (isochoric)"),
         (["fit", "x", "--units", "4", "--activation", "sine"], "no activation 'sine'; there are algebraic"),
         (["fit", "x", "--units", "0"], "every hidden layer needs at least one unit"),

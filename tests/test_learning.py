@@ -196,7 +196,7 @@ def test_numpy_face_and_pipeline_agree_to_rounding(reference):
     np.testing.assert_allclose(model.bond_force(*X.T), pipeline.predict(X), rtol=1e-11, atol=1e-11)
 
 
-@pytest.mark.parametrize("hidden", [(5,), (20,), (7, 9), (20, 20)])
+@pytest.mark.parametrize("hidden", [(5,), (20,), (7, 9), (20, 20), (6, 9, 5)])
 @pytest.mark.parametrize(
     ("activation", "features"),
     [
@@ -207,7 +207,7 @@ def test_numpy_face_and_pipeline_agree_to_rounding(reference):
     ],
 )
 def test_kernels_of_every_size_and_activation(random, hidden, features, activation):
-    """Random networks of one and two layers, widths that fill no vector, in both precisions."""
+    """Random networks of one to three layers, widths that fill no vector, in both precisions."""
     from pdsurrogate.forces import Domain, NetworkForce
 
     widths = [len(FEATURE_SETS[features].names), *hidden, 2]
@@ -335,10 +335,6 @@ def test_isochoric_features_lose_nothing():
     np.testing.assert_allclose(surrogate.bond_force(*fresh.X.T), fresh.y, rtol=1e-9, atol=1e-9)
     for dtype in (np.float32, np.float64):
         assert (kernel_tractions(surrogate, LAW, dtype, 1.0, 0.0, 0.5, 1.0, 1.0) == 0).all()
-    with pytest.warns(UserWarning, match="polynomials in two features"):
-        other = pd.bond_force_pipeline("symmetric", pd.ChebyshevRegressor(2)).fit(samples.X, samples.y)
-    with pytest.raises(ValueError, match="polynomials in two features"):
-        surrogate_of(other, LAW, domain_of(samples))
 
 
 @pytest.mark.parametrize("law", [pd.NeoHookean(), pd.Gent()], ids=["both", "one"])
@@ -362,20 +358,6 @@ def test_torch_network_becomes_a_surrogate():
     np.testing.assert_allclose(surrogate.bond_force(*samples.X.T), model.predict(samples.X), rtol=1e-10, atol=1e-12)
     compiled = kernel_bond_force(surrogate, LAW, np.float64)(*samples.X.T)
     np.testing.assert_allclose(compiled, model.predict(samples.X), rtol=1e-9, atol=1e-11)
-
-
-def test_only_the_pipeline_can_be_exported():
-    from sklearn.linear_model import LinearRegression
-
-    samples = pd.wide_design(LAW, 300)
-    with pytest.raises(ValueError, match="only a bond_force_pipeline"):
-        surrogate_of(LinearRegression().fit(samples.X, samples.y), LAW, domain_of(samples))
-    with pytest.warns(UserWarning, match="no layers to export"):
-        linear = pd.bond_force_pipeline("symmetric", LinearRegression()).fit(samples.X, samples.y)
-    with pytest.raises(ValueError, match="no layers to export"):
-        surrogate_of(linear, LAW, domain_of(samples))
-    with pytest.raises(ValueError, match="not fitted"):
-        surrogate_of(pd.bond_force_pipeline(), LAW, domain_of(samples))
 
 
 @pytest.mark.parametrize("regressor", [pd.ChebyshevRegressor(4), pd.LevenbergMarquardtRegressor((4,), max_iter=5, random_state=0)])
@@ -419,7 +401,8 @@ def test_a_law_that_ends_within_the_range_says_so():
         (lambda: pd.critical_stretch_of(pd.NeoHookean(), "1", 0.1), TypeError, "the fracture energy must be a number"),
         (lambda: pd.wide_design(pd.NeoHookean(), 0), ValueError, "n_samples must be at least 1, not 0"),
         (lambda: pd.algorithm_1(pd.NeoHookean(), 10.5), TypeError, "n_samples must be a whole number"),
-        (lambda: pd.evaluate(pd.bond_force_pipeline(), pd.NeoHookean()), TypeError, "force must be a function of"),
+        (lambda: pd.evaluate(pd.bond_force_pipeline(), pd.NeoHookean()), ValueError, "not fitted"),
+        (lambda: pd.evaluate(3, pd.NeoHookean()), ValueError, "a int is no model of a bond force"),
         (lambda: pd.evaluate_energy(pd.energy_pipeline(), pd.NeoHookean()), TypeError, "an energy surrogate is evaluated"),
         (lambda: pd.NeoHookean(shear_modulus="1"), TypeError, "neo-hookean: shear_modulus must be a number, not '1'"),
         (lambda: pd.NeoHookean(np.array([1.0])), TypeError, "shear_modulus must be a number"),

@@ -16,7 +16,7 @@ from ..kernels.spline import FEATURES
 from ..materials import Law
 from .chebyshev import ChebyshevRegressor
 from .layers import network_of
-from .pipeline import AT_REST, feature_set_of, feature_values, force_of_outputs, parts_of
+from .pipeline import AT_REST, feature_set_of, feature_values, force_of_outputs, is_search, parts_of
 from .resampling import MARGIN, Spline, isochoric_outputs_of, resampled
 from .sampling import COLUMNS, wide_design
 from .target import InputAwareTargetRegressor
@@ -53,15 +53,16 @@ def surrogate_of(model, law: Law, domain: Domain, name: str = "unsaved") -> Lear
     return taken_over(model, law, domain, name)[0]
 
 
-def taken_over(model, law: Law, domain: Domain, name: str) -> tuple[LearntBondForce, dict]:
+def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None) -> tuple[LearntBondForce, dict]:
     """The same with a report of the resampling: empty of what was taken over as it is.
 
     The report states what was resampled and onto what, the error of resampling (``rms`` and ``max`` over the RMS of the force, on states
     of the training set) and ``jump``, the greatest step of a function that is not continuous, in parts of the RMS of its outputs.
+    `states` are the bonds of the training set, for a model that does not keep them.
     """
     model = best_of(model)
     if not isinstance(model, InputAwareTargetRegressor):
-        return _of_bonds(force_of(model), type(model).__name__, law, domain, name, _states(None, law, domain))
+        return _of_bonds(force_of(model), title_of(model), law, domain, name, _thinned(states, law, domain))
     feature_set = feature_set_of(model)
     check_is_fitted(model)
     common = (name, feature_set, model.offsets_.astype(float), domain, law.name, law.shape)
@@ -83,7 +84,7 @@ def best_of(model):
     ValueError
         If the search was not run, or keeps no fitted estimator.
     """
-    if not isinstance(model, BaseEstimator) or not (hasattr(model, "param_grid") or hasattr(model, "param_distributions")):
+    if not is_search(model):
         return model
     check_is_fitted(model)
     if not hasattr(model, "best_estimator_"):
@@ -144,19 +145,19 @@ def _quietly(estimator, X) -> np.ndarray:
         return np.asarray(estimator.predict(X), dtype=float)
 
 
-def _states(model: InputAwareTargetRegressor | None, law: Law, domain: Domain) -> np.ndarray:
-    """Bonds of the training set in units of the horizon; of a model that keeps none those of a wide design."""
-    X = None if model is None else model.training_inputs_
+def _thinned(X: np.ndarray | None, law: Law, domain: Domain) -> np.ndarray:
+    """At most `STATES` bonds of a training set; where none is known those of a wide design."""
     if X is None:
         return wide_design(law, STATES, (domain.least_stretch, domain.greatest_stretch)).X
-    chosen = X[np.linspace(0, len(X) - 1, min(STATES, len(X))).astype(int)]
-    return chosen / [1, 1, model.regressor_[0].kw_args["horizon"], 1, 1]
+    return X[np.linspace(0, len(X) - 1, min(STATES, len(X))).astype(int)]
 
 
 def _of_another_make(model, common, law: Law, domain: Domain) -> tuple[LearntBondForce, dict]:
     """A network with other steps around it, or anything else that predicts the outputs of a feature set."""
     feature_set, rest = common[1], model.regressor_[1:]
-    states, names = _states(model, law, domain), FEATURE_SETS[feature_set].names
+    horizon, names = model.regressor_[0].kw_args["horizon"], FEATURE_SETS[feature_set].names
+    X = None if model.training_inputs_ is None else model.training_inputs_ / [1, 1, horizon, 1, 1]
+    states = _thinned(X, law, domain)
     network = network_of(rest, feature_values(states, feature_set))
     if network is not None:
         return NetworkForce(*common, *network), {}
@@ -190,7 +191,7 @@ def _of_function(function, force, title, common, anchored, states) -> tuple[Spli
     def errors(spline: Spline) -> np.ndarray:
         return np.linalg.norm(made_of(spline).bond_force(*states.T) - right, axis=1) / size
 
-    low, high = feature_box(feature_set, described[0])
+    low, high = feature_box(feature_set, described[0], states)
     spline, jump = resampled(function, low, high, lambda spline: np.sqrt((errors(spline) ** 2).mean()))
     surrogate, found = made_of(spline), errors(spline)
     report = {
@@ -203,15 +204,16 @@ def _of_function(function, force, title, common, anchored, states) -> tuple[Spli
     return surrogate, report
 
 
-def feature_box(feature_set: str, domain: Domain) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper ends of the features of all bonds of a domain, and a margin."""
+def feature_box(feature_set: str, domain: Domain, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper ends of the features of all bonds of a domain and of given ones, and a margin."""
     logs = np.linspace(np.log(domain.least_stretch), np.log(domain.greatest_stretch), 25)
     bulk = np.exp(np.linspace(np.log(domain.least_bulk), np.log(domain.greatest_bulk), 3))
     angles, lengths = np.linspace(0.01, np.pi / 2 - 0.01, 13), (0.05, 1.0)
     first, second, J3, angle, length = (grid.ravel() for grid in np.meshgrid(np.exp(logs), np.exp(logs), bulk, angles, lengths))
     cos, sin, J = np.cos(angle), np.sin(angle), first * second
     a, b = first * cos**2 + second * sin**2, (second - first) * sin * cos
-    features = feature_values(np.stack([np.hypot(a, b), np.arctan2(b, a), length, J3 / J**2, J], axis=1), feature_set)
+    corners = np.stack([np.hypot(a, b), np.arctan2(b, a), length, J3 / J**2, J], axis=1)
+    features = feature_values(np.concatenate([corners, states]), feature_set)
     low, high = features.min(axis=0), features.max(axis=0)
     beyond = MARGIN * (high - low)
     return low - beyond, high + beyond

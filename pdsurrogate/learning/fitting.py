@@ -88,7 +88,7 @@ def store_bond_force(
     if search is None and hasattr(model, "cv_results_"):
         search = search_table(model)
     model = best_of(model)
-    surrogate, resampling = taken_over(model, law, domain_of(samples), f"{name}@{version}")
+    surrogate, resampling = taken_over(model, law, domain_of(samples), f"{name}@{version}", samples.X)
     low, high = samples.design["stretch_range"]
     errors = {"box": force_report(surrogate.bond_force, law, (low, high))}
     check_worth_storing(errors["box"], f"{name}@{version}")

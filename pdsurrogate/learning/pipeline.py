@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from sklearn.base import is_regressor
+from sklearn.base import BaseEstimator, clone, is_regressor
 from sklearn.compose import TransformedTargetRegressor
 from sklearn.multioutput import MultiOutputRegressor
 from sklearn.pipeline import Pipeline
@@ -88,9 +89,32 @@ def _for_two_outputs(regressor):
         title = regressor.__name__ if isinstance(regressor, type) else type(regressor).__name__
         more = "; give an instance of it" if isinstance(regressor, type) else ""
         raise ValueError(f"{title} is no regressor with fit and predict, as a bond force is learnt by{more}")
-    # skorch's regressors take as many targets as their module has outputs, and say otherwise.
-    both = get_tags(regressor).target_tags.multi_output or hasattr(regressor, "module")
-    return regressor if both else MultiOutputRegressor(regressor)
+    return regressor if _takes_two_outputs(regressor) else MultiOutputRegressor(regressor)
+
+
+def is_search(model) -> bool:
+    """Whether an estimator is one of scikit-learn's searches over parameters."""
+    return isinstance(model, BaseEstimator) and (hasattr(model, "param_grid") or hasattr(model, "param_distributions"))
+
+
+def _takes_two_outputs(regressor) -> bool:
+    """Whether it fits two targets at once: by its tag, or by a trial on a few numbers where that says no, as that of MLPRegressor does."""
+    if hasattr(regressor, "steps"):
+        return _takes_two_outputs(regressor.steps[-1][1])
+    if is_search(regressor):
+        return _takes_two_outputs(regressor.estimator)
+    if get_tags(regressor).target_tags.multi_output or hasattr(regressor, "module"):  # a module of torch has the outputs that it has
+        return True
+    trial = clone(regressor)
+    if "max_iter" in trial.get_params(deep=False):
+        trial.set_params(max_iter=1)
+    numbers = np.random.default_rng(0).random((20, 4))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            return np.shape(trial.fit(numbers[:, :2], numbers[:, 2:]).predict(numbers[:, :2])) == (20, 2)
+        except (ValueError, TypeError):
+            return False
 
 
 @dataclass(frozen=True)

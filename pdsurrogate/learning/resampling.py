@@ -38,8 +38,9 @@ PAIRS, HALVINGS = 32, 20
 ANGLES = np.arange(8) * (np.pi / 8) + 0.2
 """Directions of bonds to the greater principal stretch, at which a force is asked for its two outputs."""
 
-LEAST_DISTORTION = 0.005
-"""Of tr Cbar/(2 Jbar) - 1 at which a function of bonds is sampled in place of 0: there shear says nothing about the outputs."""
+LEAST_DISTORTION = 0.01
+"""Of tr Cbar/(2 Jbar) - 1: below it a function of bonds is continued along a straight line from there and from twice as much, as towards 0
+the shear of bonds says less and less about the outputs."""
 
 
 @dataclass(frozen=True)
@@ -167,8 +168,15 @@ def isochoric_outputs_of(force: Callable) -> Callable:
     """
 
     def function(features: np.ndarray) -> np.ndarray:
+        found, low = outputs(np.maximum(features, [-np.inf, LEAST_DISTORTION])), features[:, 1] < LEAST_DISTORTION
+        if low.any():
+            beyond = outputs(np.stack([features[low, 0], np.full(low.sum(), 2 * LEAST_DISTORTION)], axis=1))
+            found[low] += (features[low, 1:] / LEAST_DISTORTION - 1) * (beyond - found[low])
+        return found
+
+    def outputs(features: np.ndarray) -> np.ndarray:
         J = np.exp(features[:, 0])
-        ratio = np.arccosh(1 + np.maximum(features[:, 1], LEAST_DISTORTION))
+        ratio = np.arccosh(1 + features[:, 1])
         first, second = (np.sqrt(J) * np.exp(sign * ratio / 2) for sign in (1, -1))
         C33 = J**-2
         normal, right = np.zeros((len(J), 2, 2)), np.zeros((len(J), 2))

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..materials import Law
 from .chebyshev import ChebyshevRegressor
-from .energy import cross_validate_energy, energy_design, energy_pipeline, store_energy
+from .energy import cross_validate_energy, energy_design, energy_pipeline
 from .energy_form import EnergySamples
-from .fitting import cross_validate, store
+from .fitting import cross_validate
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .pipeline import bond_force_pipeline, parts_of
 from .sampling import BondSamples, checked_range, reachable_stretches, wide_design
 from .sobolev import SobolevRegressor
+from .storing import store
 from .target import InputAwareTargetRegressor
 
 DEGREES = (12, 6)
@@ -99,10 +99,8 @@ class FitSettings:
             options = {"max_iter": self.iterations or 1000, "n_iter_no_change": 100, "random_state": self.seed}
             regressor = LevenbergMarquardtRegressor(hidden, self.activation or "algebraic", **options)
             chosen, what = self.features or "symmetric", f"{_words(hidden)} units"
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what it warns of is an error here
-            pipeline = bond_force_pipeline(chosen, regressor)
-        parts_of(pipeline)
+        pipeline = bond_force_pipeline(chosen, regressor)
+        parts_of(pipeline)  # what would be resampled is an error here: another choice is exact, and known before the training
         return pipeline, f"{chosen} features, {what}"
 
     def _energy(self) -> tuple[InputAwareTargetRegressor, str]:
@@ -142,8 +140,7 @@ class FitSettings:
     ) -> Path:
         """Write the artefact of a fitted pipeline; see `pdsurrogate.store` for the arguments and errors."""
         description = f"{'Isochoric energy' if self.energy else 'Bond force'} of {law.name}, {self.pipeline()[1]}"
-        keep = store_energy if self.energy else store
-        return keep(pipeline, design, law, folder, name, version, description, cross_validation, identification=identification)
+        return store(pipeline, design, law, folder, name, version, description, cross_validation, identification=identification)
 
 
 def _numbers(value: int | Sequence[int] | str, key: str) -> tuple[int, ...]:

@@ -1,0 +1,318 @@
+"""Regressors of any make as surrogates: what is taken over is exact, what is resampled says by how much it is off."""
+
+import numpy as np
+import pytest
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
+from sklearn.kernel_ridge import KernelRidge
+from sklearn.linear_model import LinearRegression, LogisticRegression, Ridge
+from sklearn.model_selection import GridSearchCV
+from sklearn.multioutput import MultiOutputRegressor
+from sklearn.neural_network import MLPRegressor
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import FunctionTransformer, MinMaxScaler, PolynomialFeatures, StandardScaler
+
+import pdsurrogate as pd
+from pdsurrogate.artifacts import ArtifactError
+from pdsurrogate.forces import Domain, NetworkForce, SplineForce
+from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
+from pdsurrogate.learning import domain_of, surrogate_of
+from pdsurrogate.learning.export import taken_over
+from pdsurrogate.learning.resampling import fitted_spline, greatest_jump
+
+LAW = pd.Ogden()
+GRID = "regressor__regressor__regressor"
+
+
+@pytest.fixture(scope="module")
+def samples():
+    return pd.wide_design(LAW, 1500, (0.6, 2.5), random_state=0)
+
+
+def fitted(samples, regressor, features="isochoric", **weights):
+    return pd.bond_force_pipeline(features, regressor).fit(samples.X, samples.y, **weights)
+
+
+def agreement(surrogate, model, samples) -> float:
+    """RMS of the difference over the RMS of the force."""
+    right = model.predict(samples.X)
+    return float(np.sqrt(((surrogate.bond_force(*samples.X.T) - right) ** 2).sum() / (right**2).sum()))
+
+
+class Quadratic(RegressorMixin, BaseEstimator):
+    """Smooth, and of a make that nobody knows."""
+
+    def fit(self, X, y):
+        self.model_ = make_pipeline(PolynomialFeatures(6), LinearRegression()).fit(X, y)
+        self.n_features_in_ = X.shape[1]
+        return self
+
+    def predict(self, X):
+        return self.model_.predict(X)
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.target_tags.multi_output = True
+        return tags
+
+
+@pytest.mark.parametrize("degree", [0, 3])
+def test_a_cubic_is_a_spline_of_it_exactly(degree):
+    """Cubics lie in the space of cubic splines: least squares give them back."""
+    low, high = np.array([-1.0, 0.5]), np.array([2.0, 3.0])
+
+    def cubic(x):
+        return np.stack([x[:, 0] ** degree - x[:, 1], 2 * x[:, 1] ** degree + x[:, 0] * x[:, 1]], axis=1)
+
+    spline, values = fitted_spline(cubic, low, high, 6)
+    force = SplineForce("x", "isochoric", np.zeros(2), Domain(0.5, 2, 0.9, 1.1), "ogden", {}, spline.low, spline.step, spline.coefficients)
+    x = low + (high - low) * np.random.default_rng(0).random((200, 2))
+    np.testing.assert_allclose(force.outputs(x), cubic(x), atol=1e-11)
+    assert greatest_jump(cubic, low, high, values) < 1e-5
+    beyond = np.array([[-9.0, 0.5], [2.0, 99.0], [np.nan, 0.5]])
+    np.testing.assert_allclose(force.outputs(beyond), cubic(np.array([[-1.0, 0.5], [2.0, 3.0], [-1.0, 0.5]])), atol=1e-11)
+
+
+@pytest.mark.parametrize("cells", [(1, 7), (12, 5)])
+def test_spline_kernels_of_two_features(random, cells):
+    """Random coefficients in both precisions, inside and outside the box, against NumPy."""
+    coefficients = random.standard_normal((2, *(count + 3 for count in cells)))
+    low, step = np.array([-1.0, 0.0]), np.array([2.0, 2.2]) / cells
+    model = SplineForce("x", "isochoric", np.array([0.1, -0.2]), Domain(0.5, 4, 0.7, 1.4), "ogden", {}, low, step, coefficients)
+    X = pd.wide_design(pd.NeoHookean(), 600, random_state=1).X
+    exact = model.bond_force(*X.T)
+    for dtype in (np.float32, np.float64):
+        compiled = kernel_bond_force(model, LAW, dtype)(*X.T)
+        # Places within a cell are rounded at the size of the box, in cells.
+        assert np.abs(compiled - exact).max() < 100 * max(cells) * np.finfo(dtype).eps * np.abs(exact).max()
+
+
+@pytest.mark.slow  # a kernel of its own
+def test_spline_kernels_of_three_features(random, monkeypatch):
+    from dataclasses import replace
+
+    from pdsurrogate.kernels.feature_sets import FEATURE_SETS
+
+    isochoric = FEATURE_SETS["isochoric"]
+
+    def inputs(shared, a, b, U_mm, J, C33, length):
+        return a * a * C33, J, C33
+
+    monkeypatch.setitem(FEATURE_SETS, "three", replace(isochoric, names=("x", "y", "z"), inputs=inputs))
+    coefficients = random.standard_normal((2, 5, 7, 6))
+    low, step = np.array([0.0, 0.2, 0.1]), np.array([0.5, 1.0, 0.4])
+    model = SplineForce("x", "three", np.zeros(2), Domain(0.5, 4, 0.7, 1.4), "ogden", {}, low, step, coefficients)
+    X = pd.wide_design(pd.NeoHookean(), 600, random_state=1).X
+    exact = model.bond_force(*X.T)
+    for dtype in (np.float32, np.float64):
+        assert np.abs(kernel_bond_force(model, LAW, dtype)(*X.T) - exact).max() < 1000 * np.finfo(dtype).eps * np.abs(exact).max()
+
+
+NETWORK = {"solver": "lbfgs", "max_iter": 30, "random_state": 0}
+
+
+@pytest.mark.parametrize(
+    "regressor",
+    [
+        MLPRegressor(hidden_layer_sizes=(6, 5, 4), activation="tanh", **NETWORK),
+        make_pipeline(MinMaxScaler(), MLPRegressor(hidden_layer_sizes=(8,), activation="relu", **NETWORK)),
+        make_pipeline(PolynomialFeatures(1, include_bias=False), MLPRegressor(hidden_layer_sizes=(8,), activation="logistic", **NETWORK)),
+    ],
+    ids=["three layers", "another scaler", "affine features"],
+)
+@pytest.mark.filterwarnings("ignore:lbfgs")
+def test_networks_are_taken_over_exactly(samples, regressor):
+    model = fitted(samples, regressor)
+    surrogate, report = taken_over(model, LAW, domain_of(samples), "x")
+    assert isinstance(surrogate, NetworkForce)
+    assert report == {}
+    assert agreement(surrogate, model, samples) < 1e-7  # of the logistic function, which the kernels have to 1e-8
+
+
+def test_a_network_of_torch_by_skorch_is_taken_over(samples):
+    torch, skorch = pytest.importorskip("torch"), pytest.importorskip("skorch")
+    torch.manual_seed(0)
+
+    def module():
+        return torch.nn.Sequential(torch.nn.Linear(2, 8), torch.nn.Tanh(), torch.nn.Linear(8, 6), torch.nn.Tanh(), torch.nn.Linear(6, 2))
+
+    net = skorch.NeuralNetRegressor(module, max_epochs=2, lr=0.01, train_split=None, verbose=0)
+    single = FunctionTransformer(np.float32)
+    model = pd.bond_force_pipeline("isochoric", make_pipeline(single, net))
+    model.set_params(
+        regressor__regressor__transformer=make_pipeline(StandardScaler(), FunctionTransformer(np.float32)),
+        regressor__regressor__check_inverse=False,
+    )
+    model.fit(samples.X, samples.y)
+    surrogate, report = taken_over(model, LAW, domain_of(samples), "x")
+    assert isinstance(surrogate, NetworkForce)
+    assert report == {}
+    assert agreement(surrogate, model, samples) < 1e-5  # torch predicts in single precision
+
+
+@pytest.mark.parametrize(
+    "regressor", [Quadratic(), KernelRidge(kernel="rbf", alpha=1e-4, gamma=0.1), make_pipeline(PolynomialFeatures(5), Ridge(1e-6))], ids=str
+)
+def test_smooth_functions_are_resampled_to_the_tolerance(samples, regressor):
+    model = fitted(samples, regressor)
+    surrogate, report = taken_over(model, LAW, domain_of(samples), "x")
+    assert isinstance(surrogate, SplineForce)
+    assert report["jump"] == 0
+    assert agreement(surrogate, model, samples) == pytest.approx(report["rms"])
+    assert report["rms"] < 2e-5
+    for dtype in (np.float32, np.float64):
+        assert (kernel_tractions(surrogate, LAW, dtype, 1.0, 0.0, 0.5, 1.0, 1.0) == 0).all()
+
+
+@pytest.mark.parametrize(
+    "regressor", [RandomForestRegressor(20, random_state=0), GradientBoostingRegressor(n_estimators=60, random_state=0)], ids=str
+)
+def test_steps_of_trees_are_found_and_smoothed(samples, regressor):
+    model = fitted(samples, regressor)
+    surrogate, report = taken_over(model, LAW, domain_of(samples), "x")
+    assert report["jump"] > 0.01
+    assert report["rms"] == pytest.approx(agreement(surrogate, model, samples))
+    assert report["rms"] < 0.1
+    boosted = isinstance(regressor, GradientBoostingRegressor)  # which takes one target
+    assert isinstance(model.regressor_[-1].regressor_, MultiOutputRegressor) == boosted
+
+
+@pytest.mark.parametrize("features", ["symmetric", "paper"])
+def test_what_sees_more_than_three_features_is_resampled_as_a_function_of_bonds(samples, features):
+    """Of a cubic in four or five features the force is not isotropic; what is left of it is the error that is stated."""
+    model = fitted(samples, make_pipeline(PolynomialFeatures(3), Ridge(1e-6)), features)
+    surrogate, report = taken_over(model, LAW, domain_of(samples), "x")
+    assert surrogate.feature_set == "isochoric"
+    assert report["rms"] == pytest.approx(agreement(surrogate, model, samples), rel=1e-6)
+    assert report["rms"] < 0.2
+
+
+def test_a_force_of_python_is_resampled(samples):
+    """The exact force itself: what is left is the error of resampling, on and off plane stress."""
+    exact = pd.AnalyticBondForce(LAW)
+
+    class Mine:
+        def bond_force(self, stretch, rotation, length, C33, J):
+            return exact.bond_force(stretch, rotation, length, C33, J)
+
+    surrogate, report = taken_over(Mine(), LAW, domain_of(samples), "x", samples.X)
+    assert report["model"] == "Mine"
+    assert np.abs(surrogate.bond_force(*samples.X.T) - samples.y).max() < 1e-3 * np.abs(samples.y).max()
+    assert report["rms"] < 1e-4
+
+
+def test_a_plain_pipeline_of_bonds_is_stored_with_its_samples(samples, tmp_path):
+    """Fitted to the five bond quantities and nothing of the package; by itself it does not say where it holds."""
+    model = make_pipeline(StandardScaler(), PolynomialFeatures(5), Ridge(1e-6)).fit(samples.X, samples.y)
+    with pytest.raises(ValueError, match="does not say which stretches it was fitted to: fit it within a bond_force_pipeline"):
+        pd.simulate("uniaxial", model)
+    card = pd.load_card(pd.store(model, samples, LAW, tmp_path, "plain", "1", "plain"))
+    assert card.training["resampling"]["rms"] < 0.1
+    assert card.training["regressor"] == "Pipeline(Ridge)"
+    assert pd.evaluate(model, LAW, (0.6, 2.5), 500)["on_surface"]["rms"] < 0.1
+
+
+def test_a_search_goes_straight_into_storing_and_evaluation(samples, tmp_path):
+    search = GridSearchCV(pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor()), {f"{GRID}__degree": [2, 6]}, cv=3)
+    search.fit(samples.X, samples.y)
+    card = pd.load_card(pd.store(search, samples, LAW, tmp_path, "searched", "1", "searched"))
+    assert [row[f"{GRID}__degree"] for row in card.training["search"]] == [2, 6]
+    assert card.training["parameters"] == {"degree": 6}
+    assert pd.evaluate(search, LAW, (0.6, 2.5), 500) == pd.evaluate(search.best_estimator_, LAW, (0.6, 2.5), 500)
+    search.refit = False
+    with pytest.raises(ValueError, match="keeps no fitted model: give it refit=True"):
+        pd.evaluate(GridSearchCV(search.estimator, search.param_grid, cv=2, refit=False).fit(samples.X, samples.y), LAW)
+
+
+def test_artefacts_and_names_are_evaluated_as_well(samples, tmp_path):
+    path = pd.store(fitted(samples, pd.ChebyshevRegressor(6)), samples, LAW, tmp_path, "mine", "1", "x")
+    report = pd.evaluate(path, LAW, n_samples=500)
+    assert report["stretch_range"] == [0.6, 2.5]
+    assert pd.evaluate("analytic", LAW, (0.6, 2.5), 300)["on_surface"]["max"] < 1e-13
+    assert "energy_rms" in pd.evaluate("ogden-isochoric", LAW, n_samples=300)["on_surface"]
+    with pytest.raises(TypeError, match="nosb has no bond force of its own"):
+        pd.evaluate("nosb", LAW)
+
+
+def test_a_forest_runs_from_its_artefact(samples, tmp_path):
+    model = fitted(samples, RandomForestRegressor(50, min_samples_leaf=2, random_state=0))
+    path = pd.store(model, samples, LAW, tmp_path, "forest", "1", "trees")
+    scene = pd.load_scene("uniaxial", spacing=0.2, stretches=1.4, material="ogden")
+    stress = [pd.simulate(scene, force).levels[0]["nominal_stress_error"] for force in (path, model)]
+    assert abs(stress[0]) < 0.05
+    assert stress[1] == pytest.approx(stress[0], abs=5e-3)  # another domain: that of its samples
+
+
+@pytest.mark.parametrize(
+    ("regressor", "message"),
+    [
+        (LogisticRegression(), "LogisticRegression is no regressor with fit and predict"),
+        (StandardScaler(), "StandardScaler is no regressor"),
+        (Ridge, "Ridge is no regressor .*; give an instance of it"),
+        (3, "int is no regressor"),
+    ],
+)
+def test_what_cannot_work_says_so_before_the_training(regressor, message):
+    with pytest.raises(ValueError, match=message):
+        pd.bond_force_pipeline("isochoric", regressor)
+
+
+def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
+    for columns in (3, 4):
+        with pytest.raises(ValueError, match=f"was fitted to {columns} features; taken are regressors of the five bond quantities"):
+            pd.store(LinearRegression().fit(samples.X[:, :columns], samples.y), samples, LAW, tmp_path, "x", "1", "x")
+    with pytest.raises(ValueError, match="not fitted"):
+        surrogate_of(pd.bond_force_pipeline(), LAW, domain_of(samples))
+
+    class Holed:
+        def bond_force(self, stretch, rotation, length, C33, J):
+            return np.full((len(stretch), 2), np.nan)
+
+    with pytest.raises(ValueError, match="no finite value at features"):
+        pd.store(Holed(), samples, LAW, tmp_path, "x", "1", "x")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_weights_of_samples_go_through(samples):
+    """Samples of weight 0 are none."""
+    weights = np.ones(len(samples))
+    weights[::2] = 0
+    X, y = samples.X[1::2], samples.y[1::2]
+    for regressor in (pd.ChebyshevRegressor(4), Ridge(0.1)):
+        model = pd.bond_force_pipeline("isochoric", regressor)
+        # Scalings take no weights; without them the two are the same.
+        model.set_params(regressor__scaling="passthrough", regressor__regressor__transformer=FunctionTransformer())
+        weighted = model.fit(samples.X, samples.y, sample_weight=weights).predict(X)
+        np.testing.assert_allclose(weighted, model.fit(X, y).predict(X), rtol=1e-6, atol=1e-8)
+    with pytest.raises(TypeError, match="sample_weight"):
+        pd.bond_force_pipeline("isochoric").fit(samples.X, samples.y, sample_weight=weights)
+
+
+def test_names_of_features_go_through(samples):
+    model = fitted(samples, make_pipeline(PolynomialFeatures(2), Ridge())).set_params()
+    names = ["log Jbar", "tr Cbar/(2 Jbar) - 1"]
+    assert model.regressor_[:-1].get_feature_names_out().tolist() == names
+    assert model.regressor_[:-1].set_output(transform="default").transform(samples.X).shape == (len(samples), 2)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"step": np.array([0.1, -0.1])}, "step must be positive"),
+        ({"low": np.zeros(3)}, "low has shape"),
+        ({"coefficients": np.zeros((2, 3, 9))}, "coefficients have shape"),
+        ({"coefficients": np.zeros((2, 1100, 1100))}, "at most 1048576 are taken"),
+        ({"feature_set": "symmetric"}, "a spline takes two or three features, symmetric are 4"),
+        ({"more": np.zeros(1)}, "a spline's payload has"),
+    ],
+)
+def test_plain_payloads_that_are_no_spline(samples, change, message):
+    model = surrogate_of(fitted(samples, Quadratic()), LAW, domain_of(samples))
+    assert np.array_equal(SplineForce.from_payload("x", model.payload(), model.domain, "ogden", {}).coefficients, model.coefficients)
+    with pytest.raises(ValueError, match=message):
+        SplineForce.from_payload("x", {**model.payload(), **change}, model.domain, "ogden", {})
+
+
+def test_an_unknown_artefact_is_named():
+    with pytest.raises(ArtifactError, match="unknown force 'robber'"):
+        pd.evaluate("robber", LAW)
