@@ -8,6 +8,7 @@ An artefact is a folder ``NAME/VERSION/`` of up to three files:
 """
 
 from .card import SCHEMA_VERSION, Card
+from .material import with_material
 from .store import (
     ArtifactError,
     default_force,
@@ -34,4 +35,5 @@ __all__ = [
     "new_artifact",
     "save_artifact",
     "surrogate_for",
+    "with_material",
 ]

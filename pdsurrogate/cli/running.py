@@ -63,7 +63,8 @@ def run(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scene in DIR.")] = False,
 ) -> None:
     """Run a scene and compare it with its reference."""
-    from ..artifacts import ArtifactError, default_force, load_surrogate
+    from ..artifacts import ArtifactError, default_force, with_material
+    from ..artifacts.material import in_words
     from ..ranks import NotUnderMPI, communicator
     from ..results.checkpoint import CheckpointError
     from ..results.files import check_writable
@@ -75,8 +76,10 @@ def run(
         only_the_first_speaks()
         first = communicator().rank == 0
     with bad_input(SceneError, ArtifactError):
-        described = load_scene(scene, change or [])
-        model = default_force(described) if force is None else load_surrogate(force)
+        asked = load_scene(scene, change or [])
+        described, model = (asked, default_force(asked)) if force is None else with_material(asked, force)
+    if described is not asked:
+        err.print(f"Material of {escape(model.name)}: {escape(in_words(described.material.build()))}", soft_wrap=True)
     folder = None if out_folder is None else Path(out_folder)
     if out_folder == "":
         err.print("[red]pdsurrogate:[/] --out needs the name of a folder, and it is empty")

@@ -10,9 +10,9 @@ All of it is dimensionless: energies and stresses in units of the law's shear mo
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from numbers import Real
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -82,6 +82,10 @@ class Law(ABC):
     def shape(self) -> dict[str, float]:
         """Those dimensionless parameters that the bond force at given (a, b, J, C33) depends on; the bulk modulus is none."""
         return {}
+
+    def scaled(self, factor: float) -> Self:
+        """The same material with all its moduli times a factor, as in another unit of stress."""
+        return replace(self, shear_modulus=self.shear_modulus * factor, bulk_modulus=self.bulk_modulus * factor)
 
     def describe(self) -> dict:
         """Name and parameters, as a scene or a card states them."""

@@ -1,7 +1,7 @@
 """Ogden's law: a sum of powers of the principal stretches."""
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -77,6 +77,10 @@ class Ogden(PrincipalStretchLaw):
 
     def _products(self) -> list[float]:
         return [modulus * exponent for modulus, exponent in zip(self.moduli, self.exponents, strict=True)]
+
+    def scaled(self, factor: float) -> Self:
+        moduli = tuple(modulus * factor for modulus in self.moduli)
+        return replace(self, shear_modulus=None, bulk_modulus=self.bulk_modulus * factor, moduli=moduli)
 
     @property
     def n_terms(self) -> int:

@@ -76,8 +76,9 @@ def simulate(
         A scene, or the name or file of one, see `pdsurrogate.load_scene`.
     force : str, path, ForceModel or fitted pipeline, optional
         A force model, the name of one ("analytic", "nosb"), an artefact: NAME, NAME@VERSION or a path; or a fitted
-        `pdsurrogate.bond_force_pipeline` or `pdsurrogate.energy_pipeline`, taken to describe the scene's material.  By default the
-        one for the scene, see `pdsurrogate.artifacts.default_force`.
+        `pdsurrogate.bond_force_pipeline` or `pdsurrogate.energy_pipeline`, or a search over one, taken to describe the scene's material.
+        An artefact brings the material of its card into a built-in scene, see `pdsurrogate.artifacts.with_material`.  By default the one
+        for the scene, see `pdsurrogate.artifacts.default_force`.
     threads : int, optional
         Threads of the kernels, by default as many as pay for the body, at most all that numba was started with.  The result does not
         depend on it.
@@ -120,7 +121,7 @@ def simulate(
         scene = load_scene(scene)
     elif not isinstance(scene, Scene):
         raise TypeError(f"scene must be a Scene, or the name or file of one, not {scene!r}")
-    model = _model_of(force, scene)
+    scene, model = _model_of(force, scene)
     progress = progress or Silent()
     if resume and folder is None:
         raise ValueError("a run is resumed from the folder of its results: give it")
@@ -163,21 +164,21 @@ def simulate(
         return _result(run, clock.seconds, began, None)
 
 
-def _model_of(force, scene: Scene) -> ForceModel:
-    """The force model that is meant by the `force` of `simulate`."""
+def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
+    """The force model that is meant by the `force` of `simulate`, and the scene with the material that comes with it."""
     if force is None:
-        return artifacts.default_force(scene)
+        return scene, artifacts.default_force(scene)
     if isinstance(force, str | Path):
-        return artifacts.load_surrogate(force)
+        return artifacts.with_material(scene, force)
     if isinstance(force, ForceModel):
-        return force
+        return scene, force
     # Imported here: only those who have a pipeline have scikit-learn loaded.
     from sklearn.base import BaseEstimator
 
     if isinstance(force, BaseEstimator):
         from ..learning.force_model import force_model_of
 
-        return force_model_of(force, scene.material.build())
+        return scene, force_model_of(force, scene.material.build())
     raise TypeError(
         "force must be a force model, the name of one, an artefact (NAME, NAME@VERSION or a path), or a fitted bond_force_pipeline or "
         f"energy_pipeline, not {force!r}"

@@ -1,0 +1,111 @@
+"""The material that an artefact describes, for a scene that has none of its own."""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, fields
+from pathlib import Path
+
+from ..forces import FORCES, ForceModel
+from ..materials import Law
+from ..scenes import MaterialSpec, Scene, SceneError, load_scene, scene_names
+from .card import Card
+from .store import ArtifactError, load_card, load_surrogate
+
+DATA_OF_THE_PACKAGE = ("treloar", "kawabata")
+"""Test data whose stresses are known to be in MPa."""
+
+PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6}
+"""Units of stress that a scene may name, of which the modulus of a known rubber can be told."""
+
+
+def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceModel]:
+    """A force model by its reference, and the scene with the material that it describes.
+
+    A built-in scene that is of its own material still takes that of an artefact's card.  Its moduli are those of the card where they were
+    identified from test data or given by hand, in the scene's unit of stress (those of the test data of the package, which are in MPa, are
+    converted); where the card has a law's defaults, which have no unit, they are scaled to the shear modulus of the scene.  A scene of a
+    user's own, or one whose material was changed, has the last word.
+
+    Parameters
+    ----------
+    scene : Scene
+    reference : str or path
+        As for `load_surrogate`.
+
+    Raises
+    ------
+    ArtifactError
+        If the artefact cannot be read.
+    SceneError
+        If the scene was told another material than the artefact's; says in all digits which, and how to take the artefact's.
+    """
+    model = load_surrogate(reference)
+    if isinstance(reference, str) and reference in FORCES:
+        return scene, model
+    own = scene.material.build()
+    card = load_card(reference)
+    try:
+        model.check_material(own)
+        described = own
+    except ValueError as error:
+        try:
+            described = material_on(card, scene)
+            model.check_material(described)
+        except ValueError:  # it does not describe what its card says either
+            raise SceneError(f"scene {scene.name}: {error}") from None
+        if not _is_an_example(scene):
+            flag = f"--set 'material={in_words(described)}'"
+            raise SceneError(f"scene {scene.name}: material: {error}; {flag} takes the material of {model.name}") from None
+    if described is own and _is_an_example(scene) and not scene.materials and _has_moduli(card):
+        described = material_on(card, scene)
+    return (scene if described == own else _changed(scene, described)), model
+
+
+def _is_an_example(scene: Scene) -> bool:
+    """Whether it is a built-in scene whose material nobody has changed."""
+    return scene.name in scene_names() and scene.material == load_scene(scene.name).material
+
+
+def material_on(card: Card, scene: Scene) -> Law:
+    """The law of a card with its parameters; see `with_material` for its moduli.
+
+    Raises
+    ------
+    ArtifactError
+        If the card names none.
+    """
+    try:
+        law = MaterialSpec.model_validate(card.material.trained_with).build()
+    except ValueError as error:
+        raise ArtifactError(f"{card.name}@{card.version}: the card's material makes no sense: {error}") from None
+    if not _has_moduli(card):
+        return law.scaled(scene.material.build().shear_modulus / law.shear_modulus)
+    data = (card.training.get("identification") or {}).get("data")
+    if data in DATA_OF_THE_PACKAGE and scene.units.stress in PASCALS:
+        return law.scaled(PASCALS["MPa"] / PASCALS[scene.units.stress])
+    return law
+
+
+def _has_moduli(card: Card) -> bool:
+    """Whether the moduli of a card were identified or given, and are not the defaults of its law."""
+    if card.training.get("identification"):
+        return True
+    try:
+        given = MaterialSpec.model_validate(card.material.trained_with).build()
+    except ValueError:
+        return False
+    return abs(given.shear_modulus - type(given)().shear_modulus) > 1e-9
+
+
+def _changed(scene: Scene, law: Law) -> Scene:
+    return scene.model_copy(update={"material": MaterialSpec.model_validate(law.describe())})
+
+
+def in_words(law: Law) -> str:
+    """A law as a scene states it in a line, with all digits; parameters at their defaults are left out."""
+    parts = [f'law="{law.name}"']
+    for field in fields(law):
+        value = getattr(law, field.name)
+        if field.default is MISSING or value != field.default:
+            parts.append(f"{field.name}={list(value) if isinstance(value, tuple) else value!r}")
+    return f"{{{', '.join(parts)}}}"
