@@ -45,8 +45,9 @@ def torn(tmp_path_factory):
 def test_a_crack_in_space(torn):
     """The tip starts at the precut's end and goes on along its plane.
 
-    Of the energy 2 % may be lost to the trapezoidal rule: grips' work is summed over rows of 20 steps, and so small a strip is nearly all
-    crack.
+    The energy account has no error of the time step but where forces are not linear within one.  Until a bond breaks the power that the
+    viscosity takes is summed over rows of 20 steps by the trapezoidal rule, 0.07 % while the motion begins; with most of so small a strip
+    torn it is 0.1 %.
     """
     crack, points = torn.summary["crack"], torn.body.points
     start, tip = crack["start"]["x"], crack["tips"][-1]["tip"]
@@ -54,7 +55,9 @@ def test_a_crack_in_space(torn):
     np.testing.assert_allclose(start[:2], [5.0, 5.0], atol=1.0)
     assert tip[0] > 8
     assert abs(tip[1] - 5) < 1.75
-    assert abs(account(in_dynamics(torn))) < 0.02
+    rows = in_dynamics(torn)
+    assert abs(account([row for row in rows if row["broken_bonds"] == 0])) < 0.001
+    assert abs(account(rows)) < 0.003
     damage = torn.states[-1][1]["damage"]
     assert damage[(np.abs(points[:, 1] - 5) < 1) & (points[:, 0] < 8)].min() > 0.2
     assert damage[np.abs(points[:, 1] - 5) > 3].max() == 0

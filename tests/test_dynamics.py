@@ -78,12 +78,12 @@ def test_damping_takes_its_rate():
     start = damped.kinetic_energy()
     period = 2 * 2.0 / np.sqrt(9 * 100.0 / 301)
     # The power is that at the positions: trapezoidal sums, as a run's account takes them.
-    powers = [damped.damped_power()]
+    powers = [damped.damped_power().now]
     steps = round(period / damped.time_step)
     for _ in range(steps):
         damped.move()
         damped.evaluate()
-        powers.append(damped.damped_power())
+        powers.append(damped.damped_power().now)
     taken = np.trapezoid(powers, dx=damped.time_step)
     assert taken == pytest.approx(start * (1 - np.exp(-0.5 * steps * damped.time_step)), rel=0.05)
 

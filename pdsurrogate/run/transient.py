@@ -14,6 +14,7 @@ from ..forces import InvalidState
 from ..results.checkpoint import Checkpoint
 from ..solvers import Diverging, ExplicitDynamics
 from ..solvers.conditions import Reactions
+from ..solvers.dynamics import Power
 from ..solvers.minimiser import EnergyMinimiser
 from ..solvers.reductions import LOCAL
 from .programme import Stage
@@ -30,10 +31,11 @@ from .rows import (
 from .run import Run
 
 STEPS_PER_ROW = 20
-"""Steps between rows of the history; with grips, work and damped energy are summed over them by the trapezoidal rule.
+"""Steps between rows of the history; in the plane, with grips, work and damped energy are summed over them by the trapezoidal rule.
 Waves take longer than that to cross a few horizons.  The damping beside a crack changes faster: where the force has an energy, so that the
-account can close, it is taken in every step from a bond's breaking until as many steps later.  In general scenes bodies may be a few
-horizons wide and conditions change at any time: there both are taken in every step, but for viscous damping, which takes an evaluation."""
+account can close, it is taken in every step from a bond's breaking until as many steps later.  In space, and in general scenes, bodies may
+be a few horizons wide and conditions change at any time: there both are taken in every step, but for viscous damping, which takes an
+evaluation."""
 
 SECONDS_BETWEEN_CHECKPOINTS = 60.0
 
@@ -62,8 +64,8 @@ class Account:
     work, damped_energy, released_energy : float
         Work of all that holds and loads the body, and energy taken by the damping and released by breaking bonds since then, per unit
         thickness.
-    power, damped_power : float
-        When they were last taken.
+    power, damped_power : list of float
+        When they were last taken, see `Power`.
     rate_time, damped_time : float
         When that was: at the last row of the history or in a step since.
     row_time : float
@@ -83,8 +85,8 @@ class Account:
     work: float = 0.0
     damped_energy: float = 0.0
     released_energy: float = 0.0
-    power: float = 0.0
-    damped_power: float = 0.0
+    power: list[float] = field(default_factory=lambda: [*Power()])
+    damped_power: list[float] = field(default_factory=lambda: [*Power()])
     rate_time: float = 0.0
     damped_time: float = 0.0
     row_time: float = 0.0
@@ -124,6 +126,7 @@ class Transient:
         self._keeps_account = run.force.has_energy
         # A stage that says its duration is to end, and to be recorded, when it says.  One at a rate goes to the first step past an output.
         self._timed = self.spec.duration is not None
+        self._every_step = self._timed or run.body.dimension == 3
         # Below this an energy is rounding: a body at rest holds none, and any motion would be more than was put in.
         modulus = max(law.shear_modulus for law, _ in run.force.laws)
         self._rounding = EnergyMinimiser.ROUNDING[run.force.precision] * modulus * run.reductions.total(run.body.volumes)
@@ -145,7 +148,8 @@ class Transient:
         velocities = run.loading.velocities(run.positions, motion) if run.velocities is None else run.velocities
         integrator.velocities[:] = velocities * run.loading.free
         integrator.begin()
-        if self._timed and run.velocities is None:
+        self._limit_step()
+        if self._every_step and run.velocities is None:
             integrator.centre()
         if motion.duration > MOST_STEPS * integrator.time_step:
             raise Diverging(
@@ -163,6 +167,7 @@ class Transient:
         run.steps = kept["all_steps"]
         integrator.velocities[:], integrator.forces[:] = checkpoint.arrays["velocities"], checkpoint.arrays["forces"]
         integrator.frequency.vector, integrator.frequency.fresh = checkpoint.arrays["mode"].copy(), False
+        self._limit_step()
         self._apply()
 
     def go(self) -> None:
@@ -200,14 +205,14 @@ class Transient:
                 self._last_row()
                 run.interruption.check()
 
-    def _time_due(self) -> float:
-        """When the next output is, in a stage that says its duration."""
-        return self.motion.duration * ((self.account.outputs + 1) / self.most_outputs)
+    def _time_due(self, outputs: int) -> float:
+        """When the output after so many is, in a stage that says its duration."""
+        return self.motion.duration * ((outputs + 1) / self.most_outputs)
 
     def _due(self) -> bool:
         """Whether the next output is to be written now."""
         if self._timed:
-            return self.account.time >= self._time_due()
+            return self.account.time >= self._time_due(self.account.outputs)
         motion = self.motion
         due = motion.begin + (motion.end - motion.begin) * (self.account.outputs + 1) / self.most_outputs
         return motion.at(self.account.time) >= due - 1e-12
@@ -234,20 +239,39 @@ class Transient:
 
     def step(self) -> None:
         run, account, integrator = self.run, self.account, self.integrator
-        if self._timed:
-            # Equal parts of what is left, so that no step before an output is much shorter than the others.
-            left = self._time_due() - account.time
-            integrator.move(integrator.part_of(left))
-            account.time = self._time_due() if integrator.last_step == left else account.time + integrator.last_step
-        else:
-            integrator.move()
-            account.time += integrator.last_step
+        left = self._time_due(account.outputs) - account.time
+        integrator.move()
+        ended = self._timed and integrator.last_step == left
+        account.time = self._time_due(account.outputs) if ended else account.time + integrator.last_step
         run.steps += 1
         run.parameter = run.target = self._parameter()
         self._apply()
         if self.damage is None:
             integrator.evaluate()
-            return
+        else:
+            self._evaluate_and_break()
+        self._limit_step()
+        if self._every_step and self.damage is not None:
+            arriving, leaving = integrator.kept_energy(integrator.velocities_around())
+            account.released_energy += arriving - leaving
+
+    def _limit_step(self) -> None:
+        """Say how long the next step may be.
+
+        Where the account is taken in every step what is held has moved up to the end, and not for a part of a step.
+        """
+        account, integrator = self.account, self.integrator
+        if self._timed:
+            # Equal parts of what is left, so that no step before an output is much shorter than the others.
+            left = self._time_due(account.outputs + self._due()) - account.time
+            integrator.longest = integrator.part_of(left) if left > 0 else integrator.last_step
+        elif self._every_step:
+            left = self.motion.duration - account.time
+            integrator.longest = left if left > 0 else integrator.last_step
+
+    def _evaluate_and_break(self) -> None:
+        """Break what is stretched too far, and what has lost its support, until the forces are those of what is left."""
+        run, integrator = self.run, self.integrator
         run.force.place(run.positions)
         pairs = self.damage.overstretched(run.force.positions)
         if run.reductions.any(len(pairs) > 0):
@@ -379,8 +403,9 @@ class Transient:
         run.history.append(row)
 
     def _kinetic_energy(self) -> float:
-        """With grips of the velocities half a step back; otherwise of those at the positions, at which all other energies are."""
-        return self.integrator.kinetic_energy(self.integrator.mean_velocities() if self._timed else None)
+        """At the positions, where all other energies are; in the plane with grips that of the half step before."""
+        integrator = self.integrator
+        return integrator.kept_energy(integrator.velocities_around())[1] if self._every_step else integrator.kinetic_energy()
 
     def _reactions(self) -> Reactions:
         """Of all holders, by the forces that move the body."""
@@ -388,40 +413,52 @@ class Transient:
 
     def _take_between_rows(self) -> None:
         """Add what the account takes in steps that have no row."""
-        if self._timed:
+        if self._every_step:
             self._take_work(self._reactions())
         breaking = self._keeps_account and self.integrator.steps - self.account.last_break < STEPS_PER_ROW
-        if breaking or (self._timed and self.spec.viscosity == 0):
+        if breaking or (self._every_step and self.spec.viscosity == 0):
             self._take_damping()
 
     def _take_work(self, reactions: Reactions) -> None:
-        """Add the work of what holds and loads since the last time it was taken; the force is still that which moves the body.
-
-        The velocity of what is held is that over a step on either side.  Summed in every step by the trapezoidal rule this is the mean
-        reaction over a step by the travel in it, of second order also where what is held changes its velocity.
-        """
-        run, account, step = self.run, self.account, self.integrator.last_step
-        between = self._timed and step <= account.time < self.motion.duration
-        span = (account.time + step, 2 * step) if between else (account.time, step)
-        power = run.loading.power(reactions, self.motion, *span)
+        """Add the work of what holds and loads since the last time it was taken; the force is still that which moves the body."""
+        run, account = self.run, self.account
+        power = self._held_power = self._power_of_holders(reactions)
         if run.loads is not None:
-            velocities = self.integrator.mean_velocities()
-            power += run.reductions.total_of_parts(run.loads.power(run.positions, velocities, run.loaded.thickness()))
+            thickness, around = run.loaded.thickness(), self.integrator.velocities_around()
+            loads = (run.reductions.total_of_parts(run.loads.power(run.positions, velocities, thickness)) for velocities in around)
+            power = power.plus(Power(*loads))
         # At the start, when the account is empty, no time has gone by.
-        account.work += 0.5 * (account.time - account.rate_time) * (account.power + power)
-        account.power, account.rate_time = power, account.time
+        account.work += self._work_over(account.time - account.rate_time, Power(*account.power), power)
+        account.power, account.rate_time = [*power], account.time
+
+    def _power_of_holders(self, reactions: Reactions) -> Power:
+        """With what is held moving as over the step before, and over one of the same length after."""
+        loading, time, step = self.run.loading, self.account.time, self.integrator.last_step
+        before = loading.power(reactions, self.motion, time, step)
+        after = loading.power(reactions, self.motion, time + step, step) if self._every_step else before
+        return Power(before, 0.5 * (before + after), after)
+
+    def _work_over(self, elapsed: float, last: Power, power: Power) -> float:
+        """By the trapezoidal rule, over the time since a power was last taken."""
+        if self._every_step and elapsed < 1.5 * self.integrator.last_step:
+            return 0.5 * elapsed * (last.after + power.before)
+        return 0.5 * elapsed * (last.now + power.now)
 
     def _take_damping(self) -> None:
         """Add the energy that the damping took since the last time it was taken; leaves the force evaluated at the positions themselves."""
         account, integrator = self.account, self.integrator
-        power, elapsed = integrator.damped_power(), account.time - account.damped_time
+        power, elapsed, last = integrator.damped_power(), account.time - account.damped_time, Power(*account.damped_power)
+        if self._every_step and self.spec.viscosity > 0:
+            # Viscosity takes its part of the work of what holds the body as well.
+            elastic = self._power_of_holders(self.run.loading.reactions(self.run.force, integrator.elastic))
+            power = power.plus(self._held_power).plus(elastic, -1.0)
         if self._keeps_account and account.last_break == integrator.steps:
             # Bonds that broke in this step have changed the power since the last one; before it stood as it was.
             quiet = max(0.0, elapsed - integrator.last_step)
-            account.damped_energy += quiet * account.damped_power
+            account.damped_energy += quiet * last.now
             elapsed -= quiet
-        account.damped_energy += 0.5 * elapsed * (account.damped_power + power)
-        account.damped_power, account.damped_time = power, account.time
+        account.damped_energy += self._work_over(elapsed, last, power)
+        account.damped_power, account.damped_time = [*power], account.time
 
     def _through(self) -> bool:
         """Whether the body has come apart between what holds it."""

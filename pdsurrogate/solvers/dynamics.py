@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,39 @@ FREQUENCY_MARGIN = 1.03
 MOST_TRAVEL = 0.5
 """Spacings that a point may move in a step.  At the speeds of waves it does not get as far; what snaps back from the last bonds of a crack
 would, past the bonds that should stop it."""
+
+
+class VelocitiesAround(NamedTuple):
+    """Velocities of the half step before, at the positions, and of the half step after, shape (n, 2) each.
+
+    Those before are without the impulse of bonds that broke on arrival.
+    """
+
+    before: np.ndarray
+    now: np.ndarray
+    after: np.ndarray
+
+
+class Power(NamedTuple):
+    """Power of forces at the positions.
+
+    Attributes
+    ----------
+    before, after : float
+        With the velocities of the half steps before and after: half a step of each is the part of these forces in the work over the steps
+        that end and begin here, by the trapezoidal rule.
+    now : float
+        With the velocities at the positions.  Those half a step before alone would overstate it where velocities change within a step, as
+        they do beside a crack.
+    """
+
+    before: float = 0.0
+    now: float = 0.0
+    after: float = 0.0
+
+    def plus(self, other: Power, share: float = 1.0) -> Power:
+        """With a share of another."""
+        return Power(*(own + share * added for own, added in zip(self, other, strict=True)))
 
 
 class ExplicitDynamics:
@@ -52,12 +86,14 @@ class ExplicitDynamics:
 
     Attributes
     ----------
-    forces : ndarray, shape (n, 2)
-        At the positions.
+    forces, elastic : ndarray, shape (n, 2)
+        At the positions, with loads; the latter without what viscosity adds, where `damped_power` has last found them.
     time_step : float
         The stable one.  Falls where the body stiffens, never rises.
     last_step : float
         The one last taken, shorter where a point would have moved too far.
+    longest : float
+        What the next one may be, set by whoever steps.
     """
 
     # The tangent changes over the time that a wave takes across many horizons; a look every so many steps costs 1 to 2 %.
@@ -82,10 +118,11 @@ class ExplicitDynamics:
         self._loaded = force if loads is None else LoadedForce(force, loads)
         self._loads, self._applied = loads, None if loads is None else np.empty_like(positions)
         self._reductions = reductions
-        self._ahead, self._elastic = np.empty_like(positions), np.empty_like(positions)
+        self._ahead, self.elastic = np.empty_like(positions), np.empty_like(positions)
         self.frequency = FrequencyEstimate(mass, free, self._reductions)
         self.forces = np.empty_like(positions)
-        self.time_step = self.last_step = np.inf
+        self._kicks = None
+        self.time_step = self.last_step = self.longest = np.inf
         self.steps = 0
 
     def begin(self) -> None:
@@ -132,22 +169,26 @@ class ExplicitDynamics:
 
     def centre(self) -> None:
         """Take velocities that are those at the positions back by half a step, where the scheme has them."""
-        self.kick(-self.forces)
+        self.velocities += self._half_step_of(-self.forces)
 
     def part_of(self, span: float) -> float:
         """The longest step, no longer than the stable one, of which a whole number makes a span of time."""
         return span / max(1, math.ceil(span / self.time_step))
 
-    def move(self, longest: float = np.inf) -> None:
-        """Advance velocities and positions by one step of at most `longest`; the forces are still those before it."""
-        fastest = self._reductions.greatest_of_parts(max(self.velocities.max(), -self.velocities.min()))
-        step = min(self.time_step, longest)
-        if fastest > 0:
-            step = min(step, MOST_TRAVEL * self.force.body.spacing / fastest)
+    def move(self) -> None:
+        """Advance velocities and positions by one step; the forces are still those before it."""
+        step = self.next_step()
         scheme = self.forces, self._free, self._mass, self._damping
         central_difference_step[self.positions.shape[1]](self.positions, self.velocities, *scheme, step, self.last_step)
         self.last_step = step
         self.steps += 1
+        self._kicks = None
+
+    def next_step(self) -> float:
+        """That is stable, moves no point too far, and is no longer than it may be."""
+        fastest = self._reductions.greatest_of_parts(max(self.velocities.max(), -self.velocities.min()))
+        step = min(self.time_step, self.longest)
+        return min(step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else step
 
     def kick(self, forces: np.ndarray) -> None:
         """Half a step's impulse of forces that end at the present positions.
@@ -155,7 +196,12 @@ class ExplicitDynamics:
         Velocities stand half a step back.  Bonds that break act up to now, but the forces of the next full step will be without them;
         left out, their last half step would hand the body energy that nothing supplied.
         """
-        self.velocities += 0.5 * self.last_step * forces / self._mass[:, None] * self._free
+        kick = self._half_step_of(forces)
+        self.velocities += kick
+        self._kicks = kick if self._kicks is None else self._kicks + kick
+
+    def _half_step_of(self, forces: np.ndarray) -> np.ndarray:
+        return 0.5 * self.last_step * forces / self._mass[:, None] * self._free
 
     def evaluate(self) -> None:
         """Forces at the positions, and now and then the time step."""
@@ -163,30 +209,49 @@ class ExplicitDynamics:
             self._estimate()
         self._evaluate()
 
-    def kinetic_energy(self, velocities: np.ndarray | None = None) -> float:
-        """Of given velocities; of those at the last half step where none are."""
-        velocities = self.velocities if velocities is None else velocities
-        return 0.5 * self._reductions.dot(velocities, velocities, self._mass)
+    def kinetic_energy(self) -> float:
+        """Of the last half step."""
+        return 0.5 * self._reductions.dot(self.velocities, self.velocities, self._mass)
+
+    def velocities_around(self) -> VelocitiesAround:
+        """Velocities at the positions, and of the half steps before and after."""
+        before = self.velocities if self._kicks is None else self.velocities - self._kicks
+        return VelocitiesAround(before, self.mean_velocities(), self._following_velocities(self.next_step()))
+
+    def kept_energy(self, velocities: VelocitiesAround) -> tuple[float, float]:
+        """Kinetic energy at the positions as the scheme comes to them and as it leaves them; with the strain energy there it is kept.
+
+        The former is the energy of the half step before with the work up to now of the forces that end here; the latter that of the half
+        step after without the work from now on of the forces that begin here.  Under linear forces the change from the latter to the former
+        over a step is the work of the forces by the trapezoidal rule, which is that of an elastic energy.  The square of the velocity at
+        the positions exceeds them by h^2 f M^-1 f/8, much where bonds have just broken.  Both are v M v'/2 but where forces cease here or
+        the step changes: what they differ by the scheme itself takes.
+        """
+        before, now, after = velocities
+        arriving, leaving = (self._reductions.dot(side, now - 0.5 * side, self._mass) for side in (before, after))
+        return arriving, leaving
+
+    def _following_velocities(self, step: float) -> np.ndarray:
+        following = self.velocities.copy()
+        scheme = self.forces, self._free, self._mass, self._damping, step, self.last_step
+        central_difference_step[self.positions.shape[1]](self.positions.copy(), following, *scheme)
+        return following
 
     def mean_velocities(self) -> np.ndarray:
         """Velocities at the positions, the mean of those half a step before and after, shape (n, 2)."""
-        following = self.velocities.copy()
-        scheme = self.forces, self._free, self._mass, self._damping, self.last_step, self.last_step
-        central_difference_step[self.positions.shape[1]](self.positions.copy(), following, *scheme)
-        return 0.5 * (self.velocities + following)
+        return 0.5 * (self.velocities + self._following_velocities(self.last_step))
 
-    def damped_power(self) -> float:
-        """Power that damping and viscosity take; leaves the force evaluated at the positions themselves.
-
-        It is taken with the velocity at the positions.  That half a step before alone would overstate it where velocities change within a
-        step, as they do beside a crack.
-        """
-        mean = self.mean_velocities()
-        power = self._damping * self._reductions.dot(mean, mean, self._mass)
+    def damped_power(self) -> Power:
+        """Power that damping and viscosity take; leaves the force evaluated at the positions themselves."""
+        velocities = self.velocities_around()
+        taking = self._damping * self._mass[:, None] * velocities.now
+        power = self._damping * self._reductions.dot(velocities.now, velocities.now, self._mass)
         if self._viscosity > 0:
             self._hold(self.positions, 0.0)
-            self.force(self.positions, self._elastic)
+            self.force(self.positions, self.elastic)
             if self._loads is not None:
-                self._elastic += self._applied
-            power += self._reductions.dot(self._free * (self._elastic - self.forces), mean)
-        return power
+                self.elastic += self._applied
+            viscous = self._free * (self.elastic - self.forces)
+            taking += viscous
+            power += self._reductions.dot(viscous, velocities.now)
+        return Power(self._reductions.dot(taking, velocities.before), power, self._reductions.dot(taking, velocities.after))
