@@ -1,8 +1,12 @@
 """pdsurrogate: learnt bond forces of rubber-like materials, and a peridynamic solver that runs on them."""
 
+import logging
 from importlib import import_module
 
 __version__ = "0.1.0"
+
+# Silent unless the program that uses it wants to hear: `logging.getLogger("pdsurrogate").setLevel("INFO")` with a handler, or `-v`.
+logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 # Names are imported where they are first used: a simulation loads no scikit-learn, and training no solver.
 _HOMES = {
@@ -84,6 +88,7 @@ _HOMES = {
     "load_scene": "scenes",
     "load_surrogate": "artifacts",
     "load_test_data": "identification",
+    "preview": "run.preview",
     "reachable_stretches": "learning",
     "scene_names": "scenes",
     "simulate": "run.simulate",

@@ -7,7 +7,7 @@ Exit status 0: done; 1: the run failed, what was reached is saved; 2: bad input,
 import os
 import sys
 
-from . import comparing, materials, running, stress_test, studies, surrogates  # noqa: F401  (each adds its commands)
+from . import comparing, materials, running, showing, stress_test, studies, surrogates  # noqa: F401  (each adds its commands)
 from .application import app, err
 
 

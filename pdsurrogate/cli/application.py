@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import sys
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.measure import Measurement
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from ..ranks import communicator
@@ -19,17 +24,73 @@ app = typer.Typer(
     name="pdsurrogate",
     help="Learnt bond forces of rubber-like materials, and a peridynamic solver that runs on them.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 SECONDS_BEFORE_THE_OTHERS = 2.0
 """Time that the first rank has to speak for all and end the run."""
+
+BAR = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"), TimeElapsedColumn(), TimeRemainingColumn())
+"""Columns of all bars: what, how far, rate and residual or energy, time gone by and left."""
 
 MOST_COLUMNS = 10_000
 """More characters than the narrowest form of any table has in a line."""
 
 out = Console()
 err = Console(stderr=True)
+
+
+@dataclass
+class Settings:
+    """What options that all commands have say; set when a command begins."""
+
+    quiet: bool = False
+
+
+settings = Settings()
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from .. import __version__
+
+        out.print(f"pdsurrogate {__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def _before(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and end.")] = False,
+) -> None:
+    pass
+
+
+def print_json(data) -> None:
+    """Print data for programs, on standard output as it is."""
+    sys.stdout.write(json.dumps(data, indent=2) + "\n")
+
+
+def note(text: str) -> None:
+    """Print a remark on standard error, unless none are wanted."""
+    if not settings.quiet:
+        err.print(escape(text), soft_wrap=True, highlight=False)
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Callable[[float, str], None]]:
+    """A bar that is told the share that is done and what to say beside it; nothing where standard error is no terminal."""
+    with Progress(*BAR, console=err, transient=True, disable=settings.quiet or not err.is_terminal) as bar:
+        task = bar.add_task(title, total=1.0, state="")
+        yield lambda share, state: bar.update(task, completed=share, state=state)
+
+
+@contextmanager
+def status(text: str) -> Iterator[Callable[[str], None]]:
+    """A line that says what is being done; nothing where standard error is no terminal."""
+    if settings.quiet or not err.is_terminal:
+        yield lambda text: None
+        return
+    with err.status(text) as line:
+        yield lambda text: line.update(escape(text))
 
 
 def show(table: Table) -> None:

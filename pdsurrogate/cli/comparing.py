@@ -8,15 +8,18 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from .application import app, bad_input, err, law_of, out, show, writing
+from .application import bad_input, err, law_of, note, print_json, show, status, writing
+from .common import AsJson, command
 
 
-@app.command()
+@command()
 def compare(
     material: Annotated[str, typer.Option(help="Material law.")] = "neo-hookean",
     change: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter of the law; may be repeated.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A look in under a minute, not for quoting.")] = False,
     folder: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write CSV, JSON and the Pareto figure here.")] = None,
+    threads: Annotated[int | None, typer.Option(help="Most threads that are measured; by default all.")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Measure every force model: speed against error, on one thread and on all."""
     from ..reports import compare as report_module
@@ -29,8 +32,10 @@ def compare(
     if folder is not None:
         with bad_input(OSError):
             check_writable(folder)
-    with err.status("Starting") as status:
-        report = report_module.compare(law, quick, lambda text: status.update(text.capitalize()))
+    with bad_input(ValueError), status("Starting") as told:
+        report = report_module.compare(law, quick, lambda text: told(text.capitalize()), threads)
+    if as_json:
+        print_json(report)
     header, rows = presentation.table(report)
     machine = report["machine"]
     table = Table(title=f"{law.name}, {machine['processor']}, {machine['threads']} threads", title_justify="left")
@@ -46,4 +51,4 @@ def compare(
             write_text(folder / "compare.csv", presentation.as_csv(report))
             figures.save(presentation.pareto_figure(report), folder / "compare.png")
             write_json(folder / "compare.json", report)
-        out.print(f"Results in {folder}", soft_wrap=True)
+        note(f"Results in {folder}")

@@ -9,16 +9,19 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from .application import app, bad_input, err, out, show, writing
+from .application import bad_input, err, note, out, print_json, show, status, writing
+from .common import AsJson, command
 
 DATA_HELP = "Test data: treloar, kawabata, or a CSV with mode, stretch and nominal_stress."
 
 
-@app.command()
-def materials() -> None:
+@command()
+def materials(as_json: AsJson = False) -> None:
     """List the material laws with their parameters."""
     from ..materials import LAWS
 
+    if as_json:
+        print_json([{**law().describe(), "bounds": law.bounds, "source": law.reference} for law in LAWS.values()])
     table = Table(title="Laws; every parameter is set by --set material.NAME=VALUE", title_justify="left")
     for title in ("law", "parameter", "default", "bounds in identification", "source"):
         table.add_column(title)
@@ -69,7 +72,7 @@ def print_identified(found: dict) -> None:
         err.print(f"[yellow]{law} describes {', '.join(worse)} worse than the mean stress does (R^2 below 0).[/]", soft_wrap=True)
 
 
-@app.command()
+@command()
 def identify(
     data: Annotated[Path, typer.Argument(metavar="DATA", help=DATA_HELP)],
     law: Annotated[list[str] | None, typer.Option(help="Law; may be repeated; all laws by default.")] = None,
@@ -77,6 +80,7 @@ def identify(
     stretch: Annotated[float | None, typer.Option("--up-to", help="Leave out rows beyond this stretch.")] = None,
     hold_out: Annotated[bool, typer.Option("--hold-out", help="Hold out each mode in turn, and report how the others predict it.")] = False,
     folder: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write identify.json and identify.png here.")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Find a law's parameters from test data."""
     from sklearn.base import clone
@@ -92,12 +96,14 @@ def identify(
     found, models = [], []
     with bad_input(ValueError):
         for name in law or LAWS:
-            with err.status(f"Fitting {name}"):
+            with status(f"Fitting {name}"):
                 model, rows = identified(data, name, terms, stretch)
             models.append(model)
             found.append(report(model, rows))
             print_identified(found[-1])
         held_out = held_out_modes([clone(model) for model in models], rows) if hold_out else []
+    if as_json:
+        print_json({"laws": found, "held_out": held_out})
     if held_out:
         table = Table(title="Modes held out", title_justify="left")
         for title in ("law", "fitted to", "R^2 of the mode held out", "relative RMS"):
@@ -110,4 +116,4 @@ def identify(
         with writing(folder):
             write_json(folder / "identify.json", {"laws": found})
             figures.save(figure(models, rows), folder / "identify.png")
-        out.print(f"Results in {folder}", soft_wrap=True)
+        note(f"Results in {folder}")

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
+import time
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
@@ -10,10 +13,11 @@ from typing import Annotated
 import numpy as np
 import typer
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import Progress
 from rich.table import Table
 
-from .application import app, bad_input, err, only_the_first_speaks, out, said_aloud, show, writing
+from .application import BAR, bad_input, err, note, only_the_first_speaks, out, print_json, said_aloud, settings, show, writing
+from .common import AsJson, command
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells give it: 128 and the number of the signal."""
@@ -40,7 +44,7 @@ def how_to_resume(folder: Path | None) -> str:
     return f"the checkpoint is in {escape(str(folder))}: the same command with --resume goes on from it"
 
 
-@app.command()
+@command()
 def run(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene, or the path of a scene file (.toml).")],
     force: Annotated[
@@ -61,6 +65,7 @@ def run(
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in DIR, to the same result.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scene in DIR.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON in the place of tables.")] = False,
 ) -> None:
     """Run a scene and compare it with its reference."""
     from ..artifacts import ArtifactError, default_force, with_material
@@ -106,12 +111,14 @@ def run(
                 result = simulate(described, model, threads=threads, progress=bar, folder=folder, resume=resume, overwrite=overwrite)
         except SimulationFailed as error:
             failure, result = error, error.result
+        if as_json and first:
+            print_json(result.summary)
         _print_cells(result)
         (_print_levels if described.stretched else _print_outputs)(result)
         if folder is not None and first:
             with writing(folder):
                 result.save(folder)
-            out.print(f"Results in {folder}", soft_wrap=True)
+            note(f"Results in {folder}")
         communicator().barrier()  # whoever ends with an error ends the others
     if any(level.get("stability") == "not checked" for level in result.levels):
         pushed = "The grips push" if described.stretched else "Parts of the body are compressed"
@@ -145,11 +152,12 @@ class _Bar:
 
     def __init__(self, scene) -> None:
         self._scene = scene
-        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"), TimeElapsedColumn())
-        self._progress = Progress(*columns, console=err, transient=True)
+        self._progress = Progress(*BAR, console=err, transient=True, disable=settings.quiet or not err.is_terminal)
         self._task = None
         self._first = None
         self._moving = False
+        self._account = ""
+        self._began, self._counted = 0.0, 0
 
     def __enter__(self) -> _Bar:
         self._progress.start()
@@ -160,7 +168,7 @@ class _Bar:
 
     def compiling(self) -> None:
         """Say that kernels are compiled."""
-        err.print("Compiling kernels, once on this machine; later runs load them from the cache.")
+        note("Compiling kernels, once on this machine; later runs load them from the cache.")
 
     def level(self, number: int, parameter: float) -> None:
         """Begin the way to an output."""
@@ -174,6 +182,15 @@ class _Bar:
         if self._task is not None:
             self._progress.remove_task(self._task)
         self._task, self._first = self._progress.add_task(title, total=1.0, state=""), None
+        self._began, self._counted = time.monotonic(), 0
+
+    def _rate(self, count: int, what: str) -> str:
+        """How many evaluations or steps a second this part of the way has taken."""
+        if not self._counted:
+            self._began, self._counted = time.monotonic(), count
+            return ""
+        elapsed = time.monotonic() - self._began
+        return f", {(count - self._counted) / elapsed:.3g} {what}/s" if elapsed > 0 and count > self._counted else ""
 
     def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
         """Show how far the residual has come down to its tolerance."""
@@ -181,7 +198,8 @@ class _Bar:
             self._first = residual
         span = math.log10(max(self._first, 1e-300) / tolerance)
         done = math.log10(max(self._first, 1e-300) / max(residual, 1e-300)) / span if span > 0 else 1.0
-        self._progress.update(self._task, completed=min(max(done, 0.0), 1.0), state=f"residual {residual:.1e}, {evaluations} evaluations")
+        state = f"residual {residual:.1e}, {evaluations} evaluations{self._rate(evaluations, 'evaluations')}"
+        self._progress.update(self._task, completed=min(max(done, 0.0), 1.0), state=state)
 
     def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
         """Show how far the dynamics have come."""
@@ -189,7 +207,13 @@ class _Bar:
             self._begin(f"{self._scene.name}: dynamics")
             self._moving = True
         broken = f", {broken_bonds} bonds broken" if self._scene.fracture is not None else ""
-        self._progress.update(self._task, completed=done, state=f"{'stretch ' if self._scene.stretched else 't = '}{parameter:.4f}{broken}")
+        state = f"{'stretch ' if self._scene.stretched else 't = '}{parameter:.4f}{broken}{self._account}"
+        self._progress.update(self._task, completed=done, state=state)
+
+    def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
+        """Take the energies, to show them with what comes next."""
+        rate = self._rate(steps, "steps")
+        self._account = f", energies {strain_energy:.3g} strain, {kinetic_energy:.2g} kinetic{rate}"
 
 
 def _print_crack(summary) -> None:
@@ -330,16 +354,76 @@ def _print_grip(summary) -> None:
         )
 
 
-@app.command()
-def scenes() -> None:
-    """List the built-in scenes."""
-    from ..scenes import load_scene, scene_names
+@command()
+def scenes(
+    name: Annotated[str | None, typer.Argument(metavar="[SCENE]", help="Tell of this one: a name, or the path of a scene file.")] = None,
+    plot: Annotated[bool, typer.Option("--plot", help="Draw it with its regions, grips, loads and probes, without running it.")] = False,
+    change: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="As of run.")] = None,
+    pictures: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the picture goes.")] = Path(),
+    as_json: AsJson = False,
+) -> None:
+    """List the built-in scenes, or tell of one scene and draw it before it is run."""
+    from ..scenes import SceneError, load_scene, scene_names
 
-    table = Table(title="Scenes", title_justify="left")
-    table.add_column("scene")
-    table.add_column("body")
-    table.add_column("what it is")
-    for name in scene_names():
-        scene = load_scene(name)
-        table.add_row(name, "in space" if scene.dimension == 3 else "in the plane", scene.title)
+    if name is None:
+        with bad_input(ValueError):
+            if plot or change:
+                raise ValueError(f"{'--plot' if plot else '--set'} needs the scene that is meant: pdsurrogate scenes NAME")
+        known = [load_scene(one) for one in scene_names()]
+        if as_json:
+            print_json([{"name": one.name, "dimension": one.dimension, "title": one.title} for one in known])
+        table = Table(title="Scenes", title_justify="left")
+        for title in ("scene", "body", "what it is"):
+            table.add_column(title)
+        for one in known:
+            table.add_row(one.name, "in space" if one.dimension == 3 else "in the plane", one.title)
+        show(table)
+        return
+    with bad_input(SceneError):
+        scene = load_scene(name, change or [])
+    given = scene.model_dump(mode="json", by_alias=True, exclude_defaults=True, exclude_none=True)
+    if as_json:
+        print_json(given)
+    table = Table(title=f"Scene {scene.name}", title_justify="left", show_header=False)
+    table.add_column("key")
+    table.add_column("value", overflow="fold")
+    for key, value in given.items():
+        for number, entry in enumerate(value) if isinstance(value, list) and value and isinstance(value[0], dict) else ((None, value),):
+            shown = ", ".join(f"{inner} = {json.dumps(said)}" for inner, said in entry.items()) if isinstance(entry, dict) else entry
+            table.add_row(key if number is None else f"{key}.{number}", escape(shown if isinstance(shown, str) else json.dumps(shown)))
     show(table)
+    if plot:
+        from ..results import figures
+        from ..results.files import check_writable
+        from ..run.preview import preview
+
+        path = pictures / f"{scene.name}-scene.png"
+        with bad_input(SceneError, OSError):
+            check_writable(pictures)
+            figure = preview(scene)
+        with writing(pictures):
+            figures.save(figure, path)
+        note(f"Wrote {path}")
+
+
+@command()
+def new(
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Of the new scene.")],
+) -> None:
+    """Write a commented scene to start from."""
+    from importlib import resources
+
+    from ..results.files import write_text
+    from ..scenes import load_scene
+
+    with bad_input(ValueError):
+        if file.suffix != ".toml":
+            raise ValueError(f"{file}: the file of a scene ends in .toml")
+        if file.exists():
+            raise ValueError(f"{file}: there is such a file already; take another name")
+        name = re.sub(r"[^A-Za-z0-9 ._-]", "-", file.stem).lstrip(" ._-")[:64] or "scene"
+    text = (resources.files(__package__) / "template.toml").read_text("utf-8")
+    with writing(file):
+        write_text(file, text.format(name=name, file=file))
+    load_scene(file)
+    note(f"Wrote {file}; look at it with: pdsurrogate scenes {file} --plot; run it with: pdsurrogate run {file} --out out")

@@ -9,10 +9,11 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .application import app, bad_input, err, out, show, writing
+from .application import bad_input, note, out, print_json, show, status, writing
+from .common import AsJson, command
 
 
-@app.command("stress-test")
+@command("stress-test")
 def stress_test(
     force: Annotated[
         list[str] | None, typer.Option(metavar="REF", help="Force model (NAME, NAME@VERSION, path); may be repeated; all by default.")
@@ -22,6 +23,8 @@ def stress_test(
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A fiftieth of the explicit steps.")] = False,
     folder: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write stress-test.json here.")] = None,
+    threads: Annotated[int | None, typer.Option(help="Most threads of the kernels; by default all.")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Put every force model to hard cases: what was asked, what came, pass or a named weakness."""
     from ..artifacts import ArtifactError
@@ -33,11 +36,13 @@ def stress_test(
         with bad_input(OSError):
             check_writable(folder)
     known = report_module.BODIES
-    with bad_input(ArtifactError, ValueError), err.status("Starting") as status:
+    with bad_input(ArtifactError, ValueError), status("Starting") as told:
         if plane not in (None, *known):
             raise ValueError(f"--plane: must be {' or '.join(known)}, for {' or '.join(known.values())}, not {plane}")
         planes = tuple(known) if plane is None else (plane,)
-        report = report_module.stress_test(force, quick, lambda text: status.update(escape(text)), planes)
+        report = report_module.stress_test(force, quick, told, planes, threads)
+    if as_json:
+        print_json(report)
     for tested in report_module.planes_of(report):
         header, rows = report_module.table(report, tested)
         printed = Table(title=f"Hard cases of {known[tested]}", title_justify="left", show_lines=True)
@@ -55,4 +60,4 @@ def stress_test(
     if folder is not None:
         with writing(folder):
             write_json(folder / "stress-test.json", report)
-        out.print(f"Results in {folder}", soft_wrap=True)
+        note(f"Results in {folder}")

@@ -9,14 +9,15 @@ import typer
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from .application import app, bad_input, err, out, writing
+from .application import bad_input, err, note, print_json, settings, writing
+from .common import AsJson, command
 from .running import INTERRUPTED
 
 MOST_FAILURES = 5
 """Told one by one; the table has them all."""
 
 
-@app.command()
+@command()
 def study(
     description: Annotated[Path, typer.Argument(metavar="STUDY", help="A study file (.toml): a scene or a fit, and its parameters.")],
     folder: Annotated[
@@ -27,6 +28,7 @@ def study(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, as tcp://host:8786, whose workers do the runs.")
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Run a scene with many parameters, or fit many surrogates, in parallel; runs that are done are not done again."""
     from ..artifacts import ArtifactError
@@ -53,7 +55,9 @@ def study(
     for caution in result.cautions():
         err.print(f"[yellow]{escape(caution)}[/]", soft_wrap=True)
     figure = f" and {FIGURE}" if (result.folder / FIGURE).exists() else ""
-    out.print(f"{len(result.rows)} runs: {TABLE}{figure} in {folder}", soft_wrap=True, highlight=False)
+    if as_json:
+        print_json(result.rows)
+    note(f"{len(result.rows)} runs: {TABLE}{figure} in {folder}")
     if interrupted is not None:
         err.print(f"[yellow]pdsurrogate:[/] {escape(str(interrupted))}", soft_wrap=True)
         raise typer.Exit(INTERRUPTED)
@@ -72,7 +76,7 @@ class _StudyBar:
             TextColumn("{task.fields[state]}"),
             TimeElapsedColumn(),
         )
-        self._progress = Progress(*columns, console=err, transient=True, disable=not err.is_terminal)
+        self._progress = Progress(*columns, console=err, transient=True, disable=settings.quiet or not err.is_terminal)
         self._name, self._task, self._failed = name, None, 0
 
     def __enter__(self) -> _StudyBar:
@@ -91,7 +95,7 @@ class _StudyBar:
             if workers.scheduler
             else f"{workers.jobs} at a time, threads of each: {workers.threads}"
         )
-        err.print(f"{runs} runs, {done} of them done before; {by}", soft_wrap=True, highlight=False)
+        note(f"{runs} runs, {done} of them done before; {by}")
         self._task = self._progress.add_task(self._name, total=runs, completed=done, state="")
 
     def ended(self, place: str, failure: str | None) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -11,13 +10,14 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .application import app, bad_input, described_law, err, law_of, out, show, writing
+from .application import bad_input, described_law, err, law_of, note, out, print_json, show, status, writing
+from .common import AsJson, command
 from .materials import DATA_HELP, identified, print_identified
 
 Reference = Annotated[str, typer.Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")]
 
 
-@app.command()
+@command()
 def fit(
     name: Annotated[str, typer.Argument(help="Name of the new artefact.")],
     version: Annotated[str, typer.Option(help="Its version; versions never change once written.")] = "1",
@@ -46,6 +46,7 @@ def fit(
     folds: Annotated[int, typer.Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5,
     seed: Annotated[int, typer.Option(help="Seed of samples, split and first weights.", min=0)] = 0,
     folder: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of artefacts.")] = Path("artifacts"),
+    as_json: AsJson = False,
 ) -> None:
     """Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."""
     from ..artifacts import ArtifactError, load_card, new_artifact
@@ -63,7 +64,7 @@ def fit(
         if data is not None:
             if change:
                 raise ValueError("--data finds the law's parameters, --set gives them: choose one")
-            with err.status(f"Fitting {law} to {data}"):
+            with status(f"Fitting {law} to {data}"):
                 model, rows = identified(data, law, terms, None)
             material, found = model.law_, report(model, rows)
             print_identified(found)
@@ -74,9 +75,9 @@ def fit(
         else:
             material = law_of(law, change)
         design, (pipeline, _) = settings.design(material), settings.pipeline()
-        with err.status("Fitting"):
+        with status("Fitting"):
             pipeline.fit(design.X, design.y)
-        with err.status(f"Cross-validating, {folds} folds"):
+        with status(f"Cross-validating, {folds} folds"):
             table = settings.cross_validate(pipeline, design)
         try:
             with writing(folder):
@@ -85,13 +86,15 @@ def fit(
             err.print(f"[red]pdsurrogate:[/] {escape(str(error))}", soft_wrap=True)
             raise typer.Exit(1) from None
         card = load_card(path)
+    if as_json:
+        print_json({"artefact": f"{name}@{version}", "path": str(path), "errors": card.errors, "training": card.training})
     (_print_energy_errors if energy else _print_errors)(card.errors["box"])
     for row in card.training["cross_validation"]:
         out.print(f"fold {row['fold']}: relative RMS error {row['rms']:.2e} on samples left out")
-    out.print(f"Wrote {path}", soft_wrap=True)
+    note(f"Wrote {path}")
 
 
-@app.command()
+@command()
 def evaluate(
     reference: Reference,
     least: Annotated[float | None, typer.Option(help="Least principal stretch, below 1; the artefact's own domain by default.")] = None,
@@ -99,7 +102,7 @@ def evaluate(
     samples: Annotated[int, typer.Option(help="States in each set.", min=100)] = 20_000,
     seed: Annotated[int, typer.Option(help="Seed of the states.", min=0)] = 2_000_003,
     law: Annotated[str | None, typer.Option(help="Law to compare with; the artefact's own by default.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compare a bond force or an energy with the exact one: by strain, at rest, and its stiffness; a force on and off plane stress."""
     from ..artifacts import ArtifactError, load_surrogate
@@ -119,7 +122,7 @@ def evaluate(
         stretches = _range(model, least, greatest)
         report = report_of(model.bond_force, material, stretches, samples, seed)
     if as_json:
-        sys.stdout.write(json.dumps(report, indent=2) + "\n")
+        print_json(report)
     else:
         _print_errors(report)
 
@@ -153,7 +156,7 @@ def _evaluate_energy(reference, model, law, stretches, samples, seed, as_json) -
     low, high = _range(model, *stretches)
     report = evaluate_energy(model, material, (low, high), samples, seed)
     if as_json:
-        sys.stdout.write(json.dumps(report, indent=2) + "\n")
+        print_json(report)
         return
     _print_energy_errors(report)
 
@@ -193,9 +196,10 @@ def _print_errors(report: dict) -> None:
     )
 
 
-@app.command()
+@command()
 def artifacts(
     reference: Annotated[str | None, typer.Argument(metavar="[REF]", help="Show this one's card.")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """List the artefacts that are found by name, or show one's card."""
     from ..artifacts import ArtifactError, list_artifacts, load_card
@@ -207,9 +211,11 @@ def artifacts(
     table = Table(title="Artefacts", title_justify="left")
     for title in ("artefact", "law", "features", "RMS error", "where"):
         table.add_column(title, overflow="ellipsis" if title == "RMS error" else "fold")
+    known = []
     for folder in list_artifacts():
         try:
             card = load_card(folder)
+            known.append({"name": card.name, "version": card.version, "kind": card.kind, "law": card.material.law, "path": str(folder)})
         except ArtifactError as error:
             table.add_row(f"{folder.parent.name}@{folder.name}", f"[red]{escape(str(error))}[/]", "", "", str(folder))
             continue
@@ -222,3 +228,5 @@ def artifacts(
             str(folder),
         )
     show(table)
+    if as_json:
+        print_json(known)

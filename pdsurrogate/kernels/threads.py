@@ -82,9 +82,36 @@ def threads_in_use() -> int:
     return numba.get_num_threads()
 
 
+_most: int | None = None
+
+
+def most_threads() -> int:
+    """Threads that numba was started with, or fewer within `at_most`."""
+    return _most or numba.config.NUMBA_NUM_THREADS
+
+
+@contextmanager
+def at_most(threads: int | None) -> Iterator[None]:
+    """Context in which everything keeps to so many threads; None for all.
+
+    Raises
+    ------
+    ValueError
+        If there are not so many.
+    """
+    global _most
+    before = _most
+    with thread_count(threads):
+        _most = threads or before
+        try:
+            yield
+        finally:
+            _most = before
+
+
 def threads_for(pairs: int) -> int:
-    """How many threads pay for a body of so many pairs of points: at most all that numba was started with."""
-    return max(1, min(numba.config.NUMBA_NUM_THREADS, pairs // PAIRS_PER_THREAD))
+    """How many threads pay for a body of so many pairs of points: at most `most_threads`."""
+    return max(1, min(most_threads(), pairs // PAIRS_PER_THREAD))
 
 
 class Chunks(NamedTuple):
@@ -109,7 +136,7 @@ def thread_count(threads: int | None) -> Iterator[int]:
     ValueError
         If there are not so many.
     """
-    most = numba.config.NUMBA_NUM_THREADS
+    most = most_threads()
     if threads is not None and not 1 <= threads <= most:
         raise ValueError(f"threads must be between 1 and {most} on this machine, not {threads}")
     before = threads_in_use()

@@ -18,6 +18,7 @@ from ..forces import (
     NOSBForce,
 )
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
+from ..kernels.threads import at_most, most_threads
 from ..learning import (
     ChebyshevRegressor,
     LevenbergMarquardtRegressor,
@@ -136,7 +137,9 @@ def measure_scene(entry: Candidate, law: Law, spacing: float) -> dict:
     }
 
 
-def compare(law: Law | None = None, quick: bool = False, progress: Callable[[str], None] = lambda text: None) -> dict:
+def compare(
+    law: Law | None = None, quick: bool = False, progress: Callable[[str], None] = lambda text: None, threads: int | None = None
+) -> dict:
     """Measure every force model.
 
     Parameters
@@ -147,13 +150,24 @@ def compare(law: Law | None = None, quick: bool = False, progress: Callable[[str
         Coarser scene, smaller fits, less patience: for a look, not for quoting.
     progress : callable
         Told what is being done.
+    threads : int, optional
+        Most that are measured; by default all.
 
     Returns
     -------
     dict
         ``machine``, ``material``, ``settings`` and ``models``: a list of rows, one for each model and precision.
+
+    Raises
+    ------
+    ValueError
+        If there are not so many threads.
     """
-    law = law or NeoHookean()
+    with at_most(threads):
+        return _compare(law or NeoHookean(), quick, progress)
+
+
+def _compare(law: Law, quick: bool, progress: Callable[[str], None]) -> dict:
     spacing = 0.05 if quick else 0.02
     entries = candidates(law, quick, progress)
     body, patience = sheet(), 10.0 if quick else 200.0
@@ -179,7 +193,7 @@ def compare(law: Law | None = None, quick: bool = False, progress: Callable[[str
         row["speedup_over_ba_nosb"] = cost[RIVAL] / row["ns_per_directed_bond_1"]
         row["cost_over_nosb"] = row["ns_per_directed_bond_1"] / cost[REFERENCE]
     return {
-        "machine": {"processor": processor(), "threads": numba.config.NUMBA_NUM_THREADS, "numba": numba.__version__},
+        "machine": {"processor": processor(), "threads": most_threads(), "numba": numba.__version__},
         "material": law.describe(),
         "settings": {"quick": quick, "points": len(body), "patience": patience, "scene_spacing": spacing},
         "models": rows,

@@ -7,14 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-import numba
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..body import Body
 from ..forces import ForceModel, ForceSettings
 from ..kernels.block_arrays import BLOCK, aligned_rows
-from ..kernels.threads import thread_count
+from ..kernels.threads import most_threads, thread_count
 from ..materials import Law, homogeneous
 from .calibration import ROWS, arithmetic
 
@@ -82,7 +81,7 @@ def measure_speed(cases: list[TimedModel], law: Law, patience: float, progress: 
         ``disturbance_all`` (how many times as long as at its best arithmetic took there), and the medians of all timings,
         ``ns_per_directed_bond_1_at_any_time`` and ``ns_per_directed_bond_all_at_any_time``.
     """
-    threads = sorted({1, numba.config.NUMBA_NUM_THREADS})
+    threads = sorted({1, most_threads()})
     whole, bonds, calls = {}, {}, {}
     for number, case in enumerate(cases):
         positions, out = bench_positions(case.body, law), np.empty_like(case.body.points)

@@ -75,7 +75,23 @@ def forces_figure(t: list[float], forces: dict[str, list[float]], unit: str) -> 
         return figure
 
 
-def contour_figure(cells: list[np.ndarray], values: list[np.ndarray], label: str, titles: list[str]) -> Figure:
+def energies_figure(label: str, places: list[float], energies: dict[str, list[float]], unit: str) -> Figure | None:
+    """Energies by name over time or the loading parameter; None where there are none."""
+    if not energies:
+        return None
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(4.8, 3.2), layout="constrained")
+        axis = figure.subplots()
+        for name, values in energies.items():
+            axis.plot(places, values, ".-" if len(places) < 30 else "-", lw=1.2, ms=4, label=name.replace("_", " "))
+        axis.legend(frameon=False)
+        axis.set(xlabel=label, ylabel=f"energy ({unit})")
+        return figure
+
+
+def contour_figure(
+    cells: list[np.ndarray], values: list[np.ndarray], label: str, titles: list[str], scale: tuple[float, float] | None = None
+) -> Figure:
     """Deformed bodies, to one scale of length, side by side or one below the other, whichever fits a page.
 
     Parameters
@@ -87,6 +103,8 @@ def contour_figure(cells: list[np.ndarray], values: list[np.ndarray], label: str
     label : str
         Of the colour bars.
     titles : list of str
+    scale : tuple of float, optional
+        Ends of the scale of colours of all; by default those of the values of each.
     """
     extents = np.array([corners.max(axis=(0, 1)) - corners.min(axis=(0, 1)) for corners in cells])
     wide = extents[:, 0].max() > extents[:, 1].max()
@@ -100,7 +118,7 @@ def contour_figure(cells: list[np.ndarray], values: list[np.ndarray], label: str
             figure = Figure(figsize=(7.2, extents[:, 1].max() * scale + 0.5), layout="constrained")
             axes = figure.subplots(1, len(cells), squeeze=False, gridspec_kw={"width_ratios": extents[:, 0]})[0]
         for axis, corners, value, title in zip(axes, cells, values, titles, strict=True):
-            drawn = draw_cells(axis, corners, value, clim=limits_of(value))
+            drawn = draw_cells(axis, corners, value, clim=scale or limits_of(value))
             axis.set_title(title, pad=2)
             # One scale of length for all: every axis shows as much as the largest body needs along its common side.
             middle = corners.mean(axis=(0, 1))

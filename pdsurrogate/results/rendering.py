@@ -16,16 +16,18 @@ SIZE = (1400, 700)
 """Of a picture, in pixels."""
 
 
-def save(cells: CellMesh, moved: np.ndarray, values: np.ndarray, label: str, title: str, path: Path) -> None:
+def save(
+    cells: CellMesh, moved: np.ndarray, values: np.ndarray, label: str, title: str, path: Path, scale: tuple[float, float] | None = None
+) -> None:
     """Write a PNG of a state: cells displaced by (k, 3) from outside, and cut through the middle, coloured by values (n,).
 
-    A warning says so where matplotlib draws it, and why.
+    Colours go from end to end of the scale, by default of the values.  A warning says so where matplotlib draws it, and why.
     """
     try:
         import pyvista
     except ImportError:
         warnings.warn("pyvista is not installed, so matplotlib draws; pip install 'pdsurrogate[results]'", stacklevel=3)
-        figures.save(views.contour_figure([(cells, moved)], [values], label, [title]), path)
+        figures.save(views.contour_figure([(cells, moved)], [values], label, [title], scale), path)
         return
     axis, middle = views.cut_of(cells)
     kinds = {getattr(pyvista.CellType, CELL_TYPES[3, block.shape[1]].upper()): block for block in cells.blocks}
@@ -33,7 +35,7 @@ def save(cells: CellMesh, moved: np.ndarray, values: np.ndarray, label: str, tit
     grid = pyvista.UnstructuredGrid(kinds, cells.nodes)
     grid.cell_data[label], grid.point_data["u"] = values, moved
     cut = grid.slice(normal=np.eye(3)[axis], origin=np.eye(3)[axis] * middle)
-    limits = figures.limits_of(values)
+    limits = scale or figures.limits_of(values)
     drawn = pyvista.Plotter(off_screen=True, shape=(1, 2), window_size=SIZE, border=False)
     for number, part in enumerate((grid, cut)):
         drawn.subplot(0, number)

@@ -167,7 +167,7 @@ class Result:
             raise IndexError(f"level {level}: the result has no such state; {there}")
         return self.states[level][1]
 
-    def plot(self, field: str = "displacement", level: int = -1):
+    def plot(self, field: str = "displacement", level: int = -1, limits: tuple[float, float] | None = None):
         """Figure of the deformed body at a level, coloured by a field.
 
         Parameters
@@ -175,6 +175,8 @@ class Result:
         field : str
             As for `field`; of a vector without component its length is shown.
         level : int
+        limits : tuple of float, optional
+            Values at the ends of the scale of colours; by default the least and the greatest.
 
         Returns
         -------
@@ -186,9 +188,9 @@ class Result:
             As `field` does, and of a tensor without component.
         """
         self._fields(level)
-        return self._picture(field, [range(len(self.states))[level]])
+        return self._picture(field, [range(len(self.states))[level]], limits)
 
-    def _picture(self, field: str, numbers: list[int]):
+    def _picture(self, field: str, numbers: list[int], limits: tuple[float, float] | None = None):
         """Figure of states coloured by a field."""
         from . import figures, views
 
@@ -198,8 +200,8 @@ class Result:
         cells, titles = [self.cells(number) for number in numbers], [self.title(number) for number in numbers]
         label = self.label(field)
         if self.scene.dimension == 3:
-            return views.contour_figure(cells, values, label, titles)
-        return figures.contour_figure([figures.polygons_of(*pair) for pair in cells], values, label, titles)
+            return views.contour_figure(cells, values, label, titles, limits)
+        return figures.contour_figure([figures.polygons_of(*pair) for pair in cells], values, label, titles, limits)
 
     def label(self, field: str) -> str:
         """What is written beside a field or a component of one: its name and its unit."""
@@ -245,7 +247,7 @@ class Result:
         rows = [[f"{row[column]:.6g}" if column in row else "" for column in columns] for row in shown]
         return html_facts(f"Result of {summary['scene']}", facts) + (html_table(header, rows) if rows else "")
 
-    def render(self, path: str | Path, field: str = "von_mises", level: int = -1) -> None:
+    def render(self, path: str | Path, field: str = "von_mises", level: int = -1, limits: tuple[float, float] | None = None) -> None:
         """Write a picture of a state in space, coloured by a field: by pyvista where it is installed, else by matplotlib with a warning.
 
         Parameters
@@ -256,6 +258,8 @@ class Result:
             As for `plot`.
         level : int
             Number of the state.
+        limits : tuple of float, optional
+            As for `plot`.
 
         Raises
         ------
@@ -269,7 +273,7 @@ class Result:
         if self.scene.dimension == 2:
             raise ValueError("render draws bodies in space; plot draws those in the plane")
         values, number = scalars_of(self._fields(level), field), range(len(self.states))[level]
-        rendering.save(*self.cells(number), values, self.label(field), self.title(number), Path(path))
+        rendering.save(*self.cells(number), values, self.label(field), self.title(number), Path(path), limits)
 
     def in_dynamics(self) -> list[int]:
         """Numbers of the states that were recorded in dynamics."""

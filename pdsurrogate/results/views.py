@@ -26,7 +26,13 @@ EDGES_OF_CELLS = {
 """By the number of corners."""
 
 
-def contour_figure(moved: list[tuple[CellMesh, np.ndarray]], values: list[np.ndarray], label: str, titles: list[str]) -> Figure:
+def contour_figure(
+    moved: list[tuple[CellMesh, np.ndarray]],
+    values: list[np.ndarray],
+    label: str,
+    titles: list[str],
+    scale: tuple[float, float] | None = None,
+) -> Figure:
     """One row a state: the body from outside, and its cut through the middle across the thinnest direction, coloured by values.
 
     Parameters
@@ -38,6 +44,8 @@ def contour_figure(moved: list[tuple[CellMesh, np.ndarray]], values: list[np.nda
     label : str
         Of the colour bars.
     titles : list of str
+    scale : tuple of float, optional
+        Ends of the scale of colours of all; by default those of the values of each.
     """
     places = [cells.nodes + displacement for cells, displacement in moved]
     low, high = np.min([nodes.min(axis=0) for nodes in places], axis=0), np.max([nodes.max(axis=0) for nodes in places], axis=0)
@@ -46,9 +54,9 @@ def contour_figure(moved: list[tuple[CellMesh, np.ndarray]], values: list[np.nda
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(7.2, 2.9 * len(moved)), layout="constrained")
         for number, ((cells, _), nodes, value, title) in enumerate(zip(moved, places, values, titles, strict=True)):
-            limits = Normalize(*limits_of(value))
+            limits = Normalize(*(scale or limits_of(value)))
             outside = figure.add_subplot(len(moved), 2, 2 * number + 1, projection="3d", computed_zorder=False)
-            _draw_outside(outside, cells, nodes, value, limits)
+            draw_outside(outside, cells, nodes, matplotlib.colormaps["turbo"](limits(value)))
             outside.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
             outside.set_box_aspect(high - low, zoom=1.1)
             outside.set_title(title, pad=0)
@@ -71,8 +79,8 @@ def cut_of(cells: CellMesh) -> tuple[int, float]:
     return axis, float(cells.nodes[:, axis].min() + cells.nodes[:, axis].max()) / 2
 
 
-def _draw_outside(axes, cells: CellMesh, nodes: np.ndarray, values: np.ndarray, limits: Normalize) -> None:
-    """Those sides of cells that face the eye and have no cell beyond them, far ones first."""
+def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray) -> None:
+    """Those sides of cells that face the eye and have no cell beyond them, far ones first, in the colours of the cells (n, 4)."""
     axes.view_init(ELEVATION, AZIMUTH)
     axes.set_proj_type("ortho")
     axes.set_axis_off()
@@ -89,7 +97,7 @@ def _draw_outside(axes, cells: CellMesh, nodes: np.ndarray, values: np.ndarray, 
     seen = seen[np.argsort(sides[seen].mean(axis=1) @ EYE)]
     light = LightSource(AZIMUTH, 45).direction
     brightness = 0.8 + 0.2 * np.clip(normals[seen] @ light, 0, 1)
-    colours = matplotlib.colormaps["turbo"](limits(values[owners[seen]]))
+    colours = of_cells[owners[seen]].copy()
     colours[:, :3] *= brightness[:, None]
     axes.add_collection3d(Poly3DCollection(sides[seen], facecolors=colours, edgecolors=colours, linewidths=0.2, zsort="average"))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from contextlib import suppress
 
 import numpy as np
@@ -13,6 +14,8 @@ from ..solvers.branch import Branch
 from .programme import Stage
 from .rows import compare, equilibrium_columns, level_row
 from .run import Run
+
+logger = logging.getLogger(__name__)
 
 HARD = 2.0
 """Evaluations of an increment, over the mean of those before it in its stage, beyond which the next one is not made longer."""
@@ -171,6 +174,7 @@ def _take_back(
     parameter = run.loading.parameter
     row = {parameter: run.target, "increment": increments.target, "evaluation": run.force.evaluations, "failure": str(error)}
     run.convergence.append(row)
+    logger.info("increment to %s taken back: %s", run.loading.at(increments.target), error)
     accepted.restore(run, solver)
     size, first = increments.size, increments.share == 1
     if not spent and increments.shorten():
@@ -200,6 +204,7 @@ def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float,
 
     def report(evaluations: int, residual: float) -> None:
         run.residual = residual
+        logger.debug("%d evaluations, residual %.3g", began + evaluations, residual)
         row = {run.loading.parameter: run.target, "increment": target, "evaluation": began + evaluations, "residual": residual}
         run.convergence.append(row | ({"energy": run.strain_energy()} if run.force.has_energy else {}))
         run.progress.residual(evaluations, residual, tolerance)
@@ -220,5 +225,7 @@ def _record(run: Run, equilibrium: Equilibrium) -> None:
     level |= {"residual": equilibrium.residual, "evaluations": equilibrium.evaluations, "method": equilibrium.method}
     compare(run, level)
     run.levels.append(level)
+    reached = run.loading.at(run.parameter), equilibrium.evaluations, equilibrium.residual, equilibrium.method
+    logger.info("%s: equilibrium after %d evaluations, residual %.2g, by %s", *reached)
     run.history.append(equilibrium_columns(run, level))
     run.record()

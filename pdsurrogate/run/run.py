@@ -53,6 +53,9 @@ class Progress(Protocol):
     def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
         """How far a stage in dynamics has come, from 0 to 1."""
 
+    def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
+        """What a stage in dynamics has come to, whenever it adds a row to the history."""
+
 
 class Silent:
     """Progress that goes nowhere."""
@@ -67,6 +70,9 @@ class Silent:
         """Say nothing."""
 
     def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
+        """Say nothing."""
+
+    def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
         """Say nothing."""
 
 

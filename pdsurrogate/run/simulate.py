@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from contextlib import nullcontext
 from pathlib import Path
@@ -28,6 +29,8 @@ from .run import Progress, Run, Silent
 
 if TYPE_CHECKING:
     from sklearn.base import BaseEstimator
+
+logger = logging.getLogger(__name__)
 
 __all__ = ["Progress", "SimulationFailed", "SimulationInterrupted", "simulate"]
 
@@ -145,6 +148,8 @@ def simulate(
     held = nullcontext() if folder is None else occupied(folder)
     with held, thread_count(threads), threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
         run = Run(scene, model, progress, folder, threads)
+        size = len(run.body), len(run.body.bonds.first), run.threads
+        logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
         if folder is not None and not resume:
             make_room(folder, scene.name, overwrite)
@@ -160,7 +165,9 @@ def simulate(
             if isinstance(error, NotConverged | Unstable) and run.force.precision == "float32":
                 advice += "; or take precision=float64, whose rounding leaves less of a residual and disturbs less"
             message = f"{run.loading.at(run.target)}: {error}" + (f"; {advice}" if advice else "")
+            logger.info("the run failed at %s", message)
             raise SimulationFailed(message, _result(run, clock.seconds, began, message)) from error
+        logger.info("%s ended: %d evaluations, %.3g s", scene.name, run.force.evaluations, time.perf_counter() - began)
         return _result(run, clock.seconds, began, None)
 
 

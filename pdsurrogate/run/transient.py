@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time as clock
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
@@ -29,6 +30,8 @@ from .rows import (
     probe_columns,
 )
 from .run import Run
+
+logger = logging.getLogger(__name__)
 
 STEPS_PER_ROW = 20
 """Steps between rows of the history; in the plane, with grips, work and damped energy are summed over them by the trapezoidal rule.
@@ -345,6 +348,7 @@ class Transient:
             if "nominal_stress" in run.history[-1]:
                 start["nominal_stress"] = run.history[-1]["nominal_stress"]
             crack["start"] = start | {"x": where.tolist()}
+            logger.info("%s: the first bond breaks at %s", run.loading.at(run.parameter), crack["start"]["x"])
         crack["broken_bonds"] += run.reductions.total_of_parts(len(self._counted(pairs)))
         self.damage.break_bonds(pairs)
         release = run.force.break_bonds(pairs)
@@ -401,6 +405,7 @@ class Transient:
         if self.damage is not None:
             row |= {"broken_bonds": run.crack["broken_bonds"], "free_points": run.unsupported_points()}
         run.history.append(row)
+        run.progress.account(self.integrator.steps, kinetic, strain)
 
     def _kinetic_energy(self) -> float:
         """At the positions, where all other energies are; in the plane with grips that of the half step before."""

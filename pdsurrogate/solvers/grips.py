@@ -80,16 +80,10 @@ class GripLoading(Loading):
             )
 
     def _region(self, number: int, hold: Hold, body: Body) -> HeldPoints:
-        if hold.points is not None:
-            points, size = np.array(hold.points), body.part.size(len(body))
-            if points.size and points.max() >= size:
-                raise ValueError(f"holds.{number}: there is no point {points.max()}; the body has {size}")
-            points = body.part.local(points)
-        else:
-            low, high = np.array(hold.box)
-            points = np.flatnonzero(((body.points >= low) & (body.points <= high)).all(axis=1))
-        if not body.part.any(len(points)):
-            raise ValueError(f"holds.{number}: no point of the body lies in its region")
+        try:
+            points = points_of_hold(hold, body)
+        except ValueError as error:
+            raise ValueError(f"holds.{number}: {error}") from None
         components = tuple(range(body.dimension)) if hold.components is None else tuple(int(name[1:]) - 1 for name in hold.components)
         travel = np.zeros(body.dimension) if hold.travel is None else np.array(hold.travel)
         return HeldPoints(f"holds.{number}", None, points, components, partial(self._moved, travel))
@@ -145,3 +139,24 @@ class GripLoading(Loading):
 
     def pushes(self, force: InternalForce):
         return self.pull(self.reactions(force)) < 0
+
+
+def points_of_hold(hold: Hold, body: Body) -> np.ndarray:
+    """Numbers of the points here that a hold is of.
+
+    Raises
+    ------
+    ValueError
+        If there are none in the body, or one of them is not there.
+    """
+    if hold.points is not None:
+        points, size = np.array(hold.points), body.part.size(len(body))
+        if points.size and points.max() >= size:
+            raise ValueError(f"there is no point {points.max()}; the body has {size}")
+        points = body.part.local(points)
+    else:
+        low, high = np.array(hold.box)
+        points = np.flatnonzero(((body.points >= low) & (body.points <= high)).all(axis=1))
+    if not body.part.any(len(points)):
+        raise ValueError("no point of the body lies in its region")
+    return points

@@ -19,7 +19,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numba
 import numpy as np
 
 from ..artifacts import load_card
@@ -37,7 +36,7 @@ from ..forces import (
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..forces.settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, WHERE
 from ..kernels.reference_state import CORRECTIONS
-from ..kernels.threads import thread_count
+from ..kernels.threads import most_threads, thread_count
 from ..learning import wide_design
 from ..materials import PLANES, Law, dimension_of
 from ..run.run import Silent
@@ -405,8 +404,8 @@ def kernel_and_numpy(subject: Subject) -> Outcome:
 
 def threads(subject: Subject) -> Outcome:
     """Bits by which forces on one thread and on two differ, in every precision that the model takes: none may."""
-    if numba.config.NUMBA_NUM_THREADS < 2:
-        return Outcome(INAPPLICABLE, "numba was started with one thread")
+    if most_threads() < 2:
+        return Outcome(INAPPLICABLE, "one thread was asked for, or numba started with one")
     body, found = sheet(0.05) if subject.dimension == 2 else plain(3), []
     for count in (1, 2):
         with thread_count(count):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 
-import numba
 from threadpoolctl import threadpool_limits
 
 from .. import __version__
 from ..artifacts import ArtifactError, list_artifacts, load_surrogate
 from ..forces import FORCES
+from ..kernels.threads import at_most, most_threads
 from ..results.provenance import processor
 from . import conformance, deformations, discretisations, dynamics, tangents
 from .case import INAPPLICABLE, PASS, STOPS, WEAK, WEAKNESSES, Case, Subject
@@ -34,6 +34,7 @@ def stress_test(
     quick: bool = False,
     progress: Callable[[str], None] = lambda text: None,
     planes: Iterable[str] = tuple(BODIES),
+    threads: int | None = None,
 ) -> dict:
     """Put every hard case to every force model.
 
@@ -47,6 +48,8 @@ def stress_test(
         Told what is being done.
     planes : iterable of {"stress", "space"}
         Of sheets, of bodies in space, or both.
+    threads : int, optional
+        Most of the kernels; by default all.
 
     Returns
     -------
@@ -58,6 +61,8 @@ def stress_test(
     ------
     ArtifactError
         If a force model is unknown or damaged, or takes none of the planes; before any case is run.
+    ValueError
+        If there are not so many threads.
     """
     references, planes = None if references is None else list(references), list(planes)
     subjects = []
@@ -73,7 +78,7 @@ def stress_test(
         _ = subject.law
     models = []
     # BLAS threads would spin on the cores that the kernels want.
-    with threadpool_limits(1, user_api="blas"):
+    with at_most(threads), threadpool_limits(1, user_api="blas"):
         for subject in subjects:
             results = {}
             for case in CASES:
@@ -86,7 +91,7 @@ def stress_test(
             models.append({"force": subject.reference, "plane": subject.plane, "material": subject.law.describe(), "results": results})
     shown = {result["weakness"] for model in models for result in model["results"].values()}
     return {
-        "machine": {"processor": processor(), "threads": numba.config.NUMBA_NUM_THREADS, "version": __version__, "quick": quick},
+        "machine": {"processor": processor(), "threads": threads or most_threads(), "version": __version__, "quick": quick},
         "cases": [{"case": case.key, "title": case.title, "asked": case.asked, "planes": case.planes} for case in CASES],
         "models": models,
         "weaknesses": {name: what for name, what in WEAKNESSES.items() if name in shown},

@@ -1,0 +1,168 @@
+"""Options that all commands share, JSON in the place of tables, own laws from a module, and scenes to start from."""
+
+import io
+import json
+import logging
+import sys
+
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+import pdsurrogate as pd
+from pdsurrogate.cli import app, application
+from pdsurrogate.kernels.threads import at_most, most_threads, threads_for
+from pdsurrogate.materials import LAWS
+
+FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
+
+OWN_LAW = '''
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pdsurrogate.materials import InvariantLaw
+
+
+@dataclass(frozen=True)
+class Doubled(InvariantLaw):
+    """W = (I1bar - 3)/2."""
+
+    name: ClassVar[str] = "doubled"
+    reference: ClassVar[str] = "a test"
+    n_parameters: ClassVar[int] = 1
+
+    @property
+    def parameters(self):
+        return np.array([self.bulk_modulus / self.shear_modulus])
+
+    @property
+    def shape(self):
+        return {}
+
+    @staticmethod
+    def isochoric(I1, I2, parameters):
+        zero = 0 * I1
+        return 0.5 * (I1 - 3), zero + 0.5, zero, zero, zero, zero
+'''
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def own_law(tmp_path):
+    path = tmp_path / "own_laws_of_a_test.py"
+    path.write_text(OWN_LAW)
+    yield path
+    LAWS.pop("doubled", None)
+    sys.modules.pop("own_laws_of_a_test", None)
+
+
+def test_the_version_and_the_completion_of_shells():
+    assert invoke("--version").stdout == f"pdsurrogate {pd.__version__}\n"
+    assert "--install-completion" in invoke("--help").output
+
+
+def test_json_is_all_that_is_printed_for_programs(tmp_path):
+    run = invoke("run", "uniaxial", *FAST, "--json", "--out", tmp_path / "out")
+    assert run.exit_code == 0, run.output
+    assert json.loads(run.stdout) == json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert {law["law"] for law in json.loads(invoke("materials", "--json").stdout)} == set(LAWS)
+    assert {scene["name"] for scene in json.loads(invoke("scenes", "--json").stdout)} == set(pd.scene_names())
+    assert json.loads(invoke("scenes", "tear", "--json").stdout)["body"]["size"] == [11.0, 3.0]
+    assert "neo-hookean" in {entry["name"] for entry in json.loads(invoke("artifacts", "--json").stdout)}
+    found = invoke("identify", "treloar", "--law", "gent", "--json")
+    assert set(json.loads(found.stdout)) == {"laws", "held_out"}
+    # The next command prints tables again.
+    assert "uniaxial" in invoke("scenes").stdout
+
+
+def test_how_much_is_said(tmp_path):
+    command = ["run", "uniaxial", *FAST, "--out", tmp_path / "out"]
+    assert f"Results in {tmp_path / 'out'}" in invoke(*command).stderr.replace("\n", "")
+    quiet = invoke(*command, "-q")
+    assert quiet.stderr == ""
+    assert "exact" in quiet.stdout
+    told = invoke(*command, "-v").stderr
+    assert "pdsurrogate.run.simulate: uniaxial with neo-hookean@1: 300 points" in told
+    assert "stretch 1.2: equilibrium after" in told
+    assert "evaluations, residual" not in told.replace("equilibrium after", "").split("ended")[0].split("by")[1]
+    assert invoke(*command, "-vv").stderr.count("evaluations, residual") > told.count("evaluations, residual")
+    assert "equilibrium after" not in invoke(*command).stderr
+
+
+def test_the_package_logs_under_its_own_name(caplog):
+    with caplog.at_level(logging.INFO, logger="pdsurrogate"):
+        pd.simulate(pd.load_scene("uniaxial", spacing=0.1, stretches=1.2), "neo-hookean")
+    assert {record.name for record in caplog.records} == {"pdsurrogate.run.simulate", "pdsurrogate.run.levels"}
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_progress_is_drawn_on_terminals_alone(monkeypatch, terminal):
+    file = io.StringIO()
+    monkeypatch.setattr(application, "err", Console(file=file, force_terminal=terminal, width=100))
+    monkeypatch.setattr(application.settings, "quiet", False)
+    with application.progress_bar("drawing") as told, application.status("busy"):
+        told(0.5, "residual 1e-3")
+    assert ("drawing" in file.getvalue()) == terminal
+    assert terminal or file.getvalue() == ""
+
+
+def test_laws_of_the_users_own(own_law):
+    options = ["--import", own_law]
+    assert "doubled" in invoke("materials", *options).stdout
+    done = invoke("run", "uniaxial", *FAST, "--set", "material=doubled", "--force", "nosb", *options)
+    assert done.exit_code == 0, done.output
+    # Given again, it is the same law.
+    assert invoke("materials", *options).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "there is no such Python file"),
+        ("x = ", "SyntaxError"),
+        ("import nowhere_at_all", "ModuleNotFoundError: No module named 'nowhere_at_all'"),
+        ("x = 1", "it defines no law"),
+        (OWN_LAW.replace('"doubled"', '"gent"'), "there is a law 'gent' already; give Doubled another name"),
+    ],
+)
+def test_modules_without_laws_are_told_in_one_line(tmp_path, content, message):
+    path = tmp_path / f"own_{abs(hash(content))}.py"
+    if content is not None:
+        path.write_text(content)
+    done = invoke("materials", "--import", path)
+    sys.modules.pop(path.stem, None)
+    assert done.exit_code == 2
+    assert message in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_scene_to_start_from(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert invoke("new", "my_scene.toml").exit_code == 0
+    scene = pd.load_scene("my_scene.toml")
+    assert scene.name == "my_scene"
+    assert (tmp_path / "my_scene.toml").read_text().count("#") > 15
+    done = invoke("run", "my_scene.toml", "--set", "spacing=0.2", "--set", "steps=0.2", "--set", "probes=[]")
+    assert done.exit_code == 0, done.output
+    for name, message in (("my_scene.toml", "there is such a file already"), ("my_scene", "ends in .toml")):
+        again = invoke("new", name)
+        assert again.exit_code == 2
+        assert message in again.stderr
+
+
+def test_commands_keep_to_the_threads_that_are_asked_for():
+    all_of_them = most_threads()
+    with at_most(1):
+        assert (most_threads(), threads_for(10**9)) == (1, 1)
+        with pytest.raises(ValueError, match="threads must be between 1 and 1"), at_most(2):
+            pass
+    assert most_threads() == all_of_them
+    for command in ("compare", "stress-test", "run"):
+        done = invoke(command, *(["uniaxial"] if command == "run" else ["--quick"]), "--threads", 10_000)
+        assert done.exit_code == 2
+        assert "threads must be between" in done.stderr
