@@ -118,7 +118,8 @@ def only_the_first_speaks() -> None:
     NotUnderMPI
         If several processes were started that know nothing of each other.
     """
-    out.quiet = err.quiet = communicator().rank > 0
+    err.quiet = communicator().rank > 0
+    out.quiet = out.quiet or err.quiet  # it may be JSON alone that is wanted
 
 
 def say_alone() -> None:
