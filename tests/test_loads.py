@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 import pdsurrogate as pd
 from pdsurrogate.body import Body, ReflectionPlane, grid
-from pdsurrogate.body.surface import Surface
+from pdsurrogate.body.surface import Following, Surface
 from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
 from pdsurrogate.materials import NeoHookean, homogeneous, plane_stress
 from pdsurrogate.solvers import EnergyMinimiser
@@ -32,7 +32,7 @@ def interpolation(body, nodes):
         weights = np.exp(-(((points[own] - node) / (2 * body.spacing)) ** 2).sum(axis=1) / 2)
         affine = np.vstack([np.ones(len(own)), (points[own] - node).T]) * weights
         row[own] = np.linalg.pinv(affine)[:, 0] * weights
-    return sparse.csr_array(rows)
+    return Following((sparse.csr_array(rows),))
 
 
 def surface_of(body, loops):

@@ -71,7 +71,7 @@ def area_within(surface):
 
 
 def check_affine(surface, body):
-    rows = surface.interpolation
+    (rows,) = surface.interpolation.rows
     assert surface.followed().all()
     np.testing.assert_allclose(rows.sum(axis=1), 1, rtol=0, atol=1e-12)
     np.testing.assert_allclose(rows @ body.points, surface.nodes, rtol=0, atol=1e-12)
@@ -253,7 +253,7 @@ def test_nothing_is_taken_across_holes_notches_and_cuts():
         nodes = np.unique(surface.facets[edge])
         nodes = nodes[np.abs(surface.nodes[nodes, 1]) > 1e-9]  # the one at the mouth of a cut follows both sides
         above = surface.nodes[nodes, 1] > 0
-        rows = surface.interpolation[nodes].toarray()
+        rows = surface.interpolation.rows[0][nodes].toarray()
         assert not rows[above][:, body.points[:, 1] < 0].any()
         assert not rows[~above][:, body.points[:, 1] > 0].any()
         places = np.array([[-0.5, 0.06], [-0.5, -0.06]])
@@ -269,7 +269,7 @@ def test_ligaments_of_one_row_tell_no_deformation():
     assert lost.any()
     assert (surface.nodes[lost, 1] > 0.85).all()
     assert surface.followed()[surface.nodes[:, 1] < 0.75].all()
-    assert np.array_equal(empty_rows(surface.interpolation), lost)
+    assert np.array_equal(empty_rows(surface.interpolation.rows[0]), lost)
     with pytest.raises(ValueError, match=r"\(0, 0\.95\): the points of the body beside it, .* are fewer than three or in one row"):
         interpolation(body, np.array([[0.5, 0.5], [0.0, 0.95]]))
     assert scene.spacing == 0.1

@@ -4,7 +4,7 @@ from .body import MOST_BONDS, MOST_POINTS, WEIGHT_FUNCTIONS, Body, Bonds, Cells,
 from .cell_mesh import CellMesh
 from .ghosts import Ghosts, ReflectionPlane
 from .local_fit import interpolation
-from .surface import Surface, encloses
+from .surface import Following, Surface, encloses
 
 __all__ = [
     "MOST_BONDS",
@@ -14,6 +14,7 @@ __all__ = [
     "Bonds",
     "CellMesh",
     "Cells",
+    "Following",
     "Ghosts",
     "ReflectionPlane",
     "Surface",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from .body import Body
+from .ghosts import ReflectionPlane
 
 REACH = 1.3
 """Horizons within which points take part in a fit.
@@ -40,6 +42,13 @@ MOST_AMPLIFICATION = 6.0
 """Sum of the absolute weights of points in a value, above which their fit is linear and not quadratic: by so much what single points are
 off may come back.  It is 1.8 inside a body, 2 to 4 at edges and round holes, and 30 to 50 at the poles of a sphere, where few points lie
 in the outermost layers."""
+
+MIRRORED = 2.5
+"""Cells from a plane of symmetry within which the motion on the boundary takes images in it: by `ALONG`, those of points farther away weigh
+nothing there."""
+
+ROUNDING = 1e-6
+"""Cells by which a node may lie beside a plane that it is in, and what a unit normal across one may be short of 1."""
 
 OUTSIDE = 1.25
 """Cells from the nearest point at which a place lies outside: a corner of a cell lies 0.71 away, and what cells take over from a cut
@@ -98,8 +107,8 @@ def interpolation(
     return values, tuple(gradients)
 
 
-def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> sparse.csr_array:
-    """The motion of places on the boundary, from that of the points beside it: N of `Surface`.
+def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[sparse.csr_array, ...]:
+    """The motion of places on the boundary, from that of the points beside it: N of `Surface`, as `Following` has it.
 
     A linear field is fitted to the points, at a corner to those beside either side, so that the rows of N are 1 in sum and have the place
     as their first moment.  Where too few points lie along a normal, as in a sharp corner, it is fitted to all that are as near.
@@ -111,14 +120,43 @@ def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> sparse.
     normals : ndarray, shape (k, sides, d)
         Unit normals of the sides that meet there; rows of NaN where they are fewer.
 
+    Beside a plane of symmetry in space the points have images, and a face in the plane is no side of the body: the motion along the plane
+    is that of points and images.  Across it an image moves as the plane does, and the fit is to the points alone.
+
     Returns
     -------
-    csr_array, shape (k, n)
-        With empty rows where the points beside a node are too few or in one row.
+    tuple of csr_array, shape (k, n)
+        One for all components, or one for each; with empty rows where the points beside a node are too few or in one row.
     """
-    rows = _Surroundings(body, nodes, normals).fit(1)[0]
+    rows = _on_boundary(body, nodes, normals)
+    mirrors = [
+        plane for plane in body.planes if body.dimension == 3 and all((p < 0) == (c == plane.axis) for c, p in enumerate(plane.parity))
+    ]
+    near = [np.abs(nodes[:, plane.axis] - plane.position) < MIRRORED * body.cell.max() for plane in mirrors]
+    beside = np.flatnonzero(np.any(near, axis=0)) if mirrors else np.empty(0, dtype=int)
+    if not len(beside):
+        return (rows,)
+    normals = normals[beside].copy()
+    for plane in mirrors:
+        on_plane = np.abs(nodes[beside, plane.axis] - plane.position) < ROUNDING * body.cell.max()
+        flat = np.abs(normals[..., plane.axis]) > 1 - ROUNDING
+        normals[on_plane[:, None] & flat] = np.nan
+        normals[on_plane, :, plane.axis] *= 0.0
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    changed = sparse.diags_array(np.isin(np.arange(len(nodes)), beside, invert=True).astype(float), format="csr") @ rows
+    changed.eliminate_zeros()
+    found = []
+    for component in range(body.dimension):
+        even = [plane for plane in mirrors if plane.axis != component]
+        found.append(_filled(changed, _on_boundary(body, nodes[beside], normals, even), beside))
+    return tuple(found)
+
+
+def _on_boundary(body: Body, nodes: np.ndarray, normals: np.ndarray, mirrors: Sequence[ReflectionPlane] = ()) -> sparse.csr_array:
+    """Rows of nodes with the given normals, of points and their images in some planes; of all points that are as near where that fails."""
+    rows = _Surroundings(body, nodes, normals, mirrors).fit(1)[0]
     rest = np.flatnonzero(empty_rows(rows))
-    return _filled(rows, _Surroundings(body, nodes[rest]).fit(1)[0], rest)
+    return _filled(rows, _Surroundings(body, nodes[rest], mirrors=mirrors).fit(1)[0], rest)
 
 
 def too_few(body: Body) -> str:
@@ -146,25 +184,26 @@ class _Surroundings:
     it counts as `ALONG` says.
     """
 
-    def __init__(self, body: Body, places: np.ndarray, normals: np.ndarray | None = None) -> None:
+    def __init__(self, body: Body, places: np.ndarray, normals: np.ndarray | None = None, mirrors: Sequence[ReflectionPlane] = ()) -> None:
         self.shape, self.cell = (len(places), len(body)), body.cell.max()
         self.reach = max(REACH * body.horizon, LEAST_REACH * self.cell)
-        near = cKDTree(places).sparse_distance_matrix(cKDTree(body.points), self.reach, output_type="ndarray")
+        points, source = _with_images(body.points, mirrors, self.reach)
+        near = cKDTree(places).sparse_distance_matrix(cKDTree(points), self.reach, output_type="ndarray")
         near = near[np.lexsort((near["j"], near["i"]))]
         weights = 1 - (near["v"] / self.reach) ** 2
         if normals is not None:
-            offsets = body.points[near["j"]] - places[near["i"]]
+            offsets = points[near["j"]] - places[near["i"]]
             depths = np.einsum("pd,pnd->pn", offsets, normals[near["i"]])
             beside = near["v"][:, None] ** 2 - depths**2
             weights = np.nansum((1 - (depths / self.reach) ** 2) * np.exp(-beside / (ALONG * self.cell) ** 2), axis=1)
             near, weights = near[weights > LEAST_WEIGHT], weights[weights > LEAST_WEIGHT]
         if body.separates is not None and len(near):
-            bound = ~body.separates(places[near["i"]], body.points[near["j"]])
+            bound = ~body.separates(places[near["i"]], points[near["j"]])
             near, weights = near[bound], weights[bound]
-        self.place, self.point = near["i"], near["j"]
+        self.place, self.point = near["i"], source[near["j"]]
         weights = weights * body.volumes[self.point]
         self.weights = weights / self._total(weights)[self.place]
-        self.offsets = (body.points[self.point] - places[self.place]) / self.reach
+        self.offsets = (points[near["j"]] - places[self.place]) / self.reach
 
     def of(self, portion_of: np.ndarray | None, own: np.ndarray | None) -> _Surroundings:
         """The same with the points of one material alone: that of every place, `own`."""
@@ -201,6 +240,17 @@ class _Surroundings:
             return sparse.csr_array((entries[kept], self.point[kept], pointers), shape=self.shape)
 
         return rows(0), *(rows(1 + axis) / self.reach for axis in range(dimension))
+
+
+def _with_images(points: np.ndarray, mirrors: Sequence[ReflectionPlane], reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """The points and their images in planes, as far as these reach, and the point that each is or stands for."""
+    places, source = points, np.arange(len(points))
+    for plane in mirrors:
+        near = np.flatnonzero(np.abs(places[:, plane.axis] - plane.position) < reach)
+        images = places[near].copy()
+        images[:, plane.axis] = 2 * plane.position - images[:, plane.axis]
+        places, source = np.concatenate([places, images]), np.concatenate([source, source[near]])
+    return places, source
 
 
 def _text(place: np.ndarray) -> str:

@@ -2,12 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
+
+
+@dataclass(frozen=True)
+class Following:
+    """How places follow the points of a body: a linear map that takes every component of their motion by itself.
+
+    Attributes
+    ----------
+    rows : tuple of csr_array, shape (k, n)
+        One for all components, or one for each: beside a plane of symmetry the motion along it goes on beyond it as a mirror image, and the
+        motion across it does not.
+    """
+
+    rows: tuple[sparse.csr_array, ...]
+
+    def __matmul__(self, vectors: np.ndarray) -> np.ndarray:
+        """Of the places, shape (k, d), from those of the points (n, d); with one map for all components, of whatever points have."""
+        if len(self.rows) == 1:
+            return self.rows[0] @ vectors
+        return np.stack([rows @ vectors[:, component] for component, rows in enumerate(self.rows)], axis=1)
+
+    def __getitem__(self, places) -> Following:
+        """That of some places."""
+        return Following(tuple(rows[places] for rows in self.rows))
+
+    def __sub__(self, other: Following) -> Following:
+        return Following(tuple(own - theirs for own, theirs in zip(self.rows, other.rows, strict=True)))
+
+    def of_points(self, points: np.ndarray) -> Following:
+        """The same from some points alone."""
+        return Following(tuple(rows[:, points].tocsr() for rows in self.rows))
+
+    def points(self) -> np.ndarray:
+        """Numbers of the points that anything follows."""
+        return np.unique(np.concatenate([rows.indices for rows in self.rows]))
+
+    @property
+    def T(self) -> Following:  # noqa: N802 (as of an array)
+        """The transpose, by which forces on the places go to the points."""
+        return Following(tuple(rows.T.tocsr() for rows in self.rows))
+
+    @classmethod
+    def mean(cls, several: Sequence[Following]) -> Following:
+        """What lies in the middle of several places."""
+        return cls(
+            tuple((sum(others, first) / (1 + len(others))).tocsr() for first, *others in zip(*(one.rows for one in several), strict=True))
+        )
 
 
 @dataclass(frozen=True)
@@ -30,7 +77,7 @@ class Surface:
     parts : ndarray of str, shape (f,)
         Where each facet lies: left, right, bottom, top, back or front on that side of the bounding box, outline elsewhere on the outer
         boundary, and holes.0, holes.1, ... around holes.
-    interpolation : scipy.sparse.csr_array, shape (k, n)
+    interpolation : Following
         N.  The row of a node that its surroundings cannot tell the motion of is empty, see `followed`.
     groups : mapping of str to ndarray of int
         Numbers of the facets in each physical group of a mesh file.
@@ -39,7 +86,7 @@ class Surface:
     nodes: np.ndarray
     facets: np.ndarray
     parts: np.ndarray
-    interpolation: sparse.csr_array
+    interpolation: Following
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def midpoints(self) -> np.ndarray:
@@ -60,7 +107,7 @@ class Surface:
 
     def followed(self) -> np.ndarray:
         """Which nodes have enough points beside them to move with, shape (k,)."""
-        return np.diff(self.interpolation.indptr) > 0
+        return np.diff(self.interpolation.rows[0].indptr) > 0
 
     def encloses(self, places: np.ndarray) -> np.ndarray:
         """Which of the places (m, d) lie in the body."""

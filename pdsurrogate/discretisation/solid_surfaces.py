@@ -2,12 +2,14 @@
 
 Of a prism, such as a box, a cylinder or an extrusion, it is the boundary of its section, as `surfaces` has it in the plane, times its
 length, and a cap on either end.  Holes that go all the way through along its axis are part of the section.  Other holes have a closed
-boundary of their own, and lie inside the body.
+boundary of their own, and lie inside the body.  Of a part of a sphere it is that of the whole in eighths, those that are there, and flat
+faces between the rims of these; spherical holes about places on its flat faces are cut with it.
 """
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +40,8 @@ class _Straight(NamedTuple):
 def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Nodes, triangles, and the part that each is of: outline, holes.0, ...
 
-    Facets are about a cell long; those on flat rectangles are quarters of a cell, which are symmetric about its middle.
+    Facets are about a cell long; those on flat rectangles are quarters of a cell, which are symmetric about its middle, and those on
+    spheres half as long.
 
     Raises
     ------
@@ -50,17 +53,21 @@ def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper:
     for axis in _axes_of(scene.body):
         body = _along(scene.body, axis)
         through = [number for number, hole in enumerate(scene.holes) if _goes_through(_along(hole, axis), body, tolerance)]
-        parts = {number: _closed(hole, cell, tolerance)[:, ::-1] for number, hole in enumerate(scene.holes) if number not in through}
-        problem = _meeting(scene, parts)
+        parts = {
+            number: _closed(hole, _halved_with(scene.body, hole, tolerance), cell, tolerance)[:, ::-1]
+            for number, hole in enumerate(scene.holes)
+            if number not in through
+        }
+        problem = _meeting(scene, parts, tolerance)
         if problem is None:
             break
     if problem is not None:
         raise ValueError(
             f"holes.{problem}: its boundary meets another; loads and probes take holes that lie inside the body, or go all the way through "
-            "a box, cylinder, tube or extrusion along its axis"
+            "a box, cylinder, tube or extrusion along its axis, and whole spheres about places on the flat faces of a part of a sphere"
         )
     if body is None:
-        triangles, names = [_closed(scene.body, cell, tolerance)], ["outline"]
+        triangles, names = [_sphere(scene.body, scene.body.halved, cell)], ["outline"]
     else:
         holes = {f"holes.{number}": _along(scene.holes[number], axis).section for number in through}
         holes |= {f"holes.{number}": bore for number, bore in enumerate(body.bores, len(scene.holes))}
@@ -69,6 +76,10 @@ def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper:
     for number, of_hole in parts.items():
         triangles.append(of_hole)
         names.append(f"holes.{number}")
+    if body is None:
+        for axis in scene.body.halved:
+            triangles.append(_flat_face(scene.body, axis, np.concatenate(triangles[: 1 + len(parts)]), cell, tolerance))
+            names.append("outline")
     nodes = np.concatenate(triangles).reshape(-1, 3)
     facets = same_places(nodes, 4 * tolerance).reshape(-1, 3)
     return nodes, facets, np.repeat(names, [len(of_part) for of_part in triangles])
@@ -96,11 +107,29 @@ def _goes_through(hole: _Straight | None, body: _Straight | None, tolerance: flo
     return hole.span[0] <= body.span[0] + tolerance and hole.span[1] >= body.span[1] - tolerance
 
 
-def _meeting(scene: Scene, closed: dict[int, np.ndarray]) -> int | None:
-    """The first of the holes with a closed boundary of their own that does not lie in the body and apart from all other holes."""
+def _halved_with(body: Solid, hole: Solid, tolerance: float) -> tuple[int, ...]:
+    """Axes along which a hole is cut by the flat faces of a part of a sphere: a sphere whose centre lies on these."""
+    if not isinstance(hole, Sphere):
+        return ()
+    cut = tuple(axis for axis in _faces_of_part(body) if abs(hole.centre[axis] - body.centre[axis]) <= tolerance)
+    return hole.halved or cut
+
+
+def _faces_of_part(body: Solid) -> tuple[int, ...]:
+    """Axes that the flat faces of a part of a sphere are normal to."""
+    return body.halved if isinstance(body, Sphere) else ()
+
+
+def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> int | None:
+    """The first of the holes with a closed boundary of their own that does not lie in the body and apart from all other holes.
+
+    The rims of those that are cut lie on the flat faces of the body.
+    """
+    inward = np.zeros(3)
+    inward[list(_faces_of_part(scene.body))] = 4 * tolerance
     for number, triangles in closed.items():
         nodes = triangles.reshape(-1, 3)
-        inside = scene.body.contains(nodes)
+        inside = scene.body.contains(nodes + inward)
         for other, hole in enumerate(scene.holes):
             if other != number:
                 inside &= ~hole.contains(nodes)
@@ -111,30 +140,39 @@ def _meeting(scene: Scene, closed: dict[int, np.ndarray]) -> int | None:
     return None
 
 
-def _closed(shape: Solid, cell: np.ndarray, tolerance: float) -> np.ndarray:
-    """Triangles of a shape by itself, shape (f, 3, 3), counter-clockwise as seen from outside."""
+def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: float) -> np.ndarray:
+    """Triangles of a shape by itself, shape (f, 3, 3), counter-clockwise as seen from outside; flat faces of a cut sphere are left out."""
     if isinstance(shape, Sphere):
-        return _sphere(shape, cell)
+        return _sphere(shape, halved, cell)
     axis = shape.along
     straight = _along(shape, axis)
     return np.concatenate(_prism(straight, axis, cell, tolerance, straight.bores))
 
 
-def _sphere(sphere: Sphere, cell: np.ndarray) -> np.ndarray:
-    """An icosahedron whose faces are divided evenly, of the volume of the sphere.
+def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.ndarray:
+    """An icosahedron whose faces are divided evenly, or of a sphere that is cut along axes its eighths above the cuts; of their volume.
 
     Nodes lie beyond the sphere by as little as the middles of facets within it: the work of a pressure in an affine motion is exact.
+    Facets are about half a cell long.  With whole cells the work in the motion of a swelling hole of six cells' radius lacks 1 %, with
+    halves 0.25 %.
     """
-    golden = (1 + math.sqrt(5)) / 2
-    corners = np.array([np.roll([0.0, one, golden * other], turn) for turn in range(3) for one in (-1, 1) for other in (-1, 1)])
-    # Faces are the triples of corners that are two apart from each other.
-    near = np.abs(np.linalg.norm(corners[:, None] - corners, axis=2) - 2) < 0.1
-    faces = [(a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]]
-    faces = corners[np.array(faces)]
+    if halved:
+        signs = np.array(list(product(*((1.0,) if axis in halved else (1.0, -1.0) for axis in range(3)))))
+        faces = signs[:, :, None] * np.eye(3)
+        # The sides of an eighth are divided evenly; in its middle the facets are larger by 1.4, as are those of the icosahedron by 1.3.
+        count, whole = max(3, math.ceil(2.5 * math.pi / 2 * sphere.radius / cell.min())), 8
+    else:
+        golden = (1 + math.sqrt(5)) / 2
+        corners = np.array([np.roll([0.0, one, golden * other], turn) for turn in range(3) for one in (-1, 1) for other in (-1, 1)])
+        # Faces are the triples of corners that are two apart from each other.
+        near = np.abs(np.linalg.norm(corners[:, None] - corners, axis=2) - 2) < 0.1
+        faces = corners[
+            np.array([(a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]])
+        ]
+        # The greatest of the projected sides is 1.3 times the even division of the arc, and the arc 1.107 radii.
+        count, whole = max(3, math.ceil(2.5 * sphere.radius / cell.min())), 20
     inward = np.linalg.det(faces) < 0
     faces[inward] = faces[inward][:, ::-1]
-    # The greatest of the projected sides is 1.3 times the even division of the arc, and the arc 1.107 radii.
-    count = max(3, math.ceil(1.25 * sphere.radius / cell.min()))
     triangles = []
     for row in range(count):
         for column in range(count - row):
@@ -144,10 +182,49 @@ def _sphere(sphere: Sphere, cell: np.ndarray) -> np.ndarray:
                 triangles.append(np.array([[row + 1, column], [row + 1, column + 1], [row, column + 1]]))
     shares = np.array(triangles) / count
     weights = np.concatenate([1 - shares.sum(axis=2, keepdims=True), shares], axis=2)  # of the corners of a face
+    if halved:
+        weights = np.sin(np.pi / 2 * weights)
     found = np.einsum("tnc,fcd->ftnd", weights, faces).reshape(-1, 3, 3)
     found /= np.linalg.norm(found, axis=2, keepdims=True)
-    volume = np.linalg.det(found).sum() / 6
+    volume = np.linalg.det(found).sum() / 6 * whole / len(faces)
     return np.array(sphere.centre) + sphere.radius * np.cbrt(4 * np.pi / 3 / volume) * found
+
+
+def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, tolerance: float) -> np.ndarray:
+    """Triangles of a flat face of a part of a sphere between the rims of its curved faces, arrays of shape (f, 3, 3).
+
+    Along the lines where two flat faces meet either has the same nodes.
+    """
+    centre, across = np.array(sphere.centre), [(axis + 1) % 3, (axis + 2) % 3]
+    nodes = curved.reshape(-1, 3)
+    rim = np.abs(nodes[:, axis] - centre[axis]) <= tolerance
+    number = same_places(nodes, 4 * tolerance).reshape(-1, 3)
+    sides = np.concatenate([number[:, [0, 1]], number[:, [1, 2]], number[:, [2, 0]]])
+    sides = sides[rim[sides].all(axis=1)]
+    starts, ends = np.setdiff1d(sides[:, 0], sides[:, 1]), np.setdiff1d(sides[:, 1], sides[:, 0])
+    added, places = [], list(nodes)
+    for other in sphere.halved:
+        if other == axis:
+            continue
+        along = 3 - axis - other
+        line = [end for end in (*starts, *ends) if abs(nodes[end, other] - centre[other]) <= tolerance]
+        line.sort(key=lambda end: nodes[end, along])
+        if len(line) % 2:  # the corner where three flat faces meet
+            line.insert(0, len(nodes))
+            if len(places) == len(nodes):
+                places.append(centre)
+        for low, high in zip(line[::2], line[1::2], strict=True):
+            pieces_of_line = max(1, round((places[high][along] - places[low][along]) / cell[along]))
+            between = [low, *range(len(places), len(places) + pieces_of_line - 1), high]
+            places.extend(places[low] + (places[high] - places[low]) * part / pieces_of_line for part in range(1, pieces_of_line))
+            # A rim that ends at a place goes on along the line.
+            added += pairwise(between if low in ends or high in starts else between[::-1])
+    sides = np.concatenate([sides, np.array(added, dtype=int).reshape(-1, 2)])
+    flat = np.array(places)[:, across]
+    _, _, _, triangles = _triangulated(flat, sides, np.zeros(len(sides), dtype=int), cell[across])
+    found = np.empty((*triangles.shape[:-1], 3))
+    found[..., across], found[..., axis] = triangles, centre[axis]
+    return found[:, ::-1]
 
 
 def _prism(straight: _Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]) -> list[np.ndarray]:

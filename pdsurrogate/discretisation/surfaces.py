@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..body import Body, Surface
+from ..body import Body, Following, Surface
 from ..body.local_fit import boundary_rows
 from ..scenes import Mesh, Scene
 from ..scenes.model import EDGES
@@ -24,8 +24,8 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
     """The boundary of the body of a scene.
 
     Straight sides have facets of about a cell, ending at corners; of a rectangle, on the boundaries of cells.  Circles and ellipses have
-    facets of about half a cell or shorter, see `pdsurrogate.scenes.Circle.boundary`.  In space facets are triangles of about a cell, see
-    `boundary_of_solids`.  A mesh has the sides of its cells, quadrilaterals as four triangles about their middle.
+    facets of about half a cell or shorter, see `pdsurrogate.scenes.Circle.boundary`.  In space facets are triangles of about a cell, on spheres of
+    half a cell, see `boundary_of_solids`.  A mesh has the sides of its cells, quadrilaterals as four triangles about their middle.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
         axis, side = EDGES[edge]
         there = np.abs(nodes[facets][..., axis] - (lower, upper)[side > 0][axis]) <= ROUNDING * extent
         parts = np.where(there.all(axis=1) & (parts == "outline"), edge, parts)
-    return Surface(nodes, facets, parts, boundary_rows(body, nodes, _normals_at(nodes, facets)), groups)
+    return Surface(nodes, facets, parts, Following(boundary_rows(body, nodes, _normals_at(nodes, facets))), groups)
 
 
 def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:

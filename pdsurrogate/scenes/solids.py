@@ -181,22 +181,34 @@ class Extrusion(Prism):
 
 
 class Sphere(Solid):
-    """A sphere."""
+    """A sphere, or the part of it where x1, x1 and x2, or all coordinates are greater than those of its centre.
+
+    The flat faces of a part go through the centre: held by reflection they are planes of symmetry.
+    """
 
     shape: Literal["sphere"] = "sphere"
     radius: Positive
     centre: SpacePoint = (0.0, 0.0, 0.0)
+    part: Literal["whole", "half", "quarter", "eighth"] = "whole"
+
+    @property
+    def halved(self) -> tuple[int, ...]:
+        """Axes along which it is cut at its centre, in two halves of which it is the upper one."""
+        return tuple(range(("whole", "half", "quarter", "eighth").index(self.part)))
 
     @property
     def convex(self) -> bool:
         return True
 
     def contains(self, points: np.ndarray) -> np.ndarray:
-        return ((points - np.array(self.centre)) ** 2).sum(axis=1) < self.radius**2
+        offsets = points - np.array(self.centre)
+        return ((offsets**2).sum(axis=1) < self.radius**2) & (offsets[:, self.halved] > 0).all(axis=1)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         centre = np.array(self.centre)
-        return centre - self.radius, centre + self.radius
+        lower = centre - self.radius
+        lower[list(self.halved)] = centre[list(self.halved)]
+        return lower, centre + self.radius
 
 
 class FlatCut(StrictModel):

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
 
 from ..body import Body, ReflectionPlane
-from ..body.surface import Surface
+from ..body.surface import Following, Surface
 from ..forces import InternalForce, InvalidState
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.loading import Load
@@ -52,13 +51,13 @@ class _Pressures:
     """
 
     def __init__(self, surface: Surface, facets: np.ndarray, loads: np.ndarray, values: np.ndarray, deformed: np.ndarray) -> None:
-        first, *others = _corner_rows(surface, facets)
+        corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
         # Of the body's points only those that the facets hang on: what is done at every evaluation is as small as the boundary.
-        self._points = np.unique(np.concatenate([rows.indices for rows in (first, *others)]))
-        first, *others = (rows[:, self._points] for rows in (first, *others))
-        self._middle = sum(others, first).tocsr() / (1 + len(others))
-        self._sides = [(other - first).tocsr() for other in others]
-        self._spread = self._middle.T.tocsr()
+        self._points = np.unique(np.concatenate([rows.points() for rows in corners]))
+        first, *others = (rows.of_points(self._points) for rows in corners)
+        self._middle = Following.mean([first, *others])
+        self._sides = [other - first for other in others]
+        self._spread = self._middle.T
         self.loads, self._values, self._undeformed = loads, values, ~deformed
         self.needs_thickness = bool(deformed.any())
         self._pressures = np.zeros(len(values))
@@ -117,11 +116,6 @@ class _Pressures:
 def _edge_of(plane: ReflectionPlane) -> str:
     """Name of the edge that a plane holds."""
     return next(edge for edge, place in EDGES.items() if place == (plane.axis, plane.side))
-
-
-def _corner_rows(surface: Surface, facets: np.ndarray) -> list[sparse.csr_array]:
-    """Rows of N of the two ends, or three corners, of facets, shape (f, n) each."""
-    return [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
 
 
 def _enclosed(middles: np.ndarray, sides: list[np.ndarray]) -> np.ndarray:
@@ -219,10 +213,11 @@ class Loads:
         """A dead load as forces on points (theory (43))."""
         if load.kind == "traction":
             facets, surface = self._facets(number, load, regions), regions.surface()
-            first, *others = _corner_rows(surface, facets)
-            sizes = sum(others, first).T @ surface.areas()[facets] / (1 + len(others))
-            points = np.flatnonzero(sizes)
-            return _DeadForces(points, sizes[points, None] * np.array(load.traction))
+            corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
+            spread = [sum(others, first).T for first, *others in zip(*(one.rows for one in corners), strict=True)]
+            sizes = np.stack([rows @ surface.areas()[facets] / len(corners) for rows in spread], axis=1)
+            points = np.flatnonzero(sizes.any(axis=1))
+            return _DeadForces(points, sizes[points] * np.array(load.traction))
         if load.kind == "force" and regions.edge(load.region) in map(_edge_of, self.body.planes):
             # It would pull at points half a cell inside the edge, which are free.
             edge = self._told(regions.edge(load.region))
