@@ -73,6 +73,13 @@ class CellMesh:
         parts = np.split(kept, np.cumsum([len(block) for block in blocks])[:-1])
         return cls(nodes, tuple(block[part] for block, part in zip(blocks, parts, strict=True) if part.any()))
 
+    def only(self, kept: np.ndarray) -> tuple[CellMesh, np.ndarray]:
+        """Those cells that are kept, a bool for each, and the numbers that their nodes have here."""
+        blocks = CellMesh.of_mesh(self.nodes, self.blocks, kept).blocks
+        used, corners = np.unique(np.concatenate([block.ravel() for block in blocks]), return_inverse=True)
+        parts = np.split(corners.astype(np.int32), np.cumsum([block.size for block in blocks])[:-1])
+        return CellMesh(self.nodes[used], tuple(part.reshape(block.shape) for part, block in zip(parts, blocks, strict=True))), used
+
     @property
     def dimension(self) -> int:
         """2 or 3."""

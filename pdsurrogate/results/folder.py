@@ -1,8 +1,9 @@
 """The folder of a run: which files in it are a run's, and when a new run may take their place.
 
-A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on, ``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name,
-and ``summary.json``, ``history.csv``, ``convergence.csv`` and ``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see
-`occupied`.  A folder holds a run of a scene if its summary names the scene, or a PVD index lists states of that name.
+A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (in pieces ``NAME-000.pvtu``, ``NAME-000.piece0.vtu`` and so on),
+``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name, and ``summary.json``, ``history.csv``, ``convergence.csv`` and
+``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A folder holds a run of a scene if its summary names the
+scene, or a PVD index lists states of that name.
 """
 
 from __future__ import annotations
@@ -135,15 +136,16 @@ def make_room(folder: Path, name: str, overwrite: bool = False) -> None:
         (folder / kind).unlink(missing_ok=True)
 
 
-def state_files(folder: Path, name: str) -> dict[int, Path]:
-    """VTU files of a scene's states by their numbers."""
-    found = ((re.fullmatch(re.escape(name) + r"-(\d{3,})\.vtu", path.name), path) for path in folder.glob("*.vtu"))
-    return {int(match[1]): path for match, path in found if match}
+def state_files(folder: Path, name: str) -> list[tuple[int, Path]]:
+    """Files of a scene's states, each with the number of its state: a VTU, or one for each piece with the PVTU that lists them."""
+    pattern = re.compile(re.escape(name) + r"-(\d{3,})(\.pvtu|(\.piece\d+)?\.vtu)")
+    found = ((pattern.fullmatch(path.name), path) for path in sorted(folder.glob("*vtu")))
+    return [(int(match[1]), path) for match, path in found if match]
 
 
 def _files_of(folder: Path, name: str) -> list[Path]:
     others = (folder / f"{name}{ending}" for ending in (".pvd", ".png", "-loading.png", ".gif"))
-    return [*state_files(folder, name).values(), *(path for path in others if path.is_file())]
+    return [*(path for _, path in state_files(folder, name)), *(path for path in others if path.is_file())]
 
 
 def _scenes_in(folder: Path) -> set[str]:
@@ -159,7 +161,7 @@ def _is_index(path: Path) -> bool:
         listed = [entry.get("file", "") for entry in ElementTree.parse(path).iter("DataSet")]
     except (OSError, ElementTree.ParseError):
         return False
-    return bool(listed) and all(re.fullmatch(re.escape(path.stem) + r"-\d{3,}\.vtu", file) for file in listed)
+    return bool(listed) and all(re.fullmatch(re.escape(path.stem) + r"-\d{3,}\.p?vtu", file) for file in listed)
 
 
 def saved_scene(folder: Path) -> str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Protocol
@@ -85,6 +86,25 @@ class Moments:
 
     def __iter__(self) -> Iterator[tuple[Moment, Fields]]:
         raise IndexError("the fields of a run on several ranks are on the first of them")
+def state_path(folder: Path, name: str, number: int) -> Path:
+    """File of a state: a VTU, but where it was written in pieces, as by a run on several ranks."""
+    path = folder / f"{name}-{number:03d}.pvtu"
+    return path if path.exists() else path.with_suffix(".vtu")
+
+
+def write_index_of(folder: Path, name: str, moments: list[Moment]) -> None:
+    """Write the PVD of a scene's states."""
+    from . import vtk
+
+    entries = [(moment.run_time, state_path(folder, name, number).name) for number, moment in enumerate(moments)]
+    vtk.write_index(folder / f"{name}.pvd", entries)
+
+
+def remove_later(folder: Path, name: str, count: int) -> None:
+    """Remove the files of states beyond the first `count`."""
+    for number, path in state_files(folder, name):
+        if number >= count:
+            path.unlink()
 
 
 class StatesInFiles:
@@ -106,9 +126,7 @@ class StatesInFiles:
         self.moments = list(moments or [])
         if moments is not None:
             self._write_index()
-            for number, path in state_files(folder, name).items():
-                if number >= len(moments):
-                    path.unlink()
+            remove_later(folder, name, len(moments))
 
     def append(self, moment: Moment, fields: Fields) -> None:
         """Write a state, and the index with it."""
@@ -121,13 +139,10 @@ class StatesInFiles:
         self._write_index()
 
     def _write_index(self) -> None:
-        from . import vtk
-
-        entries = [(moment.run_time, self._path(number).name) for number, moment in enumerate(self.moments)]
-        vtk.write_index(self.folder / f"{self.name}.pvd", entries)
+        write_index_of(self.folder, self.name, self.moments)
 
     def _path(self, number: int) -> Path:
-        return self.folder / f"{self.name}-{number:03d}.vtu"
+        return state_path(self.folder, self.name, number)
 
     def __len__(self) -> int:
         return len(self.moments)
@@ -140,6 +155,75 @@ class StatesInFiles:
 
     def __iter__(self) -> Iterator[tuple[Moment, Fields]]:
         return (self[number] for number in range(len(self)))
+
+
+class StatesInPieces:
+    """States of a body that is divided among ranks, written by each of them for its own points, with one index.
+
+    Parameters
+    ----------
+    folder : Path
+    body : Body
+        The part of this rank, of cells of a lattice; of the points around its own it knows the fields as well.
+    name, moments
+        As for `StatesInFiles`.
+    """
+
+    def __init__(self, folder: Path, body: Body, name: str, moments: list[Moment] | None = None) -> None:
+        self.folder, self.body, self.name = folder, body, name
+        self.moments = list(moments or [])
+        if moments is not None and body.part.ranks.rank == 0:
+            self._write_index()
+            remove_later(folder, name, len(moments))
+
+    def append(self, moment: Moment, fields: Fields) -> None:
+        """Write a state, every rank its piece, and the index with it; a rank that cannot ends it for all."""
+        from . import vtk
+
+        part, number = self.body.part, len(self.moments)
+        path = self.folder / f"{self.name}-{number:03d}.pvtu"
+        values = {name: value for name, value in asdict(moment).items() if value is not None}
+        cells, nodes = deformed_cells(self.body, fields)  # with those around the rank's own, which say where the common nodes are
+        cells, used = cells.only(part.own)
+        fields = {name: field[part.own] for name, field in fields.items()} | {vtk.NUMBER: part.numbers[part.own]}
+        with _for_all(part):
+            vtk.write_state(self._piece(path, part.ranks.rank), cells, nodes[used], fields, values)
+        self.moments.append(moment)
+        with _for_all(part):
+            if part.ranks.rank == 0:
+                pieces = [self._piece(path, rank).name for rank in range(part.ranks.size)]
+                vtk.write_pieces(path, pieces, {name: field[:1].size for name, field in fields.items()})
+                self._write_index()
+
+    @staticmethod
+    def _piece(path: Path, rank: int) -> Path:
+        return path.with_suffix(f".piece{rank}.vtu")
+
+    def _write_index(self) -> None:
+        write_index_of(self.folder, self.name, self.moments)
+
+    def __len__(self) -> int:
+        return len(self.moments)
+
+    def __getitem__(self, number: int) -> tuple[Moment, Fields]:
+        from . import vtk
+
+        number = range(len(self.moments))[number]
+        return self.moments[number], vtk.read_fields(state_path(self.folder, self.name, number))
+
+    def __iter__(self) -> Iterator[tuple[Moment, Fields]]:
+        return (self[number] for number in range(len(self)))
+
+
+@contextmanager
+def _for_all(part) -> Iterator[None]:
+    """What one rank cannot write, none goes on without."""
+    error = None
+    try:
+        yield
+    except OSError as found:
+        error = found
+    part.agree(error)
 
 
 class SavedStates:
