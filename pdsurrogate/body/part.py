@@ -61,6 +61,33 @@ class Whole:
         """Values of all points of the whole body, in its order; None on ranks other than the first."""
         return values
 
+    def to_whole(self, values: np.ndarray, body) -> np.ndarray | None:
+        """An array with a row for every point of a body, every point and image, or every directed bond, as the whole body has it.
+
+        On the first rank; None on the others.
+        """
+        return values
+
+    def from_whole(self, values: np.ndarray | None, body, rows: int) -> np.ndarray:
+        """The way back of `to_whole`, to an array of so many rows here; `values` is None on ranks other than the first."""
+        return values
+
+    def rows_of_whole(self, body, rows: int) -> int:
+        """How many rows the whole body has where there are so many here."""
+        return rows
+
+    def pairs_to_whole(self, values: np.ndarray, body) -> np.ndarray | None:
+        """As `to_whole`, of an array with a row for every pair."""
+        return values
+
+    def pairs_from_whole(self, values: np.ndarray | None, body) -> np.ndarray:
+        """As `from_whole`, of such an array."""
+        return values
+
+    def pair_numbers(self, body) -> np.ndarray:
+        """Numbers in the whole body of the pairs here; those that are not counted here have none, and -1."""
+        return np.arange(len(body.bonds.first))
+
     def take(self, values: np.ndarray) -> np.ndarray:
         """Of values of all points of the whole body those of the points here."""
         return values

@@ -151,6 +151,104 @@ class Part(Whole):
             whole[places] = found
         return whole
 
+    def to_whole(self, values: np.ndarray, body: Body) -> np.ndarray | None:
+        n = len(self.own)
+        if len(values) == n:
+            return self.gather(values)
+        if len(values) != n + len(body.ghosts):
+            return self._gather_each(values, np.diff(body.bonds.pointers).astype(np.int64))
+        points, names, images = self.gather(values[:n]), self._gather_images(body), self.ranks.gather(values[n:][self._own_images(body)])
+        return None if points is None else np.concatenate([points, np.concatenate(images)[np.argsort(names)]])
+
+    def from_whole(self, values: np.ndarray | None, body: Body, rows: int) -> np.ndarray:
+        n, first = len(self.own), self.ranks.rank == 0
+        if rows == n:
+            return self._hand_out(values)
+        if rows != n + len(body.ghosts):
+            found = self._hand_out_each(values, np.diff(body.bonds.pointers).astype(np.int64))
+            self.fill_bonds(found, body)
+            return found
+        points = self._hand_out(values[: self._total] if first else None)
+        names, wanted = self._gather_images(body), self.ranks.gather(self._image_names(body))
+        images = [values[self._total :][np.searchsorted(np.sort(names), asked)] for asked in wanted] if first else None
+        return np.concatenate([points, self.ranks.hand_out(images)])
+
+    def rows_of_whole(self, body: Body, rows: int) -> int:
+        n = len(self.own)
+        if rows == n:
+            return self._total
+        if rows == n + len(body.ghosts):
+            return self._total + self.ranks.total(int(self._own_images(body).sum()))
+        return self.ranks.total(int(np.diff(body.bonds.pointers).astype(np.int64)[self.own].sum()))
+
+    def pairs_to_whole(self, values: np.ndarray, body: Body) -> np.ndarray | None:
+        return self._gather_each(values, np.diff(body.bonds.pair_pointers).astype(np.int64))
+
+    def pairs_from_whole(self, values: np.ndarray | None, body: Body) -> np.ndarray:
+        found = self._hand_out_each(values, np.diff(body.bonds.pair_pointers).astype(np.int64))
+        # Pairs whose first point is in the halo, from that point's owner, as values of the bond from there.
+        directed = found[body.bonds.pair_of]
+        self.fill_bonds(directed, body)
+        owners = np.repeat(np.arange(len(self.own)), np.diff(body.bonds.pointers).astype(np.int64))
+        forward = owners == body.bonds.first[body.bonds.pair_of]
+        found[body.bonds.pair_of[forward]] = directed[forward]
+        return found
+
+    def pair_numbers(self, body: Body) -> np.ndarray:
+        counts = np.diff(body.bonds.pair_pointers).astype(np.int64)
+        numbers = np.repeat(self._starts(counts) - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+        numbers[~self.own[body.bonds.first]] = -1
+        return numbers
+
+    def _image_names(self, body: Body) -> np.ndarray:
+        """What images are called everywhere; in the whole body they stand in the order of these names."""
+        return body.ghosts.image * self._total + self.numbers[body.ghosts.source]
+
+    def _own_images(self, body: Body) -> np.ndarray:
+        return self.own[body.ghosts.source]
+
+    def _gather_images(self, body: Body) -> np.ndarray | None:
+        names = self.ranks.gather(self._image_names(body)[self._own_images(body)])
+        return None if names is None else np.concatenate(names)
+
+    def _hand_out(self, values: np.ndarray | None) -> np.ndarray:
+        """Of values of all points, which the first rank has, those of the points here."""
+        numbers = self.ranks.gather(self.numbers)
+        return self.ranks.hand_out(None if numbers is None else [values[places] for places in numbers])
+
+    def _gather_each(self, values: np.ndarray, counts: np.ndarray) -> np.ndarray | None:
+        """As `gather`, of values of which every point has some, counts of shape (n,): those of the whole body, point by point."""
+        rows, places = self.ranks.gather(values[np.repeat(self.own, counts)]), self._places_of_each(counts)
+        if rows is None:
+            return None
+        whole = np.empty((sum(map(len, rows)), *values.shape[1:]), dtype=values.dtype)
+        for entries, found in zip(places, rows, strict=True):
+            whole[entries] = found
+        return whole
+
+    def _hand_out_each(self, values: np.ndarray | None, counts: np.ndarray) -> np.ndarray:
+        """The way back; those of the halo are zero."""
+        places = self._places_of_each(counts)
+        own = self.ranks.hand_out(None if places is None else [values[entries] for entries in places])
+        found = np.zeros((int(counts.sum()), *own.shape[1:]), dtype=own.dtype)
+        found[np.repeat(self.own, counts)] = own
+        return found
+
+    def _starts(self, counts: np.ndarray) -> np.ndarray:
+        """Where the values of every point here begin among those of the whole body."""
+        all_counts = self.gather(counts)
+        return self._hand_out(None if all_counts is None else np.cumsum(all_counts) - all_counts)
+
+    def _places_of_each(self, counts: np.ndarray) -> list[np.ndarray] | None:
+        """On the first rank, where what every rank's own points have some of stands in the whole."""
+        begins, own = self.ranks.gather(self._starts(counts)[self.own]), self.ranks.gather(counts[self.own])
+        if begins is None:
+            return None
+        # Of every point a run of numbers from its beginning.
+        return [
+            np.repeat(begin - np.cumsum(count) + count, count) + np.arange(count.sum()) for begin, count in zip(begins, own, strict=True)
+        ]
+
     def take(self, values: np.ndarray) -> np.ndarray:
         return values[self.numbers]
 

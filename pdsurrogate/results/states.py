@@ -71,8 +71,8 @@ class StatesInMemory(list):
 class Moments:
     """Moments alone, on ranks other than the first: what was recorded then is there."""
 
-    def __init__(self) -> None:
-        self.moments: list[Moment] = []
+    def __init__(self, moments: list[Moment] | None = None) -> None:
+        self.moments = list(moments or [])
 
     def append(self, moment: Moment, fields: Fields) -> None:
         """Record when a state was."""
@@ -86,6 +86,8 @@ class Moments:
 
     def __iter__(self) -> Iterator[tuple[Moment, Fields]]:
         raise IndexError("the fields of a run on several ranks are on the first of them")
+
+
 def state_path(folder: Path, name: str, number: int) -> Path:
     """File of a state: a VTU, but where it was written in pieces, as by a run on several ranks."""
     path = folder / f"{name}-{number:03d}.pvtu"

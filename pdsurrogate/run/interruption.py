@@ -9,6 +9,9 @@ import threading
 class Interrupted(RuntimeError):
     """The run was asked to stop."""
 
+    def __init__(self) -> None:
+        super().__init__("interrupted")
+
 
 class Interruption:
     """Context in which the first interrupt asks, and the second one stops at once.
@@ -37,8 +40,3 @@ class Interruption:
     def _ask(self, number, frame) -> None:
         self.asked = True
         signal.signal(signal.SIGINT, self._before)
-
-    def check(self) -> None:
-        """Raise Interrupted if the run is to stop."""
-        if self.asked:
-            raise Interrupted("interrupted")

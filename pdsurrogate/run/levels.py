@@ -11,6 +11,7 @@ from ..forces import InvalidState
 from ..scenes import SceneError
 from ..solvers import SOLVERS, Diverging, Equilibrium, EquilibriumSolver, Increments, NotConverged, RanAway, TooFar, Unstable
 from ..solvers.branch import Branch
+from .interruption import Interrupted
 from .programme import Stage
 from .rows import compare, equilibrium_columns, level_row
 from .run import Run
@@ -208,7 +209,8 @@ def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float,
         row = {run.loading.parameter: run.target, "increment": target, "evaluation": began + evaluations, "residual": residual}
         run.convergence.append(row | ({"energy": run.strain_energy()} if run.force.has_energy else {}))
         run.progress.residual(evaluations, residual, tolerance)
-        run.interruption.check()
+        if run.reductions.any(run.interruption.asked):
+            raise Interrupted
         if evaluations > patience:
             raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after the body had run away")
         if run.loads is not None:

@@ -19,7 +19,7 @@ from ..materials import Law
 from ..ranks import ALONE, Communicator, ReductionsOfParts, communicator, divided
 from ..ranks.communicator import Alone
 from ..results import measures
-from ..results.checkpoint import Checkpoint
+from ..results.checkpoint import Checkpoint, CheckpointError
 from ..results.probes import Probes
 from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory
 from ..scenes import Scene, SceneError
@@ -196,10 +196,13 @@ class Run:
         self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]), default=None)
         self.parameter = self.target = self.begin = self.loading.rest
         self.positions = self.body.points.copy()
+        self.states = self._states()
+
+    def _states(self, moments: list[Moment] | None = None) -> States:
+        """Where states are recorded, with those that are there already, of a run that is resumed."""
         if self.ranks.rank:
-            self.states: States = Moments()
-        else:
-            self.states = StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.whole, scene.name)
+            return Moments(moments)
+        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.whole, self.scene.name, moments)
 
     def _part_of(self, body: Body) -> Body:
         """Of the whole body what falls to this rank."""
@@ -318,8 +321,9 @@ class Run:
 
     def checkpoint(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
         """Write a checkpoint, if there is a folder for it."""
-        if self.folder is None or self.ranks.size > 1:
+        if self.folder is None:
             return
+        part = self.body.part
         common = {
             "parameter": self.parameter,
             "stage": self.stage,
@@ -333,19 +337,23 @@ class Run:
             "convergence": self.convergence,
             "moments": [astuple(moment) for moment in self.states.moments],
             "evaluations": self.force.evaluations,
-            "outside": self.force.pairs_outside,
+            "outside": self.reductions.total_of_parts(self.force.pairs_outside),
         }
-        held = {"positions": self.positions, **self.force.state_arrays()}
-        if self.damage is not None:
-            held["broken"] = self.damage.broken
+        held = {"positions": self.positions, **self.force.state_arrays(), **arrays}
         if self.earlier is not None:
             held["earlier"] = self.earlier[1]
-        Checkpoint(self.identity, {**common, **progress}, {**held, **arrays}).write(self.folder)
+        # In the order of the whole body, so that any number of ranks can go on from it.
+        whole = {key: part.to_whole(array, self.body) for key, array in held.items()}
+        if self.damage is not None:
+            whole["broken"] = part.pairs_to_whole(self.damage.broken, self.body)
+        kept = Checkpoint(self.identity, {**common, **progress}, whole)
+        if self.ranks.rank == 0:
+            kept.write(self.folder)
 
     def restore(self) -> Checkpoint:
         """Take up what a checkpoint holds of everything but what moves a stage in dynamics."""
         held = {"positions": self.positions, **self.force.state_arrays()}
-        found = Checkpoint.read(self.folder, self.identity, {key: (array.shape, array.dtype) for key, array in held.items()})
+        found = self._read_checkpoint(held)
         progress = found.progress
         for key, array in held.items():
             array[:] = found.arrays[key]
@@ -355,11 +363,32 @@ class Run:
         self.begin, self.elapsed, self.crack = progress["begin"], progress["elapsed"], progress["crack"]
         if progress["earlier"] is not None:
             self.earlier = progress["earlier"], found.arrays["earlier"].copy()
-        self.states = StatesInFiles(self.folder, self.body, self.scene.name, [Moment(*moment) for moment in progress["moments"]])
+        self.states = self._states([Moment(*moment) for moment in progress["moments"]])
         if self.damage is not None:
             pairs = np.flatnonzero(found.arrays["broken"])
-            if len(pairs):
+            if self.reductions.any(len(pairs) > 0):
                 self.damage.break_bonds(pairs)
                 self.force.break_bonds(pairs)
-        self.force.evaluations, self.force.pairs_outside = progress["evaluations"], progress["outside"]
+        self.force.evaluations, self.force.pairs_outside = progress["evaluations"], 0 if self.ranks.rank else progress["outside"]
         return found
+
+    def _read_checkpoint(self, held: dict[str, np.ndarray]) -> Checkpoint:
+        """What the first rank reads, on every rank for its points; the arrays that are held here say which there must be."""
+        body, part, identity = self.body, self.body.part, self.identity
+        shapes = {key: ((part.rows_of_whole(body, len(array)), *array.shape[1:]), array.dtype) for key, array in held.items()}
+        if not part.divided:
+            return Checkpoint.read(self.folder, identity, shapes)
+        whole = error = None
+        if self.ranks.rank == 0:
+            try:
+                whole = Checkpoint.read(self.folder, identity, shapes)
+            except CheckpointError as found:
+                error = found
+        part.agree(error)
+        progress, keys = self.ranks.to_all(whole and (whole.progress, list(whole.arrays)))
+        arrays = {}
+        for key in keys:
+            values = whole and whole.arrays[key]
+            rows = len(held[key]) if key in held else len(body)
+            arrays[key] = part.pairs_from_whole(values, body) if key == "broken" else part.from_whole(values, body, rows)
+        return Checkpoint(identity, progress, arrays)

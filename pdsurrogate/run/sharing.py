@@ -21,7 +21,7 @@ class Oversubscribed(RuntimeWarning):
     """More threads than cores: ranks wait for each other in loops, and each keeps a core from those it waits for."""
 
 
-def refuse(scene: Scene, model: ForceModel, resume: bool) -> None:
+def refuse(scene: Scene, model: ForceModel) -> None:
     """Refuse what does not run on several ranks yet.
 
     Raises
@@ -30,9 +30,7 @@ def refuse(scene: Scene, model: ForceModel, resume: bool) -> None:
         Names the key.
     """
     why = None
-    if resume:
-        why = "a run is not resumed on them yet"
-    elif scene.materials:
+    if scene.materials:
         why = "materials: bodies of several materials are not divided yet"
     elif not scene.stretched:
         why = "prescribed: loadings said by prescribed displacements, loads and steps are not divided yet, those by grips are"

@@ -137,21 +137,22 @@ def simulate(
         # Imported here: a run of one process knows nothing of others.
         from .sharing import refuse, share_of_cores
 
-        refuse(scene, model, resume)
+        refuse(scene, model)
         threads = threads or share_of_cores(ranks)
         if ranks.rank:
-            progress, folder = Silent(), None
+            progress = Silent()
     folder = None if folder is None else Path(folder)
-    if folder is not None and not resume:
+    writes = folder is not None and ranks.rank == 0
+    if writes and not resume:
         check_room(folder, scene.name, overwrite)  # before any work
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
-    held = nullcontext() if folder is None else occupied(folder)
+    held = occupied(folder) if writes else nullcontext()
     with held, thread_count(threads), threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
         run = Run(scene, model, progress, folder, threads)
         size = len(run.body), len(run.body.bonds.first), run.threads
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
-        if folder is not None and not resume:
+        if writes and not resume:
             make_room(folder, scene.name, overwrite)
         try:
             with run.interruption:

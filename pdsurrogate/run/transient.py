@@ -18,6 +18,7 @@ from ..solvers.conditions import Reactions
 from ..solvers.dynamics import Power
 from ..solvers.minimiser import EnergyMinimiser
 from ..solvers.reductions import LOCAL
+from .interruption import Interrupted
 from .programme import Stage
 from .rows import (
     displacement_columns,
@@ -166,10 +167,13 @@ class Transient:
         run, integrator, kept = self.run, self.integrator, checkpoint.progress["dynamics"]
         self.account = Account(**kept["account"])
         self._batch = max(self.account.batches, default=-1) + 1
+        self._take_recent_of_whole()
         integrator.time_step, integrator.last_step, integrator.steps = kept["time_step"], kept["last_step"], kept["steps"]
         run.steps = kept["all_steps"]
         integrator.velocities[:], integrator.forces[:] = checkpoint.arrays["velocities"], checkpoint.arrays["forces"]
         integrator.frequency.vector, integrator.frequency.fresh = checkpoint.arrays["mode"].copy(), False
+        for array in self.arrays().values():
+            run.body.part.clear(array)  # what others own they move
         self._limit_step()
         self._apply()
 
@@ -200,13 +204,14 @@ class Transient:
                 if through:
                     break
             # What is resumed from has the row and the output of its step; a row that an interruption asks for is not in it.
-            asked = run.interruption.asked
-            if due or asked or clock.monotonic() - saved >= SECONDS_BETWEEN_CHECKPOINTS:
+            late = clock.monotonic() - saved >= SECONDS_BETWEEN_CHECKPOINTS
+            asked, late = run.reductions.total_of_parts((int(run.interruption.asked), int(late)))
+            if due or asked or late:
                 self._checkpoint()
                 saved = clock.monotonic()
             if asked:
                 self._last_row()
-                run.interruption.check()
+                raise Interrupted
 
     def _time_due(self, outputs: int) -> float:
         """When the output after so many is, in a stage that says its duration."""
@@ -513,10 +518,33 @@ class Transient:
         order, places = body.part.everywhere(order), body.part.everywhere(_midpoints(body, pairs))
         return places[np.lexsort(order.T[::-1])]
 
+    def _recent_in_whole(self) -> tuple[list[int], list[int]]:
+        """Pairs broken of late by their numbers in the whole body, in the order in which they broke, and their batches."""
+        account, body = self.account, self.run.body
+        if not body.part.divided:
+            return account.recent, account.batches
+        pairs = body.part.pair_numbers(body)[np.array(account.recent, dtype=np.int64)]
+        rows = body.part.everywhere(np.stack([np.array(account.batches, dtype=np.int64), pairs], axis=1)[pairs >= 0])
+        rows = rows[np.lexsort(rows.T[::-1])]
+        return rows[:, 1].tolist(), rows[:, 0].tolist()
+
+    def _take_recent_of_whole(self) -> None:
+        """The way back: of the pairs broken of late, those that are counted here."""
+        account, body = self.account, self.run.body
+        if not body.part.divided:
+            return
+        numbers = body.part.pair_numbers(body)
+        here = np.flatnonzero(numbers >= 0)
+        recent, batches = np.array(account.recent, dtype=np.int64), np.array(account.batches, dtype=np.int64)
+        found = np.isin(recent, numbers[here])
+        account.recent = here[np.searchsorted(numbers[here], recent[found])].tolist()
+        account.batches = batches[found].tolist()
+
     def _checkpoint(self) -> None:
         integrator = self.integrator
+        recent, batches = self._recent_in_whole()
         kept = {
-            "account": asdict(self.account),
+            "account": {**asdict(self.account), "recent": recent, "batches": batches},
             "time_step": integrator.time_step,
             "last_step": integrator.last_step,
             "steps": integrator.steps,
