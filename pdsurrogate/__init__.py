@@ -45,6 +45,7 @@ _HOMES = {
     "NeoHookean": "materials",
     "NetworkForce": "forces",
     "Ogden": "materials",
+    "OwnBondForce": "forces",
     "ParallelogramCut": "scenes",
     "Part": "scenes",
     "Polygon": "scenes",

@@ -215,11 +215,11 @@ def refused(folder: Path) -> str:
 
 def search() -> str:
     """A grid search over features and widths, and straight into a run."""
-    samples = pd.wide_design(LAW, 800, random_state=0)
+    samples = pd.wide_design(LAW, 2000, random_state=0)
     path = "regressor__regressor__regressor"
     found, rows = {}, []
     for features in ("isochoric", "symmetric"):
-        network = pd.LevenbergMarquardtRegressor(activation="algebraic", max_iter=100, random_state=0)
+        network = pd.LevenbergMarquardtRegressor(activation="algebraic", max_iter=250, random_state=0)
         grid = {f"{path}__hidden_layer_sizes": [(4,), (8,), (16,)]}
         found[features] = GridSearchCV(pd.bond_force_pipeline(features, network), grid, cv=3).fit(samples.X, samples.y)
         for row in pd.learning.fitting.search_table(found[features]):

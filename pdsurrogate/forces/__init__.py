@@ -8,6 +8,7 @@ from .learnt import LearntBondForce
 from .learnt_energy import EnergyNetwork, IsochoricNetwork, LearntEnergy
 from .network import NetworkForce
 from .nosb import NOSBForce
+from .own import OwnBondForce, OwnForceFailed, is_own_force
 from .polynomial import PolynomialForce
 from .portions import bind_portions
 from .protocol import Domain, ForceModel, InternalForce, InvalidState, OutsideDomain, OutsideDomainWarning, Portion
@@ -37,9 +38,12 @@ __all__ = [
     "NetworkForce",
     "OutsideDomain",
     "OutsideDomainWarning",
+    "OwnBondForce",
+    "OwnForceFailed",
     "PlainBondEnergyForce",
     "PolynomialForce",
     "Portion",
     "SplineForce",
     "bind_portions",
+    "is_own_force",
 ]

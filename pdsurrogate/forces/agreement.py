@@ -122,7 +122,10 @@ def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
     ValueError
         If it is further off than its card states.
     """
-    advice = f"the law has changed since, or the model is of another material; fit it again, or use force={serves}, which serves every law"
+    advice = (
+        "the law has changed since, or the model is of another material, or its fit is too coarse; "
+        f"fit it again, or use force={serves}, which serves every law"
+    )
     if model.stated is not None:
         # On the surface that it was trained on: the force at given C33 knows no bulk modulus, the surface does.
         bulk = model.stated["bulk_ratio"] * law.shear_modulus

@@ -10,7 +10,16 @@ from sklearn.base import BaseEstimator, MetaEstimatorMixin
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted
 
-from ..forces import Domain, LearntBondForce, NetworkForce, PolynomialForce, SplineForce
+from ..forces import (
+    Domain,
+    ForceSurrogate,
+    LearntBondForce,
+    NetworkForce,
+    OwnBondForce,
+    PolynomialForce,
+    SplineForce,
+    is_own_force,
+)
 from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.spline import FEATURES
 from ..materials import Law
@@ -32,7 +41,8 @@ def surrogate_of(model, law: Law, domain: Domain, name: str = "unsaved") -> Lear
     ----------
     model : estimator or object
         A fitted `bond_force_pipeline`, whatever its regressor; a search over one; any other fitted regressor of the five bond quantities
-        (columns of `BondSamples.X`); or an object with a ``bond_force(stretch, rotation, length, C33, J)``.
+        (columns of `BondSamples.X`); or an object with a ``bond_force(stretch, rotation, length, C33, J)`` or an
+        ``energy(I1bar, I2bar)``.
     law : Law
         Of the training data.
     domain : Domain
@@ -108,8 +118,10 @@ def force_of(model) -> Callable:
     model = best_of(model)
     if isinstance(model, InputAwareTargetRegressor):
         return _force_of_pipeline(model)
-    if callable(getattr(model, "bond_force", None)):
+    if isinstance(model, ForceSurrogate):
         return model.bond_force
+    if is_own_force(model):
+        return OwnBondForce(model).bond_force
     if isinstance(model, BaseEstimator):
         if not callable(getattr(model, "predict", None)):
             raise ValueError(f"a {type(model).__name__} predicts nothing: a regressor of bond forces is taken")

@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from .. import artifacts
-from ..forces import ForceModel, InvalidState, OutsideDomain
+from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, is_own_force
 from ..forces.identity import digest_of
 from ..kernels.compile import compilation_clock
 from ..kernels.threads import thread_count
@@ -77,9 +77,10 @@ def simulate(
     ----------
     scene : Scene, str or path
         A scene, or the name or file of one, see `pdsurrogate.load_scene`.
-    force : str, path, ForceModel or fitted pipeline, optional
+    force : str, path, ForceModel, fitted pipeline or object, optional
         A force model, the name of one ("analytic", "nosb"), an artefact: NAME, NAME@VERSION or a path; or a fitted
-        `pdsurrogate.bond_force_pipeline` or `pdsurrogate.energy_pipeline`, or a search over one, taken to describe the scene's material.
+        `pdsurrogate.bond_force_pipeline` or `pdsurrogate.energy_pipeline`, or a search over one, or an object with a
+        ``bond_force`` or an ``energy`` (`pdsurrogate.forces.OwnBondForce`), taken to describe the scene's material.
         An artefact brings the material of its card into a built-in scene, see `pdsurrogate.artifacts.with_material`.  By default the one
         for the scene, see `pdsurrogate.artifacts.default_force`.
     threads : int, optional
@@ -160,7 +161,7 @@ def simulate(
         except Interrupted as error:
             message = f"{run.loading.at(run.parameter)}: {error}"
             raise SimulationInterrupted(message, _result(run, clock.seconds, began, message)) from None
-        except (NotConverged, Diverging, RanAway, TooFar, Unstable, InvalidState, OutsideDomain) as error:
+        except (NotConverged, Diverging, RanAway, TooFar, Unstable, InvalidState, OutsideDomain, OwnForceFailed) as error:
             inertia = run.stages[run.stage].inertia is not None and run.steps > 0
             advice = DYNAMICS_ADVICE if inertia else ADVICE.get(type(error))
             if isinstance(error, NotConverged | Unstable) and run.force.precision == "float32":
@@ -180,6 +181,8 @@ def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
         return artifacts.with_material(scene, force)
     if isinstance(force, ForceModel):
         return scene, force
+    if is_own_force(force):
+        return scene, OwnBondForce(force)
     # Imported here: only those who have a pipeline have scikit-learn loaded.
     from sklearn.base import BaseEstimator
 
@@ -188,8 +191,8 @@ def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
 
         return scene, force_model_of(force, scene.material.build())
     raise TypeError(
-        "force must be a force model, the name of one, an artefact (NAME, NAME@VERSION or a path), or a fitted bond_force_pipeline or "
-        f"energy_pipeline, not {force!r}"
+        "force must be a force model, the name of one, an artefact (NAME, NAME@VERSION or a path), a fitted bond_force_pipeline or "
+        f"energy_pipeline, or an object with a bond_force or an energy, not {force!r}"
     )
 
 

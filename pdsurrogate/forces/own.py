@@ -1,0 +1,186 @@
+"""A force that somebody writes in Python: run as it is, block by block in NumPy, at the speed of that."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from ..body import Body
+from ..kernels.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
+from ..kernels.threads import thread_count
+from ..materials import InvariantLaw, Law, plane_stress
+from .analytic import bond_arrays
+from .bond_force import BondForceEvaluation, ForceSurrogate
+from .protocol import CompiledBondForce, Domain, ForceModel, InternalForce, Portion
+from .settings import ForceSettings
+
+_CALLED = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctypes.c_void_p] * 4)
+"""The signature of a block function (`pdsurrogate.kernels.compile.bond_force_signature`), in double precision."""
+
+TRIAL = ([1.0, 1.3, 0.8, 1.1], [0.0, 0.2, -0.1, 0.05], [1.0, 0.5, 0.7, 0.2], [1.0, 0.7, 1.4, 0.9], [1.0, 1.2, 0.85, 1.05])
+"""Bonds by which a force is tried before a run."""
+
+
+class OwnForceFailed(RuntimeError):
+    """A user's own force raised an error, or returned something else than forces."""
+
+
+def is_own_force(thing) -> bool:
+    """Whether a user's object is a force of their own: it has a ``bond_force`` or an ``energy``."""
+    return not isinstance(thing, type) and any(callable(getattr(thing, key, None)) for key in ("bond_force", "energy"))
+
+
+class OwnBondForce(ForceSurrogate):
+    """A bond force, or an isochoric energy, of a user's own, evaluated in NumPy.
+
+    Parameters
+    ----------
+    thing : object
+        With a ``bond_force(stretch, rotation, length, C33, J)`` as `ForceSurrogate.bond_force`, of vectors; or with an
+        ``energy(I1bar, I2bar)`` that gives W and its derivatives by both, vectors too, in units of the shear modulus.  The force must be
+        isotropic: what it has across a bond is that along a bond across it.  The thickness of the points is that of the scene's material,
+        as with every bond force.
+
+    Raises
+    ------
+    TypeError
+        If it has neither.
+    """
+
+    features = ("stretch", "rotation", "length", "C33", "J")
+    domain: Domain | None = None
+    gives_transverse = True
+    default_precision = "float64"
+    honours: ClassVar = {
+        "precision": ("float64",),
+        "correction": ("tensor", "scalar", "none"),
+        "rotation": ("polar", "convected"),
+        "breakable": (True,),
+        "plane": ("stress",),
+    }
+
+    def __init__(self, thing) -> None:
+        if not is_own_force(thing):
+            raise TypeError(
+                f"a force of one's own has bond_force(stretch, rotation, length, C33, J) or energy(I1bar, I2bar), not {thing!r}"
+            )
+        self.thing, self.name = thing, type(thing).__name__
+        self.failure: Exception | None = None
+        self._callback = _CALLED(self._evaluate_block)  # kept: its address is handed around
+
+    def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
+        """Dimensionless (t_n, t_tau) of theory (9); see `ForceSurrogate.bond_force`."""
+        return self._force(*bond_arrays(stretch, rotation, length, C33, J))
+
+    def _force(self, stretch, rotation, length, C33, J) -> np.ndarray:
+        if callable(getattr(self.thing, "bond_force", None)):
+            return self._checked("bond_force", self.thing.bond_force(stretch, rotation, length, C33, J), (len(stretch), 2))
+        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+        T_nn, T_nm, _ = plane_stress.bond_traction(_LawOf(self), a, b, J, C33)
+        return np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
+
+    def energy(self, I1, I2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """W and its derivatives, of an object that gives them."""
+        found = self.thing.energy(I1, I2)
+        if not isinstance(found, tuple) or len(found) != 3:
+            raise OwnForceFailed(f"{self.name}: energy must return W, dW/dI1bar and dW/dI2bar, not {type(found).__name__}")
+        return tuple(self._checked("energy", np.broadcast_to(part, np.shape(I1)), np.shape(I1)) for part in found)
+
+    def _checked(self, what: str, values, shape: tuple[int, ...]) -> np.ndarray:
+        values = np.asarray(values, dtype=float)
+        if values.shape != shape:
+            raise OwnForceFailed(f"{self.name}: {what} must return an array of shape {shape}, not {values.shape}")
+        return values
+
+    def _tractions(self, a, b, U_mm, J, C33, length) -> np.ndarray:
+        """T_nn, T_nm and T_mm: the last is the normal traction of the bond across, whose stretch tensor has the other two components."""
+        count, twice = len(a), np.concatenate([[length, C33, J]] * 2, axis=1)
+        normal, shear = np.concatenate([a, U_mm]), np.concatenate([b, -b])
+        stretch = np.hypot(normal, shear)
+        t_n, t_tau = self._force(stretch, np.arctan2(shear, normal), *twice).T / stretch
+        along = t_n * normal - t_tau * shear
+        return np.stack([along[:count], t_n[:count] * b + t_tau[:count] * a, along[count:]])
+
+    def _evaluate_block(self, states, sizes, weights, response, parameters, work, scratch, traction) -> None:
+        result = _rows_at(traction, TRACTION_ROWS)
+        try:
+            a, b, U_mm, J, C33, length = _rows_at(states, STATE_ROWS)
+            result[:] = self._tractions(a, b, U_mm, J, C33, length)
+        except Exception as error:  # it cannot pass through compiled code; the evaluation raises it
+            self.failure = error
+            result[:] = np.nan
+
+    def compiled(self, dtype) -> CompiledBondForce:
+        """The address of a function that calls Python."""
+        address = ctypes.cast(self._callback, ctypes.c_void_p).value
+        return CompiledBondForce(address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0, needs_length=True)
+
+    def check_material(self, law: Law) -> None:
+        """Try the force on a few bonds.
+
+        Raises
+        ------
+        ValueError
+            If it fails, or is not finite.
+        """
+        try:
+            found = self.bond_force(*TRIAL)
+        except OwnForceFailed as error:
+            raise ValueError(str(error)) from error
+        except Exception as error:
+            raise ValueError(f"{self.name} fails on bonds of stretches {TRIAL[0]}: {type(error).__name__}: {error}") from error
+        if not np.isfinite(found).all():
+            raise ValueError(f"{self.name} has no finite force on bonds of stretches {TRIAL[0]}, rotations {TRIAL[1]}")
+
+    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
+        # Python runs on one thread, that which calls.
+        with thread_count(1):
+            return OwnBondForceEvaluation(self, body, law, settings)
+
+    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> InternalForce:
+        return ForceModel.evaluation_of_portions(self, body, portions, settings)
+
+    def payload(self) -> dict:
+        return {"class": f"{type(self.thing).__module__}.{type(self.thing).__qualname__}"}
+
+
+class OwnBondForceEvaluation(BondForceEvaluation):
+    """The evaluation of a force that calls Python: what that raised is raised where it was asked for."""
+
+    def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
+        self.model.failure = None
+        try:
+            super().evaluate(positions, out)
+        except Exception:
+            if self.model.failure is None:
+                raise
+        if self.model.failure is not None:
+            error = self.model.failure
+            raise OwnForceFailed(f"{self.model.name}: {type(error).__name__}: {error}") from error
+
+
+class _LawOf(InvariantLaw):
+    """An energy of a user's own in the place of a law's, in NumPy alone."""
+
+    name: ClassVar[str] = "own"
+    reference: ClassVar[str] = ""
+
+    def __init__(self, own: OwnBondForce) -> None:
+        super().__init__()
+        object.__setattr__(self, "own", own)
+
+    @property
+    def parameters(self) -> np.ndarray:
+        return np.array([self.bulk_modulus / self.shear_modulus])
+
+    def isochoric(self, I1, I2, parameters):
+        """W and its first derivatives; the second ones are not asked for at a given thickness."""
+        W, W1, W2 = self.own.energy(I1, I2)
+        return W, W1, W2, 0 * W, 0 * W, 0 * W
+
+
+def _rows_at(address: int, rows: int) -> np.ndarray:
+    return np.ctypeslib.as_array(ctypes.cast(address, ctypes.POINTER(ctypes.c_double)), (rows, BLOCK))

@@ -1,0 +1,112 @@
+"""Forces that users write in Python: they run, they become artefacts, and what is wrong with one is said."""
+
+import numpy as np
+import pytest
+
+import pdsurrogate as pd
+from pdsurrogate.forces import ForceSettings, OwnBondForce, OwnForceFailed
+from pdsurrogate.run.simulate import SimulationFailed
+from pdsurrogate.scenes import SceneError
+
+
+class MyRubber:
+    """Neo-Hookean rubber, theory (12)."""
+
+    def bond_force(self, stretch, rotation, length, C33, J):
+        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+        p, k = (J * J * C33) ** (-1 / 3), C33 / J
+        T_nn, T_nm = p * (a - k * (J + b * b) / a), p * (1 + k) * b
+        return np.stack([T_nn * a + T_nm * b, T_nm * a - T_nn * b], axis=1) / stretch[:, None]
+
+
+class MyEnergy:
+    """Mooney-Rivlin rubber with a fifth of its modulus in the second invariant."""
+
+    def energy(self, I1bar, I2bar):
+        return 0.4 * (I1bar - 3) + 0.1 * (I2bar - 3), 0.4, 0.1
+
+
+LAWS = [(MyRubber(), pd.NeoHookean()), (MyEnergy(), pd.MooneyRivlin(second_share=0.2))]
+
+
+@pytest.mark.parametrize(("own", "law"), LAWS, ids=["force", "energy"])
+def test_the_forces_are_those_of_the_law(own, law):
+    """On every bond, and of a torn sheet, tensor correction and broken bonds included: with the exact force to rounding."""
+    X = pd.wide_design(law, 500, random_state=0).X
+    exact = pd.AnalyticBondForce(law)
+    np.testing.assert_allclose(OwnBondForce(own).bond_force(*X.T), exact.bond_force(*X.T), rtol=1e-12, atol=1e-12)
+    body = pd.Body.rectangle(1.0, 0.7, 0.05, 0.158)
+    forces = []
+    for model in (OwnBondForce(own), exact):
+        bound = model.bind(body, law, ForceSettings(breakable=True))
+        x1, x2 = body.points.T
+        out = np.empty_like(body.points)
+        bound.break_bonds(np.arange(0, len(body.bonds.first), 7))
+        bound(np.stack([1.4 * x1 + 0.05 * np.sin(9 * x2), 0.8 * x2 + 0.05 * np.sin(7 * x1)], axis=1), out)
+        forces.append(out)
+    assert np.abs(forces[0] - forces[1]).max() < 1e-10 * np.abs(forces[1]).max()
+
+
+@pytest.mark.parametrize(("own", "law"), LAWS, ids=["force", "energy"])
+def test_it_runs_and_becomes_an_artefact(own, law, tmp_path):
+    scene = pd.load_scene("uniaxial", spacing=0.1, stretches=1.5, material=law.describe())
+    exact = pd.simulate(scene, "analytic").levels[0]["nominal_stress"]
+    assert pd.simulate(scene, own).levels[0]["nominal_stress"] == pytest.approx(exact, rel=1e-7)
+    path = pd.store(own, pd.wide_design(law, 500, (0.6, 2.0), random_state=0), law, tmp_path, "own", "1", "x")
+    assert pd.simulate(scene, path).levels[0]["nominal_stress"] == pytest.approx(exact, rel=2e-5)
+    assert pd.evaluate(own, law, (0.6, 2.0), 300)["on_surface"]["max"] < 1e-12
+
+
+class Wrong:
+    def __init__(self, answer):
+        self.answer = answer
+
+    def bond_force(self, stretch, rotation, length, C33, J):
+        return self.answer(stretch)
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (lambda stretch: stretch, r"bond_force must return an array of shape \(4, 2\), not \(4,\)"),
+        (lambda stretch: np.full((len(stretch), 2), np.nan), "Wrong has no finite force on bonds of stretches"),
+        (lambda stretch: 1 / 0, "Wrong fails on bonds of stretches .*: ZeroDivisionError: division by zero"),
+    ],
+)
+def test_a_force_that_cannot_work_says_so_before_the_run(answer, message):
+    with pytest.raises(SceneError, match=message):
+        pd.simulate(pd.load_scene("uniaxial", spacing=0.2, stretches=1.2), Wrong(answer))
+
+
+def test_an_energy_gives_its_derivatives():
+    class Half:
+        def energy(self, I1bar, I2bar):
+            return I1bar - 3
+
+    with pytest.raises(SceneError, match="energy must return W, dW/dI1bar and dW/dI2bar"):
+        pd.simulate(pd.load_scene("uniaxial", spacing=0.2, stretches=1.2), Half())
+
+
+def test_an_error_on_the_way_is_the_users_own():
+    """It comes out of compiled code, with what was reached."""
+
+    class Ends(MyRubber):
+        def bond_force(self, stretch, rotation, length, C33, J):
+            if stretch.max() > 1.35:
+                raise LookupError("no table beyond 1.35")
+            return super().bond_force(stretch, rotation, length, C33, J)
+
+    with pytest.raises(SimulationFailed, match=r"Ends: LookupError: no table beyond 1\.35") as failed:
+        pd.simulate(pd.load_scene("uniaxial", spacing=0.2, stretches=[1.2, 1.5]), Ends())
+    assert len(failed.value.result.levels) == 1
+    assert isinstance(failed.value.__cause__, OwnForceFailed)
+
+
+def test_what_it_does_not_take_is_said():
+    with pytest.raises(SceneError, match="MyRubber does not take precision=float32"):
+        pd.simulate(pd.load_scene("uniaxial", spacing=0.2, precision="float32"), MyRubber())
+    with pytest.raises(SceneError, match="MyRubber does not take plane=strain"):
+        pd.simulate(pd.load_scene("plane-strain-block", spacing=0.2), MyRubber())
+    for wrong in (MyRubber, 3, object()):
+        with pytest.raises(TypeError, match="or an object with a bond_force or an energy"):
+            pd.simulate("uniaxial", wrong)
