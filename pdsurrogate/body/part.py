@@ -21,6 +21,9 @@ class Whole:
     def fill_bonds(self, values: np.ndarray, body) -> None:
         """The same of values of the directed bonds of a body, shape (n_bonds,)."""
 
+    def fold(self, values: np.ndarray) -> None:
+        """Add the rows of the halo to those of their owners, and set them to zero: the transpose of `fill`."""
+
     def clear(self, values: np.ndarray) -> None:
         """Set the rows of the halo to zero."""
 
@@ -29,9 +32,17 @@ class Whole:
         if error is not None:
             raise error
 
+    def everywhere(self, rows):
+        """What all parts have, in a list."""
+        return [rows]
+
     def any(self, flag: bool) -> bool:
         """Whether something holds in one part or another."""
         return bool(flag)
+
+    def any_of(self, flags: np.ndarray) -> np.ndarray:
+        """The same of several things."""
+        return flags
 
     def total(self, part):
         """Sum of a number or an array of every part."""

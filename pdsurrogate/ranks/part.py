@@ -40,7 +40,8 @@ class Part(Whole):
     Attributes
     ----------
     own : ndarray of bool, shape (n,)
-    ranks, numbers
+    rank : int
+    ranks, numbers, owners
     seconds : float
         Spent in exchanges with other ranks so far.
     """
@@ -49,7 +50,7 @@ class Part(Whole):
 
     def __init__(self, ranks: Communicator, numbers: np.ndarray, owners: np.ndarray, total: int) -> None:
         self.ranks, self.numbers, self._total = ranks, numbers, total
-        self.own = owners == ranks.rank
+        self.own, self.owners, self.rank = owners == ranks.rank, owners, ranks.rank
         self.seconds = 0.0
         self._weights = self.own.astype(float)
         self._halo = np.flatnonzero(~self.own)
@@ -70,6 +71,13 @@ class Part(Whole):
         self.ranks.exchange({rank: values[rows] for rank, rows in send.items()}, incoming)
         for rank, rows in receive.items():
             values[rows] = incoming[rank]
+
+    def fold(self, values: np.ndarray) -> None:
+        incoming = {rank: np.empty((len(rows), *values.shape[1:])) for rank, rows in self._send.items()}
+        self.ranks.exchange({rank: values[rows] for rank, rows in self._receive.items()}, incoming)
+        for rank, rows in sorted(self._send.items()):
+            values[rows] += incoming[rank]
+        self.clear(values)
 
     def fill_bonds(self, values: np.ndarray, body: Body) -> None:
         if self._bonds is None:
@@ -116,6 +124,9 @@ class Part(Whole):
 
     def any(self, flag: bool) -> bool:
         return self.ranks.total(int(bool(flag))) > 0
+
+    def any_of(self, flags: np.ndarray) -> np.ndarray:
+        return self.ranks.total(flags.astype(np.int64)) > 0
 
     def total(self, part):
         return self.ranks.total(part)
@@ -252,9 +263,8 @@ class Part(Whole):
     def take(self, values: np.ndarray) -> np.ndarray:
         return values[self.numbers]
 
-    def everywhere(self, rows: np.ndarray) -> np.ndarray:
-        """Rows that all parts have, one after the other."""
-        return np.concatenate(self.ranks.everywhere(rows))
+    def everywhere(self, rows):
+        return self.ranks.everywhere(rows)
 
     def size(self, n: int) -> int:
         return self._total

@@ -515,7 +515,7 @@ class Transient:
             return _midpoints(body, pairs)
         pairs, batches = pairs[counted], batches[counted]
         order = np.stack([batches, body.part.numbers[body.bonds.first[pairs]]], axis=1)
-        order, places = body.part.everywhere(order), body.part.everywhere(_midpoints(body, pairs))
+        order, places = (np.concatenate(body.part.everywhere(rows)) for rows in (order, _midpoints(body, pairs)))
         return places[np.lexsort(order.T[::-1])]
 
     def _recent_in_whole(self) -> tuple[list[int], list[int]]:

@@ -36,7 +36,8 @@ class Automatic(EquilibriumSolver):
         if self._quick is None:
             self._quick = (EnergyMinimiser if force.nearly_incompressible and force.has_energy else QuasiNewton)(*self._settings)
             too_many = self.reductions.total_of_parts(len(self.volumes)) > self.MOST_POINTS
-            self.gave_up |= too_many and not force.nearly_incompressible
+            # What knows a great bulk modulus is not there for bodies in parts.
+            self.gave_up |= force.body.part.divided if force.nearly_incompressible else too_many
         return self._quick
 
     def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:

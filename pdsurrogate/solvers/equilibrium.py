@@ -118,7 +118,7 @@ class EquilibriumSolver(ABC):
     def preconditioner(self, force: InternalForce) -> Preconditioner:
         """What approximates the tangent of the force, made when it is first asked for."""
         if self._preconditioner is None:
-            self._preconditioner = preconditioner_of(force, self.free)
+            self._preconditioner = preconditioner_of(force, self.free, self.reductions)
         return self._preconditioner
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:

@@ -11,6 +11,7 @@ from scipy.sparse.linalg import splu
 from ..body import Body
 from ..forces import InternalForce
 from .multigrid import Multigrid
+from .reductions import LOCAL, LocalReductions
 
 REACH = 1.3
 """Bonds up to this many spacings make the matrix: four to a point on a grid, and those of points that lie off it.
@@ -48,8 +49,12 @@ class Preconditioner(Protocol):
         """Displacements under forces, shape (n, d)."""
 
 
-def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
+def preconditioner_of(force: InternalForce, free: np.ndarray, reductions: LocalReductions = LOCAL) -> Preconditioner:
     """What suits the tangent of a force in which components (n, d) are free."""
+    if force.body.part.divided:
+        from .schwarz import SchwarzStiffness  # of which a body that is all there has no need
+
+        return SchwarzStiffness(force.body, force.stiffness_moduli, free, reductions)
     if force.nearly_incompressible:
         return IncompressibleStiffness(force, free)
     return NearestBondStiffness(force.body, force.stiffness_moduli, free)
@@ -71,38 +76,13 @@ class NearestBondStiffness:
     """
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        n, d, ghosts = len(body), body.dimension, body.ghosts
-        first, second, blocks = _springs(body, shear_moduli)
-        within = second < n
-        # A ghost moves with the point behind it, each component with its parity.
-        mirrored, parity = second.copy(), np.ones((len(second), d))
-        mirrored[~within] = ghosts.source[second[~within] - n]
-        parity[~within] = ghosts.parity[second[~within] - n]
-        self._degrees = d * n
-        rows, columns, values = [], [], []
-        for i in range(d):
-            for j in range(d):
-                block = blocks[:, i, j]
-                rows += [d * first + i, d * first + i]
-                columns += [d * first + j, d * mirrored + j]
-                values += [block, -block * parity[:, j]]
-                # The second end of a bond within the body; a ghost's force is not one of the unknowns.
-                rows += [d * second[within] + i, d * second[within] + i]
-                columns += [d * second[within] + j, d * first[within] + j]
-                values += [block[within], -block[within]]
-        shape = (self._degrees, self._degrees)
-        matrix = sparse.coo_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=shape).tocsc()
-        matrix = (matrix + matrix.T) / 2
+        matrix = spring_matrix(body, shear_moduli)
         self._free = free.ravel()
-        keep = sparse.diags_array(self._free)
-        mean = matrix.diagonal().mean()
-        diagonal = SHIFT * mean * self._free + mean * (1 - self._free)
-        matrix = (keep @ matrix @ keep + sparse.diags_array(diagonal)).tocsc()
-        self._factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        self._factor = factorised(matrix, self._free)
         # Rigid translations that nothing holds: a uniform force has no place in equilibrium, and is left out rather
         # than divided by the shift.
-        held = (ghosts.parity < 0).any(axis=0)
-        self._drifting = [axis for axis in range(d) if not held[axis] and free[:, axis].all()]
+        held = (body.ghosts.parity < 0).any(axis=0)
+        self._drifting = [axis for axis in range(body.dimension) if not held[axis] and free[:, axis].all()]
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
         """Displacements under forces, shape (n, d)."""
@@ -131,12 +111,50 @@ class NearestBondStiffness:
         turns : ndarray, shape (planes, d, d), optional
             Of planes that turn too, see `pdsurrogate.body.Ghosts.shifts`.
         """
-        n, ghosts = len(body), body.ghosts
-        first, second, blocks = _springs(body, shear_moduli)
-        moved = np.vstack([held, held[ghosts.source] * ghosts.parity + ghosts.moved_by_planes(body.points, planes, turns)])
-        pulls, within = np.einsum("bij,bj->bi", blocks, moved[second] - moved[first]), second < n
-        forces = np.stack([np.bincount(first, pull, n) - np.bincount(second[within], pull[within], n) for pull in pulls.T], axis=1)
-        return self.solve(forces) + held
+        return self.solve(forces_of_springs(body, shear_moduli, held, planes, turns)) + held
+
+
+def spring_matrix(body: Body, shear_moduli: float | np.ndarray) -> sparse.csc_array:
+    """Stiffness of the nearest bonds with no component held, shape (d n, d n), the components of a point together."""
+    n, d, ghosts = len(body), body.dimension, body.ghosts
+    first, second, blocks = springs(body, shear_moduli)
+    within = second < n
+    # A ghost moves with the point behind it, each component with its parity.
+    mirrored, parity = second.copy(), np.ones((len(second), d))
+    mirrored[~within] = ghosts.source[second[~within] - n]
+    parity[~within] = ghosts.parity[second[~within] - n]
+    rows, columns, values = [], [], []
+    for i in range(d):
+        for j in range(d):
+            block = blocks[:, i, j]
+            rows += [d * first + i, d * first + i]
+            columns += [d * first + j, d * mirrored + j]
+            values += [block, -block * parity[:, j]]
+            # The second end of a bond within the body; a ghost's force is not one of the unknowns.
+            rows += [d * second[within] + i, d * second[within] + i]
+            columns += [d * second[within] + j, d * first[within] + j]
+            values += [block[within], -block[within]]
+    matrix = sparse.coo_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(d * n, d * n)).tocsc()
+    return (matrix + matrix.T) / 2
+
+
+def factorised(matrix: sparse.csc_array, free: np.ndarray):
+    """Factor of a stiffness with the rows of held components, where `free` is 0, made those of the identity."""
+    keep, mean = sparse.diags_array(free), matrix.diagonal().mean()
+    diagonal = SHIFT * mean * free + mean * (1 - free)
+    matrix = (keep @ matrix @ keep + sparse.diags_array(diagonal)).tocsc()
+    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+
+def forces_of_springs(
+    body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None
+) -> np.ndarray:
+    """Forces on the points, shape (n, d), where held components and planes are displaced and all else stays, see `response`."""
+    n, ghosts = len(body), body.ghosts
+    first, second, blocks = springs(body, shear_moduli)
+    moved = np.vstack([held, held[ghosts.source] * ghosts.parity + ghosts.moved_by_planes(body.points, planes, turns)])
+    pulls, within = np.einsum("bij,bj->bi", blocks, moved[second] - moved[first]), second < n
+    return np.stack([np.bincount(first, pull, n) - np.bincount(second[within], pull[within], n) for pull in pulls.T], axis=1)
 
 
 def _nearest(body: Body, shear_moduli: float | np.ndarray, factor: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -153,14 +171,18 @@ def _nearest(body: Body, shear_moduli: float | np.ndarray, factor: float) -> tup
         shear_moduli = (ends[bonds.first] + ends[bonds.second]) / 2
     stiffness = factor * shear_moduli * body.weigh(length) * volumes / body.kappa
     near = length <= REACH * body.spacing
-    if not near.any():
+    part = body.part
+    if not part.any(near.any()):
         near[:] = True
     moment = stiffness * length**2
-    stiffness, along = stiffness[near] * moment.sum() / moment[near].sum(), vector[near] / length[near, None]
+    counted = part.counted_pairs(bonds.first)
+    of_all = moment if counted is None else moment * counted
+    stiffness = stiffness[near] * part.total(of_all.sum()) / part.total(of_all[near].sum())
+    along = vector[near] / length[near, None]
     return bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64), stiffness, along
 
 
-def _springs(body: Body, shear_moduli: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def springs(body: Body, shear_moduli: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Ends of the nearest bonds and the stiffness of each, shape (k, d, d); `second` may be a ghost."""
     first, second, stiffness, along = _nearest(body, shear_moduli, 6.0)
     blocks = np.einsum("b,bi,bj->bij", stiffness, along, along)

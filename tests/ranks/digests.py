@@ -1,0 +1,68 @@
+"""Run by `test_ranks.py` on one rank or several: digests of forces and of positions after 100 explicit steps, of every force model."""
+
+import hashlib
+import json
+import sys
+
+import numpy as np
+
+from pdsurrogate.body import ReflectionPlane
+from pdsurrogate.forces import ForceSettings
+from pdsurrogate.ranks import ReductionsOfParts, communicator, divided
+from pdsurrogate.solvers import ExplicitDynamics
+from pdsurrogate.solvers.reductions import LOCAL
+from pdsurrogate.stress_test.bodies import notched
+from pdsurrogate.stress_test.case import Subject
+from pdsurrogate.stress_test.conformance import TABLE, Deformation
+
+DEFORMED = Deformation(1.02, 0.99, 0.0, 0.0, 0.0003, 1)
+
+
+def cut(starts, ends):
+    """Bonds across a line of a third of the body."""
+    sides = (starts[:, 1] > 0.42) != (ends[:, 1] > 0.42)
+    return sides & (np.maximum(starts[:, 0], ends[:, 0]) < 0.4)
+
+
+def measured(row, steps, ranks):
+    """Digests, and sums to be compared with a tolerance."""
+    subject, d = Subject(row.reference, plane=row.plane), 3 if row.plane == "space" else 2
+    whole = notched(d, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]),), separates=cut)
+    body = divided(whole, ranks) if ranks.size > 1 else whole
+    reductions = ReductionsOfParts(body.part) if ranks.size > 1 else LOCAL
+    force = subject.model.bind(body, subject.law, ForceSettings(plane=row.plane))
+    positions = DEFORMED(body.points)
+    forces = np.empty_like(positions)
+    force(positions, forces)
+    found = {"model": row.name, "forces": body.part.gather(forces)}
+    found["energy"] = reductions.total_of_parts(force.energy()) if force.has_energy else None
+    free = np.ones_like(positions)
+    body.part.clear(free)
+    still = lambda positions, ahead: None  # noqa: E731
+    integrator = ExplicitDynamics(
+        force, still, positions, np.zeros_like(positions), free, body.volumes.copy(), 0.5, 0.0, 0.3, reductions=reductions
+    )
+    integrator.begin()
+    for _ in range(steps):
+        integrator.move()
+        integrator.evaluate()
+    found["positions"] = body.part.gather(positions)
+    return found
+
+
+def main(steps: int, names: list[str]) -> None:
+    ranks = communicator()
+    for row in TABLE:
+        if names and row.name not in names:
+            continue
+        found = measured(row, steps, ranks)
+        if ranks.rank == 0:
+            for key in ("forces", "positions"):
+                values = np.ascontiguousarray(found.pop(key))
+                found[key], found[f"{key}_size"] = hashlib.sha256(values.tobytes()).hexdigest(), float(np.abs(values).max())
+                found[f"{key}_sum"] = float(np.abs(values).sum())
+            print(json.dumps(found), flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), sys.argv[2:])
