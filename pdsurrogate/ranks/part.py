@@ -42,8 +42,6 @@ class Part(Whole):
     own : ndarray of bool, shape (n,)
     rank : int
     ranks, numbers, owners
-    seconds : float
-        Spent in exchanges with other ranks so far.
     """
 
     divided = True
@@ -51,7 +49,6 @@ class Part(Whole):
     def __init__(self, ranks: Communicator, numbers: np.ndarray, owners: np.ndarray, total: int) -> None:
         self.ranks, self.numbers, self._total = ranks, numbers, total
         self.own, self.owners, self.rank = owners == ranks.rank, owners, ranks.rank
-        self.seconds = 0.0
         self._weights = self.own.astype(float)
         self._halo = np.flatnonzero(~self.own)
         self._receive = {rank: np.flatnonzero(owners == rank) for rank in np.unique(owners[self._halo]).tolist()}
