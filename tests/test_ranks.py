@@ -153,7 +153,7 @@ def test_equilibrium_within_the_tolerance(tmp_path):
 @several
 def test_what_does_not_run_on_ranks_is_refused(tmp_path):
     printed = run(2, "-m", "pdsurrogate", "run", "bimaterial", expected=2)
-    assert printed.count("on several ranks materials") == 1
+    assert "on several ranks materials" in printed
 
 
 @several

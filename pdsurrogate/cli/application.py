@@ -26,7 +26,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-SECONDS_BEFORE_THE_OTHERS = 2.0
+SECONDS_BEFORE_THE_OTHERS = 5.0
 """Time that the first rank has to speak for all and end the run."""
 
 BAR = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"), TimeElapsedColumn(), TimeRemainingColumn())

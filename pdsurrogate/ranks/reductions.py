@@ -61,6 +61,14 @@ class ReductionsOfParts(LocalReductions):
     def union(self, values):
         return np.unique(np.concatenate(self._ranks.everywhere(np.unique(values))))
 
+    def spread(self, values):
+        size = self.total_size(len(values))
+        mean = self.total(values) / size
+        return float(np.sqrt(self.total(np.square(values - mean)) / size))
+
+    def of_all(self, rows, points):
+        return np.concatenate(self._ranks.everywhere(rows[self._part.own[points]]))
+
     def counts(self, points):
         return points[self._part.own[points]]
 

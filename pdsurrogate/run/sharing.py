@@ -32,8 +32,8 @@ def refuse(scene: Scene, model: ForceModel) -> None:
     why = None
     if scene.materials:
         why = "materials: bodies of several materials are not divided yet"
-    elif not scene.stretched:
-        why = "prescribed: loadings said by prescribed displacements, loads and steps are not divided yet, those by grips are"
+    elif scene.loads:
+        why = "loads: they are not divided yet, prescribed displacements and grips are"
     elif scene.probes:
         why = "probes: places in a body that is divided are not read yet"
     elif scene.solver.method == "minimiser":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,14 +24,17 @@ class Samples:
         Which component of a place is held.
     goals : ndarray, shape (k,)
         Its value after.
+    points : ndarray of int, shape (k,), optional
+        The point of the body that each is of, or beside.
     """
 
     places: np.ndarray
     components: np.ndarray
     goals: np.ndarray
+    points: np.ndarray | None = None
 
 
-def affine_extension(samples: Samples, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def affine_extension(samples: Samples, spread_along: Callable[[np.ndarray], float]) -> tuple[np.ndarray, np.ndarray]:
     """The affine map that is nearest to what samples do: a gradient A and a shift b, of which positions y of the body go to A y + b.
 
     Where samples do not tell the gradient along a direction it is taken to be that of the identity; where all of them lie on one line, in
@@ -39,15 +43,15 @@ def affine_extension(samples: Samples, positions: np.ndarray) -> tuple[np.ndarra
     Parameters
     ----------
     samples : Samples
-    positions : ndarray, shape (n, d)
-        Of the body, whose extent says what the samples tell.
+    spread_along : callable
+        Standard deviation of the positions of the body along a direction (d,), which says what the samples tell.
 
     Returns
     -------
     gradient : ndarray, shape (d, d)
     shift : ndarray, shape (d,)
     """
-    dimension = positions.shape[1]
+    dimension = samples.places.shape[1]
     gradient, told = np.eye(dimension), [[] for _ in range(dimension)]
     shift = np.zeros(dimension)
     for component in range(dimension):
@@ -60,8 +64,7 @@ def affine_extension(samples: Samples, positions: np.ndarray) -> tuple[np.ndarra
         _, spreads, directions = np.linalg.svd(places - middle, full_matrices=False)
         row = np.zeros(dimension)
         for spread, direction in zip(spreads / np.sqrt(len(places)), directions, strict=True):
-            along = positions @ direction
-            if spread > LEAST_SPREAD * along.std() and spread > 0:
+            if spread > LEAST_SPREAD * spread_along(direction) and spread > 0:
                 arms = (places - middle) @ direction
                 row += (arms @ changes) / (arms @ arms) * direction
                 told[component].append(direction)

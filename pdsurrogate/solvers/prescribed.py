@@ -177,23 +177,28 @@ class PrescribedLoading(Loading):
 
     def _check_rest(self, every: tuple[HeldPoints, ...]) -> None:
         for part in every:
-            if np.abs(part.displacement(0.0)[..., list(part.components)]).max() > 1e-9 * self.body.spacing:
+            if np.abs(part.displacement(0.0)[..., list(part.components)]).max(initial=0.0) > 1e-9 * self.body.spacing:
                 raise ValueError(f"{part.name}.amplitude: it must be 0 at t = 0, where the body is at rest, as ramp and sine are")
 
     def _check_rigid_motions(self) -> None:
         """Refuse pieces of the body that can move or turn as a whole: they have no equilibrium, or many."""
         count, piece = self.pieces()
-        middle, extent = self.body.points.mean(axis=0), self._reductions.extent(self.body.points)
+        extent = self._reductions.extent(self.body.points)
+        sums = [self._reductions.total(column) for column in self.body.points.T]
+        middle = np.array(sums) / self._reductions.total_size(len(self.body))
         places, components, owners = self._constraints()
-        rows = _rigid_motions((places - middle) / extent, components)
+        rows = self._reductions.of_all(_rigid_motions((places - middle) / extent, components), owners)
+        pieces = self._reductions.of_all(piece[owners], owners)
         for number in range(count):
-            own = rows[piece[owners] == number]
+            own = rows[pieces == number]
             motions = _free_motions(own, self.body.dimension)
             if not motions:
                 continue
-            loose = np.flatnonzero(piece == number)
+            loose = self._reductions.counts(np.flatnonzero(piece == number))
+            size = self._reductions.total_of_parts(len(loose))
+            where = f", at {place_of(self.body, loose[0])}," if len(loose) else ""
             ways = "x1 or x2" if self.body.dimension == 2 else "x1, x2 or x3"
-            what = "the body" if count == 1 else f"a piece of {len(loose)} points of the body, at {place_of(self.body, loose[0])},"
+            what = "the body" if count == 1 else f"a piece of {size} points of the body{where}"
             raise ValueError(
                 f"prescribed: nothing keeps {what} from {' or '.join(motions)}; hold {ways} of a region by 0 against it, or let "
                 "the steps be in dynamics"
@@ -227,7 +232,7 @@ class PrescribedLoading(Loading):
         for _ in range(HALVINGS):
             share = min(1.0, largest / abs(end - start)) if end != start else 1.0
             guess = self._extended(positions, self._plane_motions(start), start + share * (end - start))
-            if greatest_bond_strain(self.body, positions, guess) <= self._largest_strain:
+            if self._greatest_strain(positions, guess) <= self._largest_strain:
                 break
             largest /= 2
         return largest
@@ -235,7 +240,7 @@ class PrescribedLoading(Loading):
     def guesses(self, positions, before, after, earlier):
         """What the held parts say of the body, starting from the last equilibrium and, where there are two, from their continuation."""
         guess = self._extended(positions, self._plane_motions(before), after)
-        strain = greatest_bond_strain(self.body, positions, guess)
+        strain = self._greatest_strain(positions, guess)
         if strain > self._largest_strain:
             raise TooFar(f"the first guess strains a bond by {strain:.2g}, more than solver.largest_increment = {self._largest_strain:.4g}")
         if earlier is None or earlier[0] == before or after == before:
@@ -244,6 +249,11 @@ class PrescribedLoading(Loading):
         planes = self._plane_motions(before)
         planes = planes + ratio * (planes - self._plane_motions(earlier[0]))
         return [guess, self._extended(positions + ratio * (positions - earlier[1]), planes, after)]
+
+    def _greatest_strain(self, before: np.ndarray, after: np.ndarray) -> float:
+        """Of any bond, on the way from one state to another."""
+        self.body.part.fill(before)
+        return self._reductions.greatest_of_parts(greatest_bond_strain(self.body, before, after))
 
     def _plane_motions(self, t: float) -> np.ndarray:
         """See `HeldPlane.motion`, shape (p, d, d + 1)."""
@@ -256,14 +266,18 @@ class PrescribedLoading(Loading):
         is left of held displacements then spreads as through a network of springs.
         """
         goal_planes = self._plane_motions(t)
+        self.body.part.fill(start)
         samples = self._samples(start, planes, goal_planes, t)
-        if np.array_equal(samples.goals, samples.places[np.arange(len(samples.goals)), samples.components]):
+        if not self._reductions.any((samples.goals != samples.places[np.arange(len(samples.goals)), samples.components]).any()):
             return start.copy()
-        gradient, shift = affine_extension(samples, start)
+        everywhere = Samples(
+            *(self._reductions.of_all(rows, samples.points) for rows in (samples.places, samples.components, samples.goals))
+        )
+        gradient, shift = affine_extension(everywhere, lambda direction: self._reductions.spread(start @ direction))
         guess = start @ gradient.T + shift
         mapped = (samples.places @ gradient.T + shift)[np.arange(len(samples.goals)), samples.components]
         left = samples.goals - mapped
-        if np.abs(left).max() > 1e-6 * self.body.spacing:
+        if self._reductions.greatest_of_parts(np.abs(left).max(initial=0.0)) > 1e-6 * self.body.spacing:
             moved, at, of_planes = np.zeros_like(start), 0, np.zeros(goal_planes.shape[:2])
             turns = self._turns_left(planes, goal_planes, gradient)
             for part in self._held:
@@ -273,7 +287,7 @@ class PrescribedLoading(Loading):
             for number, (sources, held) in enumerate(zip(self._beside_planes, self._planes, strict=True)):
                 for component in held.components:
                     # Along its plane the affine map need not follow every place alike.
-                    of_planes[number, component] = left[at : at + len(sources)].mean()
+                    of_planes[number, component] = self._reductions.of_all(left[at : at + len(sources)], sources).mean()
                     at += len(sources)
                 if held.turn is not None:
                     of_planes[number] = goal_planes[number, :, -1] - gradient @ planes[number, :, -1] - shift
@@ -296,8 +310,10 @@ class PrescribedLoading(Loading):
     def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> Samples:
         """What is held, where it is and where it goes: points, then planes, at the places beside which the body's points are."""
         places, components, goals = [np.zeros((0, self.body.dimension))], [np.zeros(0, dtype=int)], [np.zeros(0)]
+        points = [np.zeros(0, dtype=int)]
 
-        def add(there: np.ndarray, component: int, goal: np.ndarray) -> None:
+        def add(numbers: np.ndarray, there: np.ndarray, component: int, goal: np.ndarray) -> None:
+            points.append(numbers)
             places.append(there)
             components.append(np.full(len(there), component))
             goals.append(goal)
@@ -305,7 +321,7 @@ class PrescribedLoading(Loading):
         for part in self._held:
             displacement = part.displacement(t)
             for component in part.components:
-                add(start[part.points], component, self.body.points[part.points, component] + displacement[..., component])
+                add(part.points, start[part.points], component, self.body.points[part.points, component] + displacement[..., component])
         for number, (plane, held, sources) in enumerate(zip(self.body.planes, self._planes, self._beside_planes, strict=True)):
             there, at_rest = start[sources].copy(), self.body.points[sources].copy()
             at_rest[:, plane.axis] = plane.position
@@ -313,8 +329,8 @@ class PrescribedLoading(Loading):
             for component in held.components:
                 there[:, component] = at_rest[:, component] + now[:, component]
             for component in held.components:
-                add(there, component, there[:, component] + (then - now)[:, component])
-        return Samples(np.concatenate(places), np.concatenate(components), np.concatenate(goals))
+                add(sources, there, component, there[:, component] + (then - now)[:, component])
+        return Samples(*map(np.concatenate, (places, components, goals, points)))
 
     @cached_property
     def _beside_planes(self) -> list[np.ndarray]:
@@ -323,7 +339,11 @@ class PrescribedLoading(Loading):
         return [np.unique(ghosts.source[ghosts.plane == number]) for number in range(len(self._planes))]
 
     @cached_property
-    def _stiffness(self) -> NearestBondStiffness:
+    def _stiffness(self):
+        if self.body.part.divided:
+            from .schwarz import SchwarzStiffness  # of which a body that is all there has no need
+
+            return SchwarzStiffness(self.body, self._shear_modulus, self.free, self._reductions)
         return NearestBondStiffness(self.body, self._shear_modulus, self.free)
 
     def velocities(self, positions, motion: Motion):
@@ -366,8 +386,10 @@ class PrescribedLoading(Loading):
             for part, change in changes:
                 change = np.atleast_2d(change)
                 for component in part.components:
-                    low[component] = min(low[component], change[:, component].min())
-                    high[component] = max(high[component], change[:, component].max())
+                    low[component] = min(low[component], change[:, component].min(initial=np.inf))
+                    high[component] = max(high[component], change[:, component].max(initial=-np.inf))
+            low = -np.array([self._reductions.greatest_of_parts(-value) for value in low])
+            high = np.array([self._reductions.greatest_of_parts(value) for value in high])
             spread = (high - low)[np.isfinite(low)]
             fastest = max(fastest, float(spread.max(initial=0.0)) / (end - begin))
         return fastest
@@ -387,7 +409,8 @@ class PrescribedLoading(Loading):
                 summed = np.bincount(bonds.first, product, n) + np.bincount(bonds.second[within], product[within], n)
                 stress[:, i, j] = summed / self.body.volumes
         least, *_, greatest = np.linalg.eigvalsh(stress).T
-        return bool(least.min() < -max(COMPRESSED * greatest.max(), 1e-4 * self._shear_modulus))
+        least, greatest = -self._reductions.greatest(-least), self._reductions.greatest(greatest)
+        return bool(least < -max(COMPRESSED * greatest, 1e-4 * self._shear_modulus))
 
     def reached(self, parameter: float) -> str:
         told = []

@@ -64,6 +64,14 @@ class LocalReductions:
         """Values that some part has, each once and rising."""
         return np.unique(values)
 
+    def spread(self, values: np.ndarray) -> float:
+        """Standard deviation of values at the points, shape (n,)."""
+        return float(values.std())
+
+    def of_all(self, rows: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Rows that belong to points here, with those of all other parts."""
+        return rows
+
     def counts(self, points: np.ndarray) -> np.ndarray:
         """Of the given points those that are counted here."""
         return points

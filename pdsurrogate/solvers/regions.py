@@ -108,16 +108,19 @@ class _Points(_Parts):
 
     def listed(self, region: Region) -> np.ndarray:
         if region.near is not None:
+            part = self._body.part
             distance, nearest = cKDTree(self.places).query(region.near)
-            if distance > NEAR * self._body.cell.max():
+            # Of all parts the nearest; the one with the least number where two are as near.
+            least, number = min(part.everywhere((float(distance), part.number(int(nearest)))))
+            if least > NEAR * self._body.cell.max():
                 raise ValueError(
                     f"the nearest point to {_text(np.array(region.near))} is {self.told(nearest)}, {distance:.3g} away: too far"
                 )
-            return np.array([nearest])
-        numbers = np.array(region.points)
-        if numbers.max() >= len(self.places):
-            raise ValueError(f"there is no point {numbers.max()}; the body has {len(self.places)}, from 0 on")
-        return numbers
+            return part.local(np.array([number]))
+        numbers, size = np.array(region.points), self._body.part.size(len(self.places))
+        if numbers.max() >= size:
+            raise ValueError(f"there is no point {numbers.max()}; the body has {size}, from 0 on")
+        return self._body.part.local(numbers)
 
 
 class _Facets(_Parts):
@@ -248,7 +251,7 @@ class BodyRegions:
         try:
             inside, distance = self._resolved(reference, parts)
             numbers = np.flatnonzero(inside)
-            if not len(numbers):
+            if not self._body.part.any(len(numbers)):
                 raise ValueError(f"{parts.what}{self._nearby(reference, parts, distance)}")
         except ValueError as error:
             raise ValueError(f"{self._key(reference)}: {error}") from None
