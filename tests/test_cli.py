@@ -223,7 +223,7 @@ def test_fit_evaluate_and_run(tmp_path, monkeypatch):
     fitted = invoke("fit", "mine", "--samples", 1500, "--units", 10, "--iterations", 80, "--folds", 2, "--greatest", 2)
     assert fitted.exit_code == 0, fitted.output
     assert "fold 1" in fitted.output
-    again = invoke("fit", "mine", "--samples", 1500)
+    again = invoke("fit", "mine", "--version", 1, "--samples", 1500)
     assert again.exit_code == 2
     assert "exists already" in again.stderr
     report = invoke("evaluate", "mine", "--samples", 500, "--json")

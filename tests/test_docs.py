@@ -1,11 +1,14 @@
 """The documentation says what the code does: its examples run, its equations are those that the code cites, its files exist."""
 
+import doctest
+import importlib.util
 import re
 import runpy
 from pathlib import Path
 
 import pytest
 
+import pdsurrogate as pd
 from pdsurrogate.forces import FORCES
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
 from pdsurrogate.materials import LAWS
@@ -37,6 +40,47 @@ def test_examples_run(page, tables, tmp_path, monkeypatch):
     script = tmp_path / f"{page.stem}.py"  # a file, from which numba can cache
     script.write_text("\n".join(blocks))
     runpy.run_path(str(script))
+
+
+PUBLIC = sorted(set(pd.__all__) - {"LAWS"})
+
+
+def examples_of(name):
+    """The examples in the docstring of a public name."""
+    thing = getattr(pd, name)
+    return doctest.DocTestParser().get_doctest(thing.__doc__, {}, name, None, None)
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_public_names_have_an_example_that_runs(name, tmp_path, monkeypatch, tables):
+    found = examples_of(name)
+    assert found.examples, f"{name} has no example"
+    if "torch" in name.lower() and importlib.util.find_spec("torch") is None:
+        pytest.skip("torch is not installed")
+    monkeypatch.chdir(tmp_path)
+    said = []
+    doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(found, out=said.append)
+    assert not said, "".join(said)
+
+
+def test_every_field_is_in_the_table_of_the_guide():
+    rows = re.findall(r"^\| `(\w+)` \| (\d) \| (\w*) *\|.*\| (`tests/.*`) \|$", (DOCS / "guide" / "results.md").read_text(), re.MULTILINE)
+    assert {name: (int(components), unit or None) for name, components, unit, _ in rows} == {
+        name: (field.components, field.unit) for name, field in POINT_FIELDS.items()
+    }
+
+
+@pytest.mark.slow  # they train, and compile a force that is not otherwise taken
+@pytest.mark.parametrize("script", sorted((ROOT / "pipelines" / "examples").glob("*.py")), ids=lambda script: script.stem)
+def test_notebooks_run(script, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = runpy.run_path(str(script))
+    checks = {
+        "first_sheet": lambda: found["difference"] < 1e-3,
+        "own_rubber": lambda: abs(found["error"]) < 1e-3,
+        "tear": lambda: abs(found["gap"]) < 0.02 * found["last"]["work"] and Path("tear.html").exists(),
+    }
+    assert checks[script.stem]()
 
 
 def test_equations_are_numbered_in_order_and_cited_by_numbers_that_exist():

@@ -18,6 +18,8 @@ from .store import (
     load_pipeline,
     load_surrogate,
     new_artifact,
+    next_version,
+    own_folder,
     save_artifact,
     surrogate_for,
 )
@@ -33,6 +35,8 @@ __all__ = [
     "load_pipeline",
     "load_surrogate",
     "new_artifact",
+    "next_version",
+    "own_folder",
     "save_artifact",
     "surrogate_for",
     "with_material",

@@ -43,7 +43,17 @@ KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineFo
 
 
 class ArtifactError(ValueError):
-    """An artefact that cannot be found, read or written; the message says why."""
+    """An artefact that cannot be found, read or written; the message says why.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> try:
+    ...     pd.load_surrogate("no-such-rubber")
+    ... except pd.ArtifactError as error:
+    ...     print(str(error)[:30])
+    unknown force 'no-such-rubber'
+    """
 
 
 @contextmanager
@@ -55,13 +65,36 @@ def _reading() -> Iterator[None]:
         raise ArtifactError(f"{error.filename}: cannot be read: {error.strerror}") from None
 
 
+SHIPPED = (Path(__file__).resolve().parents[1] / "_artifacts", Path(__file__).resolve().parents[2] / "artifacts")
+"""Where shipped artefacts are: in an installed package, and in a checkout."""
+
+OWN, OWN_IN_CHECKOUT = "artifacts", "own-artifacts"
+"""Where a user's own go in the working folder; the other one where that is a checkout, whose ``artifacts`` holds the shipped ones."""
+
+
+def own_folder() -> Path:
+    """Where a user's artefacts go: ``PDSURROGATE_ARTIFACTS`` if set, else ``artifacts`` in the working folder.
+
+    In a checkout of this package, whose ``artifacts`` holds the shipped ones, ``own-artifacts``.
+    """
+    chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
+    if chosen:
+        return Path(chosen)
+    return Path(OWN_IN_CHECKOUT if Path(OWN).resolve() in SHIPPED else OWN)
+
+
+def next_version(folder: str | Path, name: str) -> str:
+    """The version for a new artefact: one above the highest that the folder holds of that name, from 1 on."""
+    versions = _versions(Path(folder) / name) if (Path(folder) / name).is_dir() else []
+    return str(_version_key(versions[-1].name)[0] + 1) if versions else "1"
+
+
 def search_path() -> list[Path]:
     """Folders in which artefacts are looked up by name, first match first.
 
-    ``PDSURROGATE_ARTIFACTS`` if set, ``artifacts`` in the working folder, and those shipped with the package.
+    ``PDSURROGATE_ARTIFACTS`` if set, ``artifacts`` and ``own-artifacts`` in the working folder, and those shipped with the package.
     """
-    package = Path(__file__).resolve().parents[1]
-    folders = [folder for folder in (Path("artifacts"), package / "_artifacts", package.parent / "artifacts") if folder.is_dir()]
+    folders = [folder for folder in (Path(OWN_IN_CHECKOUT), Path(OWN), *SHIPPED) if folder.is_dir()]
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
     if chosen:
         if not Path(chosen).is_dir():
@@ -149,7 +182,15 @@ def _subfolders(folder: Path) -> list[Path]:
 
 
 def load_card(reference: str | Path) -> Card:
-    """The card of an artefact; nothing else is read."""
+    """The card of an artefact; nothing else is read.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> card = pd.load_card("neo-hookean@1")
+    >>> card
+    <Card of neo-hookean@1: bond-force-network of neo-hookean>
+    """
     return _card_of(find_artifact(reference))
 
 
@@ -180,6 +221,14 @@ def load_surrogate(reference: str | Path) -> ForceModel:
     ------
     ArtifactError
         If it is unknown, damaged, does not match its card, or holds anything but plain arrays.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.load_surrogate("neo-hookean@1")
+    <NetworkForce neo-hookean@1 of neo-hookean>
+    >>> pd.load_surrogate("nosb")
+    <NOSBForce nosb>
     """
     if isinstance(reference, str) and reference in FORCES:
         return FORCES[reference]()
@@ -283,6 +332,15 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
     reference : str or path
     trust : bool
         Must be True: you trust whoever made the artefact as you would trust a program of theirs.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> try:
+    ...     pd.load_pipeline("neo-hookean@1")
+    ... except pd.ArtifactError as error:
+    ...     print("trust=True" in str(error))
+    True
     """
     if trust is not True:
         raise ArtifactError("loading a pipeline runs code from its file; say trust=True if you trust whoever made the artefact")

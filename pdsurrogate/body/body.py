@@ -81,6 +81,13 @@ class Body:
     ------
     ValueError
         For shapes that do not fit, non-finite numbers, coinciding points, or a horizon that reaches no neighbour.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> body = pd.Body.rectangle(3.0, 1.0, 0.25, 0.7875)
+    >>> len(body), body.dimension, body.points[0].tolist()
+    (48, 2, [0.125, 0.125])
     """
 
     points: np.ndarray

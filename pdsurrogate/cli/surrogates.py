@@ -20,7 +20,7 @@ Reference = Annotated[str, typer.Argument(metavar="REF", help="analytic, bond-en
 @command()
 def fit(
     name: Annotated[str, typer.Argument(help="Name of the new artefact.")],
-    version: Annotated[str, typer.Option(help="Its version; versions never change once written.")] = "1",
+    version: Annotated[str | None, typer.Option(help="Its version; by default the next one: versions never change once written.")] = None,
     law: Annotated[str, typer.Option(help="Material law.")] = "neo-hookean",
     change: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter of the law; may be repeated.")] = None,
     data: Annotated[Path | None, typer.Option(metavar="CSV", help=f"Identify the law's parameters first. {DATA_HELP}")] = None,
@@ -45,11 +45,13 @@ def fit(
     iterations: Annotated[int | None, typer.Option(help="Most iterations of the training of a network; 1000 by default.", min=1)] = None,
     folds: Annotated[int, typer.Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5,
     seed: Annotated[int, typer.Option(help="Seed of samples, split and first weights.", min=0)] = 0,
-    folder: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of artefacts.")] = Path("artifacts"),
+    folder: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder of artefacts; by default artifacts here, or $PDSURROGATE_ARTIFACTS.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."""
-    from ..artifacts import ArtifactError, load_card, new_artifact
+    from ..artifacts import ArtifactError, load_card, new_artifact, next_version, own_folder
     from ..identification import report
     from ..learning.fitting import TooInexact
     from ..learning.settings import FitSettings
@@ -57,6 +59,8 @@ def fit(
     from ..scenes import SceneError
 
     with bad_input(SceneError, ArtifactError, ValueError, OSError):
+        folder = own_folder() if folder is None else folder
+        version = next_version(folder, name) if version is None else version
         new_artifact(folder, name, version)
         settings = FitSettings(energy, features, degree, units, activation, samples, least, greatest, iterations, folds, seed)
         check_writable(folder)

@@ -17,6 +17,13 @@ class AnalyticBondForce(ForceSurrogate):
     ----------
     law : Law, optional
         Used by `bond_force` alone; in a simulation the scene's own law counts.  Neo-Hookean by default.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> model = pd.AnalyticBondForce()
+    >>> model, model.family
+    (<AnalyticBondForce analytic>, 'bond force')
     """
 
     name = "analytic"

@@ -20,7 +20,14 @@ from .settings import ForceSettings
 
 
 class BANOSBForce(ForceModel):
-    """BA-NOSB PD: one deformation gradient a bond, over the points that both its ends' horizons share.  No zero-energy modes."""
+    """BA-NOSB PD: one deformation gradient a bond, over the points that both its ends' horizons share.  No zero-energy modes.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.BANOSBForce().honoured("stress")["precision"]
+    ('float64',)
+    """
 
     name = family = "ba-nosb"
     # No bonds that break: the horizons that two ends share would have to be found anew around every one of them.

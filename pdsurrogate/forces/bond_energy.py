@@ -39,6 +39,12 @@ class EnergySurrogate(ForceModel):
     domain : Domain or None
         Where it was trained, as bounds of the principal stretches; None if it holds everywhere.
     default_precision : str
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> isinstance(pd.load_surrogate("neo-hookean-energy"), pd.EnergySurrogate)
+    True
     """
 
     family = "bond energy"
@@ -73,6 +79,15 @@ class BondEnergyForce(EnergySurrogate):
 
     Under plane stress it is that of the bonds, C33 solved in every evaluation.  In plane strain and in space the isochoric part is taken
     at the bonds and the volumetric one at the points, which does not lock (`pdsurrogate.forces.selective_energy`).
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> body = pd.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
+    >>> force = pd.BondEnergyForce().bind(body, pd.NeoHookean(), pd.ForceSettings(precision="float64"))
+    >>> force.place(body.points * [1.1, 1.0])
+    >>> bool(force.stress_and_energy()[1].min() > 0)
+    True
     """
 
     name = "bond-energy"

@@ -36,6 +36,13 @@ class ForceSurrogate(ForceModel):
     gives_transverse : bool
         Whether it knows T_mm, which the tensor correction needs.
     default_precision : str
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> model = pd.load_surrogate("neo-hookean@1")
+    >>> isinstance(model, pd.ForceSurrogate)
+    True
     """
 
     family = "bond force"

@@ -137,6 +137,13 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
     """A network for psi(tr C, J) of a sheet under plane stress, without energy and stress at rest by construction.
 
     Its features are `ENERGY_FEATURES` and its parameters those of `LearntEnergy`; the shape is that of `energy_shape`.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> model = pd.load_surrogate("neo-hookean-energy")
+    >>> model
+    <EnergyNetwork neo-hookean-energy@1 of neo-hookean>
     """
 
     kind: ClassVar[str] = "energy-network"
@@ -208,6 +215,13 @@ class IsochoricNetwork(LearntEnergy):
 
     Its features are `ISOCHORIC_FEATURES` and its parameters those of `LearntEnergy`; the shape is the law's, and a domain's stretches are
     the isochoric principal stretches.  Stress vanishes at rest, as that of every function of these invariants, and so does the energy.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> model = pd.load_surrogate("neo-hookean-isochoric")
+    >>> model
+    <IsochoricNetwork neo-hookean-isochoric@1 of neo-hookean>
     """
 
     kind: ClassVar[str] = "isochoric-network"

@@ -28,6 +28,13 @@ class NetworkForce(LearntBondForce):
         One of `pdsurrogate.kernels.activations.ACTIVATIONS`.
     layers : tuple of (ndarray, ndarray)
         Weights of shape (n_in, n_out) and biases of every layer, the output layer last, on unscaled features and outputs.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> model = pd.load_surrogate("neo-hookean-paper@1")
+    >>> model.size
+    '20 units'
     """
 
     activation: str

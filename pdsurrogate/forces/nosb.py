@@ -19,7 +19,15 @@ from .settings import ForceSettings
 
 
 class NOSBForce(ForceModel):
-    """NOSB PD: t_i = w P_i K_i^-1 x.  Exact in homogeneous deformation; blind to modes that leave F alone."""
+    """NOSB PD: t_i = w P_i K_i^-1 x.  Exact in homogeneous deformation; blind to modes that leave F alone.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> model = pd.NOSBForce()
+    >>> model, model.family
+    (<NOSBForce nosb>, 'nosb')
+    """
 
     name = family = "nosb"
     # K^-1 needs no correction of incomplete horizons, and P no rotation.

@@ -24,6 +24,12 @@ class PolynomialForce(LearntBondForce):
         Features are mapped to (x - centre)/half_width, [-1, 1] where it was trained.
     coefficients : ndarray, shape (2, degree1 + 1, degree2 + 1)
         Of T_i(x1) T_j(x2), by output.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.load_surrogate("gent@1")
+    <PolynomialForce gent@1 of gent>
     """
 
     centre: np.ndarray

@@ -404,6 +404,13 @@ class ForceModel(ABC):
         The values that it can honour of every field of `ForceSettings` that it has a use for.
     stated : mapping, optional
         Errors that the card of a learnt model states, see `pdsurrogate.forces.agreement`.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> model = pd.load_surrogate("neo-hookean@1")
+    >>> isinstance(model, pd.ForceModel), model.facts["family"]
+    (True, 'bond force')
     """
 
     name: str

@@ -54,6 +54,12 @@ class ForceSettings:
         Whether bonds may break, which keeps reference data that an unbreakable body has no use for.
     plane : {"stress", "strain", "space"}
         Whether the thickness of a body in the plane is free or held; "space" of every body in space.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.ForceSettings(precision="float64", plane="strain").plane
+    'strain'
     """
 
     precision: str | None = None

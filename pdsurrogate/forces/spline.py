@@ -28,6 +28,12 @@ class SplineForce(LearntBondForce):
         Lower end of the box by feature, and the width of a cell.
     coefficients : ndarray, shape (2, cells_1 + 3, …, cells_n + 3)
         Of the B-splines, by output.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.SplineForce.kind, issubclass(pd.SplineForce, pd.ForceModel)
+    ('bond-force-spline', True)
     """
 
     low: np.ndarray

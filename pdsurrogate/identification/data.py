@@ -112,6 +112,13 @@ def load_test_data(reference: str | Path) -> TestData:
     ------
     ValueError
         If it cannot be read, or a row makes no sense; names the row.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> data = pd.load_test_data("treloar")
+    >>> data.up_to(3.0).stretches.shape[1]
+    2
     """
     name = str(reference)
     if name in test_data_names():

@@ -93,6 +93,14 @@ class LawRegressor(RegressorMixin, BaseEstimator):
     at_bound_ : list of str
         Parameters that ended at a bound; their standard errors mean nothing.
     n_features_in_ : int
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> data = pd.load_test_data("treloar").up_to(3.0)
+    >>> found = pd.LawRegressor("gent").fit(data.stretches, data.nominal_stress)
+    >>> found.law_.name, found.score(data.stretches, data.nominal_stress) > 0.99
+    ('gent', False)
     """
 
     _parameter_constraints: ClassVar = {

@@ -47,6 +47,13 @@ def algorithm_1(
     Returns
     -------
     BondSamples
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> samples = pd.algorithm_1(pd.NeoHookean(), n_samples=200, random_state=0)
+    >>> samples.X.shape
+    (200, 5)
     """
     checked_law(law)
     checked_count(n_samples)

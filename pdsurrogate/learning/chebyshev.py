@@ -29,6 +29,15 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
     coef_ : ndarray, shape (n_terms, n_outputs)
     centre_, half_width_ : ndarray, shape (n_features,)
     n_features_in_ : int
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> import numpy as np
+    >>> x = np.linspace(-1, 1, 50)[:, None]
+    >>> model = pd.ChebyshevRegressor(6).fit(x, np.exp(x))
+    >>> bool(np.abs(model.predict(x) - np.exp(x)).max() < 1e-5)
+    True
     """
 
     _parameter_constraints: ClassVar = {"degree": [Interval(Integral, 0, 24, closed="both"), tuple]}

@@ -165,6 +165,13 @@ def energy_design(
         Seed.
     isochoric : bool
         Whether the energy is W(I1bar, I2bar), for plane strain, space and every bulk modulus; else that of a sheet under plane stress.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> samples = pd.energy_design(pd.NeoHookean(), n_samples=300, stretch_range=(0.7, 2.0))
+    >>> samples.design["stretch_range"]
+    [0.7, 2.0]
     """
     checked_law(law)
     checked_count(n_samples)
@@ -197,6 +204,14 @@ def energy_pipeline(regressor: SobolevNetwork | None = None, isochoric: bool = F
         `SobolevRegressor` with 12 units by default, 8 of the isochoric energy; its `anchor`, `flat` and `size` are set here.
     isochoric : bool
         See `energy_design`.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> samples = pd.energy_design(pd.NeoHookean(), n_samples=300, stretch_range=(0.7, 2.0), isochoric=True)
+    >>> model = pd.energy_pipeline(pd.SobolevRegressor(4, "algebraic", max_iter=30, random_state=0), isochoric=True)
+    >>> model.fit(samples.X, samples.y).predict(samples.X).shape[0]
+    300
     """
     if regressor is not None and not isinstance(regressor, SobolevNetwork):
         raise ValueError(
@@ -243,6 +258,15 @@ def energy_surrogate_of(model: InputAwareTargetRegressor, law: Law, samples: Ene
     ------
     ValueError
         If the pipeline is not of that make, or not fitted, or of another energy than the samples.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> law = pd.NeoHookean()
+    >>> samples = pd.energy_design(law, n_samples=300, stretch_range=(0.7, 2.0), isochoric=True)
+    >>> model = pd.energy_pipeline(pd.SobolevRegressor(4, "algebraic", max_iter=30, random_state=0), isochoric=True)
+    >>> pd.energy_surrogate_of(model.fit(samples.X, samples.y), law, samples)
+    <IsochoricNetwork unsaved of neo-hookean>
     """
     network_of(model)
     if form_of(model) is not samples.form:
@@ -316,6 +340,13 @@ def evaluate_energy(
         ``least_curvature`` and
         ``least_curvature_exact``: least eigenvalue of the second derivative by the logarithms of the stretches, positive where the energy
         is convex in them; of an isochoric energy ``shear_modulus`` at rest, which is 1 of the law.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> model = pd.load_surrogate("neo-hookean-energy")
+    >>> pd.evaluate_energy(model, pd.NeoHookean(), n_samples=500)["on_surface"]["energy_rms"] < 1e-3
+    True
     """
     checked_law(law)
     if not isinstance(model, EnergySurrogate | IsochoricNetwork):
@@ -375,7 +406,16 @@ def _stability(energy, samples) -> tuple[float, float]:
 
 
 def cross_validate_energy(model, samples: EnergySamples, folds: int = 5, random_state: int = 0) -> list[dict]:
-    """Fit clones of a pipeline to all but one fold of the samples each, and report the relative errors on the fold left out."""
+    """Fit clones of a pipeline to all but one fold of the samples each, and report the relative errors on the fold left out.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> samples = pd.energy_design(pd.NeoHookean(), n_samples=300, stretch_range=(0.7, 2.0), isochoric=True)
+    >>> model = pd.energy_pipeline(pd.SobolevRegressor(4, "algebraic", max_iter=30, random_state=0), isochoric=True)
+    >>> len(pd.cross_validate_energy(model, samples, folds=2))
+    2
+    """
     rows = []
     for number, (train, test) in enumerate(KFold(folds, shuffle=True, random_state=random_state).split(samples.X)):
         fitted = clone(model).fit(samples.X[train], samples.y[train])
@@ -396,7 +436,20 @@ def store_energy(
     search: list[dict] | None = None,
     identification: dict | None = None,
 ) -> Path:
-    """Write the artefact of a fitted energy pipeline with a full card; the arguments are those of `pdsurrogate.store`."""
+    """Write the artefact of a fitted energy pipeline with a full card; the arguments are those of `pdsurrogate.store`.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> import tempfile
+    >>> law = pd.NeoHookean()
+    >>> samples = pd.energy_design(law, n_samples=500, stretch_range=(0.7, 2.0), isochoric=True)
+    >>> regressor = pd.SobolevRegressor(4, "algebraic", max_iter=60, random_state=0)
+    >>> model = pd.energy_pipeline(regressor, isochoric=True).fit(samples.X, samples.y)
+    >>> path = pd.store_energy(model, samples, law, tempfile.mkdtemp(), "my-energy", "1", "an example")
+    >>> path.parts[-2:]
+    ('my-energy', '1')
+    """
     new_artifact(folder, name, version)
     model = best_of(model)
     surrogate = energy_surrogate_of(model, checked_law(law), samples, f"{name}@{version}")

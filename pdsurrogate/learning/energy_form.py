@@ -110,6 +110,13 @@ class EnergySamples:
         How they were drawn.
     form : EnergyForm
         Which energy it is.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> samples = pd.energy_design(pd.NeoHookean(), n_samples=300)
+    >>> samples.X.shape[1]
+    2
     """
 
     X: np.ndarray

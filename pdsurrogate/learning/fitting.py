@@ -58,7 +58,16 @@ def domain_of(samples: BondSamples) -> Domain:
 
 
 def cross_validate(model, samples: BondSamples, folds: int = 5, random_state: int = 0, n_jobs: int = 1) -> list[dict]:
-    """Fit clones of a pipeline to all but one fold of the samples each, and report the relative errors on the fold left out."""
+    """Fit clones of a pipeline to all but one fold of the samples each, and report the relative errors on the fold left out.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> samples = pd.wide_design(pd.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(6))
+    >>> [row["rms"] < 1e-2 for row in pd.cross_validate(model, samples, folds=2)]
+    [True, True]
+    """
     splits = KFold(folds, shuffle=True, random_state=random_state).split(samples.X)
     errors = Parallel(n_jobs)(delayed(_error_left_out)(clone(model), samples, train, test) for train, test in splits)
     return [{"fold": number, **error} for number, error in enumerate(errors)]

@@ -92,6 +92,13 @@ def evaluate(
     ------
     TypeError, ValueError
         If the model is none of these, or not fitted.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> model = pd.load_surrogate("neo-hookean@1")
+    >>> pd.evaluate(model.bond_force, pd.NeoHookean(), n_samples=500)["on_surface"]["rms"] < 1e-4
+    True
     """
     checked_law(law)
     if isinstance(model, str | Path):

@@ -61,6 +61,15 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
     References
     ----------
     Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431-441; Hagan and Menhaj, IEEE Trans. Neural Netw. 5 (1994) 989-993.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> import numpy as np
+    >>> x = np.linspace(-1, 1, 60)[:, None]
+    >>> model = pd.LevenbergMarquardtRegressor((5,), "tanh", max_iter=100, random_state=0).fit(x, np.sin(2 * x))
+    >>> model.score(x, np.sin(2 * x)) > 0.999
+    True
     """
 
     _parameter_constraints: ClassVar = {

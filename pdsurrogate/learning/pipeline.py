@@ -57,6 +57,14 @@ def bond_force_pipeline(
     ------
     ValueError
         If the features are unknown, or the regressor is none.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> samples = pd.wide_design(pd.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(6)).fit(samples.X, samples.y)
+    >>> model.predict(samples.X).shape
+    (500, 2)
     """
     if features not in FEATURE_SETS:
         raise ValueError(f"unknown features {features!r}; there are {', '.join(FEATURE_SETS)}")

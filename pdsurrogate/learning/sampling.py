@@ -31,6 +31,13 @@ class BondSamples:
         See `TARGETS`.
     design : dict
         How they were drawn: everything that is needed to draw them again.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> samples = pd.wide_design(pd.NeoHookean(), n_samples=300)
+    >>> samples.X.shape, samples.y.shape
+    ((300, 5), (300, 2))
     """
 
     X: np.ndarray
@@ -71,6 +78,13 @@ def wide_design(
     -------
     BondSamples
         Nondimensional, horizon 1.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> samples = pd.wide_design(pd.NeoHookean(), n_samples=300, random_state=0)
+    >>> samples.X.shape
+    (300, 5)
     """
     checked_law(law)
     checked_count(n_samples)
@@ -133,6 +147,13 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0
 
     A law that locks ends within any range; both bounds are then drawn in, evenly in their logarithms, until the perturbed
     corners of the box are short of the limit.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> low, high = pd.reachable_stretches(pd.Gent(chain_limit=20.0))
+    >>> low >= 0.5, high < 4.0
+    (True, True)
     """
     checked_law(law)
     low, high = np.log(checked_range(stretch_range))

@@ -158,6 +158,13 @@ class SobolevRegressor(SobolevNetwork):
     References
     ----------
     Czarnecki et al., Sobolev training for neural networks, NeurIPS (2017); Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431-441.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> regressor = pd.SobolevRegressor(6, "algebraic", max_iter=100, random_state=0)
+    >>> regressor.get_params()["max_iter"]
+    100
     """
 
     _parameter_constraints: ClassVar = {
@@ -249,6 +256,12 @@ class TorchSobolevRegressor(SobolevNetwork):
     ----------
     hidden_weights_, hidden_biases_, output_weights_, intercept_, slopes_, loss_, n_iter_, n_features_in_
         As for `SobolevRegressor`.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> type(pd.TorchSobolevRegressor(8)).__name__
+    'TorchSobolevRegressor'
     """
 
     _parameter_constraints: ClassVar = {

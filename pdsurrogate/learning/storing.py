@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..artifacts import next_version, own_folder
 from ..materials import Law
 from .energy import store_energy
 from .energy_form import EnergySamples
@@ -15,9 +16,9 @@ def store(
     model,
     samples: BondSamples | EnergySamples,
     law: Law,
-    folder: str | Path,
+    folder: str | Path | None,
     name: str,
-    version: str,
+    version: str | None,
     description: str,
     cross_validation: list[dict] | None = None,
     search: list[dict] | None = None,
@@ -34,8 +35,12 @@ def store(
     samples : BondSamples or EnergySamples
         Nondimensional; their design says where the model holds.
     law : Law
-    folder, name, version
-        As for `pdsurrogate.artifacts.save_artifact`.
+    folder : str, path or None
+        That holds artefacts; this one becomes ``folder/NAME/VERSION``.  None for `pdsurrogate.artifacts.own_folder`, where artefacts are
+        found by name.
+    name : str
+    version : str or None
+        None for the next one: versions never change once written.
     description : str
         What it is for, in a sentence.
     cross_validation, search : list of dict, optional
@@ -56,6 +61,19 @@ def store(
         If the model is not fitted, or no model of a bond force or an energy.
     ArtifactError
         See `pdsurrogate.artifacts.save_artifact`.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> import tempfile
+    >>> law = pd.NeoHookean()
+    >>> samples = pd.wide_design(law, n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((8, 4))).fit(samples.X, samples.y)
+    >>> path = pd.store(model, samples, law, tempfile.mkdtemp(), "my-rubber", None, "an example")
+    >>> path.parts[-2:]
+    ('my-rubber', '1')
     """
+    folder = own_folder() if folder is None else folder
+    version = next_version(folder, name) if version is None else version
     keep = store_energy if isinstance(samples, EnergySamples) else store_bond_force
     return keep(model, samples, law, folder, name, version, description, cross_validation, search, identification)

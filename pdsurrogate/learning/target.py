@@ -41,6 +41,13 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
     training_inputs_ : ndarray, shape (n_samples, n_features), or None
         What it was fitted to; None of one that was read from a file.
     n_features_in_ : int
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pipeline = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(4))
+    >>> isinstance(pipeline, pd.InputAwareTargetRegressor)
+    True
     """
 
     training_inputs_ = None

@@ -45,6 +45,12 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
     loss_, validation_loss_ : float
         Mean squared errors of all samples, and of the validation part; NaN if there is none.
     n_features_in_ : int
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.TorchMLPRegressor((8, 8)).get_params()["hidden_layer_sizes"]
+    (8, 8)
     """
 
     _parameter_constraints: ClassVar = {

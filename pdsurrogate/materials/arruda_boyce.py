@@ -27,6 +27,15 @@ class ArrudaBoyce(InvariantLaw):
     References
     ----------
     Arruda, Boyce, J. Mech. Phys. Solids 41 (1993) 389, whose N for Treloar's rubber is 26.5.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> from pdsurrogate.materials import homogeneous
+    >>> law = pd.ArrudaBoyce(chain_links=20.0)
+    >>> state = homogeneous.uniaxial(law, 1.5)
+    >>> print(round(state.nominal_stress, 4))
+    1.056
     """
 
     name: ClassVar[str] = "arruda-boyce"

@@ -47,6 +47,15 @@ class FullNetwork(PrincipalStretchLaw):
     ----------
     Treloar, Riding, Proc. R. Soc. A 369 (1979) 261.  Wu, van der Giessen, J. Mech. Phys. Solids 41 (1993) 427.  Quadrature: Lebedev,
     Laikov, Dokl. Math. 59 (1999) 477, as in scipy.integrate.lebedev_rule.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> from pdsurrogate.materials import homogeneous
+    >>> law = pd.FullNetwork(chain_links=20.0)
+    >>> state = homogeneous.uniaxial(law, 1.5)
+    >>> print(round(state.nominal_stress, 4))
+    1.0667
     """
 
     name: ClassVar[str] = "full-network"

@@ -27,6 +27,15 @@ class Gent(InvariantLaw):
     References
     ----------
     Gent, Rubber Chem. Technol. 69 (1996) 59.  Chen, Yang, Liu, Int. J. Mech. Sci. 273 (2024) 109234, Eq. (32).
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> from pdsurrogate.materials import homogeneous
+    >>> law = pd.Gent(chain_limit=80.0)
+    >>> state = homogeneous.uniaxial(law, 1.5)
+    >>> print(round(state.nominal_stress, 4))
+    1.0602
     """
 
     name: ClassVar[str] = "gent"

@@ -24,6 +24,15 @@ class MooneyRivlin(InvariantLaw):
     References
     ----------
     Mooney, J. Appl. Phys. 11 (1940) 582.  Rivlin, Phil. Trans. R. Soc. A 241 (1948) 379.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> from pdsurrogate.materials import homogeneous
+    >>> law = pd.MooneyRivlin(second_share=0.2)
+    >>> state = homogeneous.uniaxial(law, 1.5)
+    >>> print(round(state.nominal_stress, 4))
+    0.9802
     """
 
     name: ClassVar[str] = "mooney-rivlin"

@@ -22,6 +22,15 @@ class NeoHookean(InvariantLaw):
     References
     ----------
     Chen, Yang, Liu, Int. J. Mech. Sci. 273 (2024) 109234, Eq. (6).  Treloar, Trans. Faraday Soc. 39 (1943) 241.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> from pdsurrogate.materials import homogeneous
+    >>> law = pd.NeoHookean(shear_modulus=2.0)
+    >>> state = homogeneous.uniaxial(law, 1.5)
+    >>> print(round(state.nominal_stress, 4))
+    2.0872
     """
 
     name: ClassVar[str] = "neo-hookean"

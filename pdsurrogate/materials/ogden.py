@@ -30,6 +30,14 @@ class Ogden(PrincipalStretchLaw):
     ----------
     Ogden, Proc. R. Soc. A 326 (1972) 565: moduli 0.63, 0.0012, -0.01 MPa and exponents 1.3, 5, -2 for Treloar's rubber, which are the
     default in units of their shear modulus, 0.4225 MPa.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> from pdsurrogate.materials import homogeneous
+    >>> law = pd.Ogden(moduli=(0.63, 0.0012), exponents=(1.3, 5.0))
+    >>> print(round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4))
+    0.3927
     """
 
     name: ClassVar[str] = "ogden"

@@ -24,6 +24,14 @@ class Yeoh(InvariantLaw):
     References
     ----------
     Yeoh, Rubber Chem. Technol. 66 (1993) 754.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> from pdsurrogate.materials import homogeneous
+    >>> law = pd.Yeoh(shear_modulus=0.4)
+    >>> print(round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4))
+    0.4165
     """
 
     name: ClassVar[str] = "yeoh"

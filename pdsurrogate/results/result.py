@@ -44,6 +44,15 @@ class Result:
         `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.POINT_FIELDS`.
     convergence : list of dict
         Rows of ``convergence.csv``: residual and energy through the search for equilibrium, and increments that failed.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> result = pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
+    >>> result
+    <Result of uniaxial with neo-hookean@1: 48 points, 1 state>
+    >>> print(round(result.history[-1]["force_right_1"], 3))
+    1.05
     """
 
     scene: Scene

@@ -140,6 +140,12 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
     References
     ----------
     Thomas, J. Polym. Sci. 18 (1955) 177-188.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> print(round(pd.critical_stretch_of(pd.NeoHookean(720.0, 72_000.0), fracture_energy=274.0, horizon=0.063), 3))
+    3.624
     """
     checked_law(law)
     for name, value in (("fracture energy", fracture_energy), ("horizon", horizon), ("diameter of the tip", tip_diameter)):
@@ -194,6 +200,12 @@ def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -
     References
     ----------
     Rivlin and Thomas, J. Polym. Sci. 10 (1953) 291-318.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> print(round(pd.tearing_energy(pd.NeoHookean(), force=1.0, leg_width=8.0, thickness=2.0), 4))
+    1.0106
     """
     checked_law(law)
     for name, value in (("force", force), ("leg's width", leg_width), ("thickness", thickness)):
@@ -231,6 +243,13 @@ def greatest_bond_stretch(body: Body, positions: np.ndarray) -> float:
     ------
     ValueError
         If the positions are not those of the body's points.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> body = pd.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
+    >>> print(round(pd.greatest_bond_stretch(body, body.points * [1.5, 1.0]), 6))
+    1.5
     """
     positions = np.asarray(positions, dtype=float)
     if positions.shape != body.points.shape:

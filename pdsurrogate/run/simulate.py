@@ -36,7 +36,18 @@ __all__ = ["Progress", "SimulationFailed", "SimulationInterrupted", "simulate"]
 
 
 class SimulationFailed(RuntimeError):
-    """A run that did not reach its end; what it did reach is in `result`."""
+    """A run that did not reach its end; what it did reach is in `result`.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> scene = pd.load_scene("uniaxial", {"spacing": 0.25, "solver.most_evaluations": 2})
+    >>> try:
+    ...     pd.simulate(scene, "neo-hookean")
+    ... except pd.SimulationFailed as failure:
+    ...     print(len(failure.result.levels))
+    0
+    """
 
     def __init__(self, message: str, result: Result) -> None:
         super().__init__(message)
@@ -44,7 +55,14 @@ class SimulationFailed(RuntimeError):
 
 
 class SimulationInterrupted(SimulationFailed):
-    """A run that was stopped by Ctrl-C; with a folder, its checkpoint is in it."""
+    """A run that was stopped by Ctrl-C; with a folder, its checkpoint is in it.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> issubclass(pd.SimulationInterrupted, pd.SimulationFailed)
+    True
+    """
 
 
 ADVICE = {
@@ -119,6 +137,16 @@ def simulate(
         After Ctrl-C, at the next place where the state is whole; the part that was reached is kept.
     SimulationFailed
         If a level does not converge, or the deformation leaves the states that the material has; the part that was reached is kept.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> scene = pd.load_scene("uniaxial", spacing=0.25, stretches=[1.2, 1.5])
+    >>> result = pd.simulate(scene, "neo-hookean")
+    >>> result
+    <Result of uniaxial with neo-hookean@1: 48 points, 2 states>
+    >>> [abs(level["nominal_stress_error"]) < 1e-3 for level in result.levels]
+    [True, True]
     """
     began = time.perf_counter()
     if isinstance(scene, str | Path):

@@ -34,6 +34,12 @@ class Prescribed(StrictModel):
         How values follow the loading parameter t.
     name : str, optional
         Under which its force is reported; by default the name of the region.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Prescribed(region="right", x1=0.5, x2=0.0).displacement
+    (0.5, 0.0, None)
     """
 
     region: RegionReference
@@ -94,6 +100,12 @@ class Load(StrictModel):
         How the load follows the loading parameter t.
     name : str, optional
         Under which its force is reported; by default the name of the region.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Load(region="right", traction=(0.2, 0.0)).kind
+    'traction'
     """
 
     region: RegionReference = "body"
@@ -133,6 +145,12 @@ class StepDynamics(StrictModel):
         Mass per volume, in stress * time^2 / length^2.
     damping, viscosity, safety
         As of `pdsurrogate.scenes.Dynamics`.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Step(to=2.0, dynamics=pd.StepDynamics(duration=0.5, density=1e-4)).dynamics.duration
+    0.5
     """
 
     duration: Positive
@@ -155,6 +173,12 @@ class Step(StrictModel):
         Of t between two equilibria.
     dynamics : StepDynamics, optional
         Without it the step is in equilibrium.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Step(to=1.0, outputs=5).outputs
+    5
     """
 
     to: Finite
@@ -175,7 +199,14 @@ class Step(StrictModel):
 
 
 class Probe(StrictModel):
-    """A place in the undeformed body whose displacement, stress and deformation gradient are reported at every output."""
+    """A place in the undeformed body whose displacement, stress and deformation gradient are reported at every output.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Probe(name="tip", at=(2.0, 0.5)).name
+    'tip'
+    """
 
     name: LoadName
     at: Vector

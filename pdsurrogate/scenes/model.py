@@ -99,6 +99,13 @@ class Part(StrictModel):
     material : MaterialSpec
     force : str, optional
         Artefact of this material; by default the force model of the rest, or, where that is a surrogate, the one of this law.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> part = pd.Part(region="stiff", material={"law": "neo-hookean", "shear_modulus": 10.0})
+    >>> part.material.build().shear_modulus
+    10.0
     """
 
     region: RegionReference
@@ -235,6 +242,20 @@ class Scene(StrictModel):
     at 0.  Of a body that `spacing` does not divide the nearest cells are taken that fill it; the horizon is `horizon_ratio` times the
     smaller side of a cell, by default 3.15 in the plane and 1.75 in space.  The plane is one of stress where none is given, and space of
     a body in space; places, directions and forces have as many components as the body has dimensions.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> scene = pd.Scene(
+    ...     name="block",
+    ...     spacing=0.25,
+    ...     body=pd.Rectangle(size=(1.0, 1.0)),
+    ...     material={"law": "neo-hookean"},
+    ...     prescribed=(pd.Prescribed(region="left", x1=0.0, x2=0.0), pd.Prescribed(region="right", x1=0.2)),
+    ...     steps=(1.0,),
+    ... )
+    >>> scene
+    <Scene block: rectangle, spacing 0.25 cm, neo-hookean, 1 step>
     """
 
     name: SceneName

@@ -12,7 +12,17 @@ from pydantic.fields import FieldInfo
 
 
 class SceneError(ValueError):
-    """A scene that cannot be run as described; the message names the key."""
+    """A scene that cannot be run as described; the message names the key.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> try:
+    ...     pd.load_scene("uniaxial", spcing=0.1)
+    ... except pd.SceneError as error:
+    ...     print(error)
+    scene uniaxial: spcing: unknown key; did you mean spacing?
+    """
 
 
 CLOSE = 0.78

@@ -16,7 +16,14 @@ from .problems import SceneError, explain
 
 
 def scene_names() -> list[str]:
-    """Names of the built-in scenes."""
+    """Names of the built-in scenes.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> "uniaxial" in pd.scene_names()
+    True
+    """
     return sorted(path.name.removesuffix(".toml") for path in resources.files(__package__).iterdir() if path.name.endswith(".toml"))
 
 
@@ -36,6 +43,12 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
     ------
     SceneError
         If there is no such scene, the file is not valid TOML, or the description makes no sense.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.load_scene("uniaxial", {"material.shear_modulus": 2.0}, spacing=0.1)
+    <Scene uniaxial: rectangle, spacing 0.1 cm, neo-hookean, 3 stretches>
     """
     text, source = _text_of(reference)
     try:

@@ -97,6 +97,13 @@ class Region(StrictModel):
         Written ``and``, ``or``: what is in all of them, or in one or more.
     other : region
         Written ``not``: what is not in it.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> region = pd.Region(box=((0.0, 0.0), (1.0, 0.2)))
+    >>> region.box
+    ((0.0, 0.0), (1.0, 0.2))
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)

@@ -52,7 +52,14 @@ class Outline(Shape):
 
 
 class Rectangle(Outline):
-    """A rectangle with its lower left corner at `lower`."""
+    """A rectangle with its lower left corner at `lower`.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Rectangle(size=(3.0, 1.0)).size
+    (3.0, 1.0)
+    """
 
     shape: Literal["rectangle"] = "rectangle"
     size: tuple[Positive, Positive]
@@ -72,7 +79,14 @@ class Rectangle(Outline):
 
 
 class Ellipse(Outline):
-    """An ellipse with semi-axes along x1 and x2."""
+    """An ellipse with semi-axes along x1 and x2.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Ellipse(centre=(0.0, 0.0), semi_axes=(2.0, 1.0)).shape
+    'ellipse'
+    """
 
     shape: Literal["ellipse"] = "ellipse"
     semi_axes: tuple[Positive, Positive]
@@ -90,7 +104,15 @@ class Ellipse(Outline):
 
 
 class Circle(Outline):
-    """A circle."""
+    """A circle.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> hole = pd.Circle(centre=(1.5, 0.5), radius=0.2)
+    >>> hole.shape
+    'circle'
+    """
 
     shape: Literal["circle"] = "circle"
     radius: Positive
@@ -108,7 +130,14 @@ class Circle(Outline):
 
 
 class Polygon(Outline):
-    """A polygon by its vertices, in either sense of rotation."""
+    """A polygon by its vertices, in either sense of rotation.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Polygon(vertices=((0.0, 0.0), (2.0, 0.0), (0.0, 2.0))).shape
+    'polygon'
+    """
 
     shape: Literal["polygon"] = "polygon"
     vertices: Annotated[tuple[Point, ...], Field(min_length=3)]
@@ -178,6 +207,12 @@ class Mesh(StrictModel):
     file : str
     dimension : int
         2, the default: triangles and quadrilaterals, with their areas at unit thickness.  3: tetrahedra and hexahedra.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Mesh(file="sheet.msh").dimension
+    2
     """
 
     shape: Literal["mesh"] = "mesh"
@@ -186,7 +221,14 @@ class Mesh(StrictModel):
 
 
 class Precut(StrictModel):
-    """A straight cut in the plane: the bonds that cross it are no part of the body."""
+    """A straight cut in the plane: the bonds that cross it are no part of the body.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).end
+    (3.0, 1.5)
+    """
 
     dimension: ClassVar[int] = 2
 

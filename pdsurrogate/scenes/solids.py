@@ -82,7 +82,14 @@ def in_section(places: np.ndarray, section: Outline, bores: tuple[Outline, ...])
 
 
 class Box(Prism):
-    """A box with its lower left back corner at `lower`."""
+    """A box with its lower left back corner at `lower`.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Box(size=(1.0, 1.0, 2.0)).dimension
+    3
+    """
 
     shape: Literal["box"] = "box"
     size: tuple[Positive, Positive, Positive]
@@ -122,7 +129,14 @@ class Round(Prism):
 
 
 class Cylinder(Round):
-    """A round cylinder; `base` is the centre of its lower end."""
+    """A round cylinder; `base` is the centre of its lower end.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Cylinder(radius=1.0, length=2.0).shape
+    'cylinder'
+    """
 
     shape: Literal["cylinder"] = "cylinder"
     radius: Positive
@@ -133,7 +147,14 @@ class Cylinder(Round):
 
 
 class Tube(Round):
-    """A round tube; `base` is the centre of its lower end."""
+    """A round tube; `base` is the centre of its lower end.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Tube(outer_radius=1.0, inner_radius=0.5, length=2.0).dimension
+    3
+    """
 
     shape: Literal["tube"] = "tube"
     inner_radius: Positive
@@ -155,7 +176,14 @@ class Tube(Round):
 
 
 class Extrusion(Prism):
-    """A shape of the plane, less others, extruded along x3 from `lower`."""
+    """A shape of the plane, less others, extruded along x3 from `lower`.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Extrusion(outline=pd.Rectangle(size=(1.0, 2.0)), thickness=0.5).dimension
+    3
+    """
 
     shape: Literal["extrusion"] = "extrusion"
     outline: AnyOutline
@@ -184,6 +212,12 @@ class Sphere(Solid):
     """A sphere, or the part of it where x1, x1 and x2, or all coordinates are greater than those of its centre.
 
     The flat faces of a part go through the centre: held by reflection they are planes of symmetry.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.Sphere(radius=1.0).dimension
+    3
     """
 
     shape: Literal["sphere"] = "sphere"
@@ -242,7 +276,15 @@ class FlatCut(StrictModel):
 
 
 class ParallelogramCut(FlatCut):
-    """A parallelogram between two sides that begin at a corner."""
+    """A parallelogram between two sides that begin at a corner.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> cut = pd.ParallelogramCut(corner=(0.0, 0.0, 0.5), sides=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    >>> cut.covers([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5]]).tolist()
+    [True, False]
+    """
 
     corner: SpacePoint
     sides: tuple[SpacePoint, SpacePoint]
@@ -265,7 +307,15 @@ class ParallelogramCut(FlatCut):
 
 
 class DiscCut(FlatCut):
-    """A disc, as the crack of a penny is."""
+    """A disc, as the crack of a penny is.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> cut = pd.DiscCut(centre=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0))
+    >>> cut.covers([[0.3, 0.0, 1.0], [0.5, 0.0, 1.0]]).tolist()
+    [True, False]
+    """
 
     centre: SpacePoint
     radius: Positive

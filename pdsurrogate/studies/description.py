@@ -26,7 +26,15 @@ FORCE = "force"
 
 
 class Distribution(StrictModel):
-    """A distribution of `scipy.stats` by its name, with its parameters by theirs."""
+    """A distribution of `scipy.stats` by its name, with its parameters by theirs.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> radius = pd.Distribution(distribution="uniform", loc=0.2, scale=0.6)
+    >>> print(round(float(radius.build().ppf(0.5)), 6))
+    0.5
+    """
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
@@ -118,6 +126,13 @@ class Study(StrictModel):
         Of a design that draws.
     quantities : tuple of str, optional
         Columns of the table: dotted keys of a run's ``summary.json``, or of its last level.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> described = pd.Study(scene="uniaxial", parameters={"material.shear_modulus": [1.0, 2.0]})
+    >>> described.design
+    'grid'
     """
 
     scene: str | None = None

@@ -63,6 +63,15 @@ class StudyResult:
     rows : list of dict
         One for every run, in the order of the design: ``run``, the name of its folder; parameters and quantities by their keys; and
         ``failure``, None of a run that came to its end.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> import tempfile
+    >>> keys = {"scene": "uniaxial", "force": "neo-hookean", "set": {"spacing": 0.25}, "parameters": {"stretches": [1.2, 1.5]}}
+    >>> result = pd.study(keys, tempfile.mkdtemp(), jobs=1, threads=1)
+    >>> [row["failure"] for row in result.rows]
+    [None, None]
     """
 
     study: Study
@@ -106,7 +115,14 @@ class StudyResult:
 
 
 class StudyInterrupted(RuntimeError):
-    """A study that was stopped by Ctrl-C; what it did reach is in `result`, and the same call goes on from there."""
+    """A study that was stopped by Ctrl-C; what it did reach is in `result`, and the same call goes on from there.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> issubclass(pd.StudyInterrupted, RuntimeError)
+    True
+    """
 
     def __init__(self, result: StudyResult) -> None:
         super().__init__(f"interrupted; {len(result.not_done)} of {len(result.rows)} runs are left, and the same call does them")
@@ -154,6 +170,15 @@ def study(
         If `folder` holds a table that no study wrote, or another study is writing there.
     StudyInterrupted
         After Ctrl-C; the table of what was reached is written.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> import tempfile
+    >>> keys = {"scene": "uniaxial", "force": "neo-hookean", "set": {"spacing": 0.25}, "parameters": {"stretches": [1.2, 1.5]}}
+    >>> result = pd.study(keys, tempfile.mkdtemp(), jobs=1, threads=1)
+    >>> len(result.rows), len(result.failures)
+    (2, 0)
     """
     described, source, home = load_study(description)
     try:
