@@ -68,6 +68,28 @@ def test_a_coarse_sphere():
     assert np.abs(errors(result, 0, 0.25)).max() < 0.05
 
 
+def scene_of(body, **more):
+    planes = [{"region": face, f"x{axis}": 0.0} for axis, face in enumerate(("left", "bottom", "back"), 1)]
+    material = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
+    return pd.Scene(**{"name": "part", "body": body, "material": material, "prescribed": planes, "steps": [1.0], **more})
+
+
+def test_a_ball_in_a_force_with_modes_without_energy_is_told_of_them():
+    """Not of its load alone, under which the energy of the bonds has an equilibrium."""
+    round_ = {"and": ["outline", {"not": {"or": ["left", "bottom", "back"]}}]}
+    ball = {"shape": "sphere", "radius": 1.0, "part": "eighth"}
+    scene = scene_of(ball, spacing=1 / 6, loads=[{"region": round_, "pressure": 1.0}])
+    with pytest.raises(pd.SimulationFailed, match=r"carry the body away.*does not resist all displacements.*: force=bond-energy does\)"):
+        pd.simulate(scene, "nosb")
+
+
+def test_a_wall_thinner_than_the_spacing_is_told_as_one():
+    tube = {"shape": "tube", "inner_radius": 0.95, "outer_radius": 1.0, "length": 0.5}
+    held = [{"region": face, "x1": 0.0, "x2": 0.0, "x3": travel} for face, travel in (("back", 0.0), ("front", 0.05))]
+    with pytest.raises(pd.SceneError, match=r"pieces with no bonds between them, as where a wall is thinner than the spacing, 0\.1, or"):
+        pd.simulate(scene_of(tube, spacing=0.1, prescribed=held))
+
+
 @pytest.mark.slow
 def test_inflation_is_within_half_a_per_cent():
     """The scene as it is."""

@@ -9,7 +9,18 @@ import numpy as np
 
 from ..forces import InvalidState
 from ..scenes import SceneError
-from ..solvers import SOLVERS, Diverging, Equilibrium, EquilibriumSolver, Increments, NotConverged, RanAway, TooFar, Unstable
+from ..solvers import (
+    SOLVERS,
+    Diverging,
+    Equilibrium,
+    EquilibriumSolver,
+    Increments,
+    NotConverged,
+    RanAway,
+    TooFar,
+    Unstable,
+    told_of_zero_energy_modes,
+)
 from ..solvers.branch import Branch
 from .interruption import Interrupted
 from .programme import Stage
@@ -216,7 +227,8 @@ def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float,
         if run.loads is not None:
             moved = run.reductions.greatest(np.abs(run.positions - guess))
             if moved > farthest:
-                raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way")
+                weak = told_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
+                raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")
 
     return solver.solve(run.loaded, run.positions, tolerance, report)
 

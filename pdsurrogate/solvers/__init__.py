@@ -2,7 +2,16 @@
 
 from .automatic import Automatic
 from .dynamics import ExplicitDynamics
-from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, RanAway, TooFar, Unstable
+from .equilibrium import (
+    Diverging,
+    Equilibrium,
+    EquilibriumSolver,
+    NotConverged,
+    RanAway,
+    TooFar,
+    Unstable,
+    told_of_zero_energy_modes,
+)
 from .increments import Increments
 from .minimiser import EnergyMinimiser
 from .quasi_newton import QuasiNewton
@@ -28,4 +37,5 @@ __all__ = [
     "RanAway",
     "TooFar",
     "Unstable",
+    "told_of_zero_energy_modes",
 ]

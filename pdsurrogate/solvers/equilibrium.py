@@ -41,6 +41,14 @@ class RanAway(RuntimeError):
     """A body that loads carry far away within one increment, as they do beyond the greatest load that it bears."""
 
 
+def told_of_zero_energy_modes(force: InternalForce, consequence: str) -> str:
+    """What a message about a failure adds where the force has modes without energy; nothing where it has none."""
+    if not force.zero_energy_modes:
+        return ""
+    others = "force=bond-energy" if force.body.dimension == 3 else "force=analytic or force=bond-energy"
+    return f" (this force does not resist all displacements from point to point, {consequence}: {others} does)"
+
+
 @dataclass(frozen=True)
 class Equilibrium:
     """What a solver reached.
@@ -132,7 +140,4 @@ class EquilibriumSolver(ABC):
     def not_converged(self, force: InternalForce, residual: float, evaluations: int, tolerance: float) -> NotConverged:
         """The error for a residual that is still too large."""
         reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations; asked for {tolerance:.2g}"
-        if force.zero_energy_modes:
-            reached += " (this force does not resist all displacements from point to point, which then never come to rest: "
-            reached += "force=analytic or force=bond-energy does)"
-        return NotConverged(reached)
+        return NotConverged(reached + told_of_zero_energy_modes(force, "which then never come to rest"))

@@ -199,10 +199,11 @@ class PrescribedLoading(Loading):
             where = f", at {place_of(self.body, loose[0])}," if len(loose) else ""
             ways = "x1 or x2" if self.body.dimension == 2 else "x1, x2 or x3"
             what = "the body" if count == 1 else f"a piece of {size} points of the body{where}"
-            raise ValueError(
-                f"prescribed: nothing keeps {what} from {' or '.join(motions)}; hold {ways} of a region by 0 against it, or let "
-                "the steps be in dynamics"
-            )
+            advice = f"hold {ways} of a region by 0 against it, or let the steps be in dynamics"
+            if count > 1:
+                thin = f"as where a wall is thinner than the spacing, {self.body.spacing:.3g}, or a cut goes all the way"
+                advice = f"there are {count} pieces with no bonds between them, {thin}: take a smaller spacing, or {advice}"
+            raise ValueError(f"prescribed: nothing keeps {what} from {' or '.join(motions)}; {advice}")
 
     def _constraints(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Places (k, d) and components (k,) that are held at rest, and the point of the body that each belongs to."""
