@@ -119,6 +119,8 @@ def run(
             with writing(folder):
                 result.save(folder)
             note(f"Results in {folder}")
+            if result.in_pieces:
+                note(f"The body is in pieces, and no picture of it is drawn: open {described.name}.pvd in ParaView")
         communicator().barrier()  # whoever ends with an error ends the others
     if any(level.get("stability") == "not checked" for level in result.levels):
         pushed = "The grips push" if described.stretched else "Parts of the body are compressed"

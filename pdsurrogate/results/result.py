@@ -19,7 +19,7 @@ from .deformed import deformed_cells
 from .files import write_json, write_text
 from .folder import CONVERGENCE, HISTORY, SUMMARY, make_room, occupied, saved_scene
 from .measures import POINT_FIELDS
-from .states import SavedStates, States, StatesInFiles, StatesInMemory
+from .states import SavedStates, States, StatesInFiles, StatesInMemory, StatesInPieces
 
 ENERGIES = ("energy", "work", "kinetic_energy", "damped_energy", "strain_energy", "released_energy")
 """Columns of the history that are energies."""
@@ -67,6 +67,11 @@ class Result:
         """Measures at every level of the loading programme."""
         return self.summary["levels"]
 
+    @property
+    def in_pieces(self) -> bool:
+        """Whether each of several ranks has written the fields of its own points; `save` draws no pictures of them then."""
+        return isinstance(self.states, StatesInPieces)
+
     def displacement(self, level: int = -1) -> np.ndarray:
         """Displacements at a level, shape (n, d)."""
         return self._fields(level)["displacement"][:, : self.scene.dimension]
@@ -95,7 +100,7 @@ class Result:
     def _write(self, folder: Path, overwrite: bool) -> None:
         from . import animation, figures
 
-        streamed = isinstance(self.states, StatesInFiles) and self.states.folder.resolve() == folder.resolve()
+        streamed = isinstance(self.states, StatesInFiles | StatesInPieces) and self.states.folder.resolve() == folder.resolve()
         if not streamed:
             make_room(folder, self.scene.name, overwrite)
         write_text(folder / HISTORY, _as_csv(self.history, self.scene.units))
@@ -106,10 +111,13 @@ class Result:
                 written = StatesInFiles(folder, self.body, self.scene.name)
                 for state in self.states:
                     written.append(*state)
-            figures.save(self.figure(), folder / f"{self.scene.name}.png")
-            if not self.scene.stretched or self.scene.dynamics is not None:
+            moves = not self.scene.stretched or self.scene.dynamics is not None
+            if moves:
                 figures.save(self.loading_figure(), folder / f"{self.scene.name}-loading.png")
-                animation.save(self, folder / f"{self.scene.name}.gif")
+            if not self.in_pieces:
+                figures.save(self.figure(), folder / f"{self.scene.name}.png")
+                if moves:
+                    animation.save(self, folder / f"{self.scene.name}.gif")
         write_json(folder / SUMMARY, self.summary)
 
     def figure(self):

@@ -21,8 +21,8 @@ from ..ranks.communicator import Alone
 from ..results import measures
 from ..results.checkpoint import Checkpoint, CheckpointError
 from ..results.probes import Probes
-from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory
-from ..scenes import Scene, SceneError
+from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory, StatesInPieces
+from ..scenes import Mesh, Scene, SceneError
 from ..scenes.model import EDGES
 from ..solvers.conditions import Loading, place_of
 from ..solvers.grips import GripLoading
@@ -36,6 +36,11 @@ from .programme import Inertia, stages_of
 
 if TYPE_CHECKING:
     from .fracture import Damage
+
+
+MOST_GATHERED = 500_000
+"""Points of a body on several ranks beyond which each of them writes its own piece of a state.  Gathered, a state of so many takes the
+first rank 0.16 GB and 10 s of its processor, in which the others wait."""
 
 
 class Progress(Protocol):
@@ -200,9 +205,17 @@ class Run:
 
     def _states(self, moments: list[Moment] | None = None) -> States:
         """Where states are recorded, with those that are there already, of a run that is resumed."""
+        if self._in_pieces:
+            return StatesInPieces(self.folder, self.body, self.scene.name, moments)
         if self.ranks.rank:
             return Moments(moments)
         return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.whole, self.scene.name, moments)
+
+    @property
+    def _in_pieces(self) -> bool:
+        """Whether every rank writes the states of its own points: of a body so large that one would be busy, or full, with all of them."""
+        large = self.reductions.total_size(len(self.body)) > MOST_GATHERED
+        return large and self.ranks.size > 1 and self.folder is not None and not isinstance(self.scene.body, Mesh)
 
     def _part_of(self, body: Body) -> Body:
         """Of the whole body what falls to this rank."""
@@ -290,7 +303,8 @@ class Run:
     def record(self, damage: np.ndarray | None = None, time: float = 0.0) -> None:
         """Record the present state: of the last equilibrium, or so long after the beginning of the stage in dynamics."""
         fields = measures.point_fields(measures.PointState(self.force, self.positions, damage))
-        fields = {name: self.body.part.gather(values) for name, values in fields.items()}
+        if not self._in_pieces:
+            fields = {name: self.body.part.gather(values) for name, values in fields.items()}
         equilibria, since = sum("time" not in level for level in self.levels), self.elapsed + time
         moment = Moment(equilibria + since, self.parameter, since)
         self.states.append(moment if self.scene.stretched else Moment(moment.run_time, None, since, self.parameter), fields)
