@@ -524,7 +524,8 @@ class Transient:
         if not body.part.divided:
             return account.recent, account.batches
         pairs = body.part.pair_numbers(body)[np.array(account.recent, dtype=np.int64)]
-        rows = body.part.everywhere(np.stack([np.array(account.batches, dtype=np.int64), pairs], axis=1)[pairs >= 0])
+        here = np.stack([np.array(account.batches, dtype=np.int64), pairs], axis=1)[pairs >= 0]
+        rows = np.concatenate(body.part.everywhere(here))
         rows = rows[np.lexsort(rows.T[::-1])]
         return rows[:, 1].tolist(), rows[:, 0].tolist()
 
