@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import matplotlib
 import numpy as np
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -73,7 +73,18 @@ def preview(scene: Scene) -> Figure:
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
     with matplotlib.rc_context(figures.STYLE):
-        return (_in_space if scene.dimension == 3 else _in_the_plane)(scene, body, marks)
+        if scene.dimension == 3:
+            return _in_space(scene, body, marks)
+        return _in_the_plane(scene, body, marks, _outline(regions))
+
+
+def _outline(regions: BodyRegions) -> np.ndarray:
+    """Ends of the pieces of the boundary, shape (k, 2, 2); none of a body whose boundary only a load would need, and that has none."""
+    try:
+        surface = regions.surface()
+    except ValueError:
+        return np.zeros((0, 2, 2))
+    return surface.nodes[surface.facets]
 
 
 def _marks(scene: Scene, body: Body, lower, upper, regions: BodyRegions) -> list[_Mark]:
@@ -127,7 +138,7 @@ def _legend(figure: Figure, scene: Scene, marks: list[_Mark], colours: list) -> 
         figure.legend(handles=handles, loc="outside right upper", frameon=False)
 
 
-def _in_the_plane(scene: Scene, body: Body, marks: list[_Mark]) -> Figure:
+def _in_the_plane(scene: Scene, body: Body, marks: list[_Mark], outline: np.ndarray) -> Figure:
     polygons = figures.polygons_of(body.cells, np.zeros_like(body.cells.nodes))
     low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
     extent = (high - low).max()
@@ -137,6 +148,7 @@ def _in_the_plane(scene: Scene, body: Body, marks: list[_Mark]) -> Figure:
     colours, of_marks = _colours(body, marks)
     edges = {"edgecolors": "white", "linewidths": 0.3} if len(body) <= MOST_CELLS_WITH_EDGES else {"edgecolors": "face", "linewidths": 0.2}
     axis.add_collection(PolyCollection(polygons, facecolors=colours, **edges))
+    axis.add_collection(LineCollection(outline, colors="#555555", linewidths=0.8))
     for cut in scene.precuts:
         if isinstance(cut, Precut):
             axis.plot(*zip(cut.start, cut.end, strict=True), color="black", lw=2)
