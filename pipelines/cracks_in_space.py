@@ -1,13 +1,18 @@
-"""Fracture in space: strips with a turned precut, the trouser tear test, and the disc crack, for ``docs/validation/cracks-in-space.md``.
+"""Fracture in space: strips with a turned precut, tears and opened strips side by side, and the disc crack.
 
-    python pipelines/cracks_in_space.py [turned] [trousers] [penny]
+python pipelines/cracks_in_space.py                       all parts
+python pipelines/cracks_in_space.py turned modes penny    some of them
+python pipelines/cracks_in_space.py --docs                and put their tables into docs/validation/cracks-in-space.md
 
-All parts by default; they take about a quarter of an hour on two cores.
+On one core of 2 GHz all parts take some 25 minutes: the strips 5, the modes 4, the tears 13, the disc crack 3.
 """
 
-import sys
+import argparse
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
+from disc_crack import opened_volume
 from pages import markdown_table, replace_block
 
 import pdsurrogate as pd
@@ -28,7 +33,7 @@ STARTED = 4
 """Spacings from the precut's end after which a crack counts as running."""
 
 
-def turned_scene(angle: float, ratio: float) -> pd.Scene:
+def turned_scene(angle: float, ratio: float, rate: float = RATE) -> pd.Scene:
     """A strip in pure shear whose lattice is turned against it; length, shear modulus and density in units of 1."""
     cosine, sine = np.cos(np.radians(angle)), np.sin(np.radians(angle))
 
@@ -42,7 +47,7 @@ def turned_scene(angle: float, ratio: float) -> pd.Scene:
     along = place(LONG + TIP, 0)
     up = place(0, 1)
     travel = [(stretch - 1) * HIGH for stretch in (BEGIN, END)]
-    dynamics = {"duration": (travel[1] - travel[0]) / RATE, "density": 1.0, "damping": 0.02, "viscosity": 0.1}
+    dynamics = {"duration": (travel[1] - travel[0]) / rate, "density": 1.0, "damping": 0.02, "viscosity": 0.1}
     return pd.Scene.model_validate(
         {
             "name": "turned",
@@ -74,33 +79,47 @@ def in_dynamics(result) -> list[dict]:
     return [row for row in result.history if "time" in row]
 
 
+def strip_energy(law, stretch: float) -> float:
+    """Energy release rate of a long crack in a strip in pure shear; what holds it is a point inside."""
+    return homogeneous.pure_shear(law, stretch).energy_density * (HIGH + 1)
+
+
+def held_at_tip(result, critical: float) -> float:
+    """psi delta: the energy density at the critical stretch by the horizon, of which the tip diameter is a multiple."""
+    return homogeneous.uniaxial(result.scene.material.build(), critical).energy_density * result.body.horizon
+
+
 def turned_row(angle: float, ratio: float) -> list[str]:
     """One strip: tip diameter at which the crack runs, its direction, and how far it strays."""
     result = pd.simulate(turned_scene(angle, ratio))
-    law, turn = result.scene.material.build(), np.radians(angle)
-    density = homogeneous.uniaxial(law, CRITICAL).energy_density
-    tips = [(1 + entry["t"] / (HIGH + 1), tip[:2]) for entry in result.summary["crack"]["tips"] for tip in entry["tips"][:1]]
-    stretches = np.array([stretch for stretch, _ in tips])
-    places = np.array([place for _, place in tips]) @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    law, turn, rows = result.scene.material.build(), np.radians(angle), in_dynamics(result)
+    tips = [(entry["t"], entry["time"], tip[:2]) for entry in result.summary["crack"]["tips"] for tip in entry["tips"][:1]]
+    stretches = np.array([1 + t / (HIGH + 1) for t, _, _ in tips])
+    places = np.array([place for _, _, place in tips]) @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     places[:, 0] -= TIP
     running = places[:, 0] >= STARTED
-    diameters = ["-", "-", "-"]
+    # The front third of the strip is left out, where its free end is near.
+    inside = places[:, 0] < (LONG / 2 - TIP) * 2 / 3
+    figures = ["-", "-", "-"]
     if running.any():
-        energy = homogeneous.pure_shear(law, stretches[running][0]).energy_density * (HIGH + 1)
-        # The front third of the strip is left out, where its free end is near.
-        path = places[places[:, 0] < (LONG / 2 - TIP) * 2 / 3]
+        path = places[inside]
         slope = np.polyfit(path[:, 0], path[:, 1], 1)[0] if len(path) > 2 else np.nan
-        diameters = [
-            f"{energy / (density * result.body.horizon):.2f}",
+        figures = [
+            f"{strip_energy(law, stretches[running][0]) / held_at_tip(result, CRITICAL):.2f}",
             f"{np.degrees(np.arctan(slope)):+.1f}",
             f"{np.abs(path[:, 1]).max():.2f}",
         ]
-    row = [f"{ratio:g}, {angle:g}", *diameters, f"{100 * energy_account(in_dynamics(result)):+.2f}"]
+        beyond = [time for (_, time, _), within in zip(tips, inside, strict=True) if not within]
+        rows = [row for row in rows if row["time"] <= min(beyond, default=np.inf)]
+    return _told([f"{ratio:g}, {angle:g}", *figures, f"{100 * energy_account(rows):+.2f}"])
+
+
+def _told(row: list[str]) -> list[str]:
     print(row, flush=True)
     return row
 
 
-def turned() -> None:
+def turned() -> str:
     """Direction and energy of a crack by the angle of the lattice and the horizon."""
     rows = [turned_row(angle, ratio) for ratio in RATIOS for angle in ANGLES]
     head = [
@@ -109,51 +128,151 @@ def turned() -> None:
         "direction (degrees)",
         "greatest distance from its plane (spacings)",
     ]
-    replace_block("turned", markdown_table([*head, "energy account (%)"], rows))
+    return markdown_table([*head, "energy account (%)"], rows)
 
 
-TEARS = (
-    # horizon and spacing, critical stretch, length of the strip, travels of the legs between which it is torn, and their speed (mm/ms)
-    (1.75, 2 / 3, 2.53, 40.0, 16.0, 34.0, 0.8),
-    (1.75, 0.5, 2.807, 32.0, 17.0, 27.0, 0.8),
-    (2.2, 2 / 3, 2.4066, 32.0, 12.0, 28.0, 1.0),
-    (2.2, 0.5, 2.6669, 28.0, 12.0, 25.0, 1.2),
-)
-
-STEADY = 21.0
-"""Travel from which on the force is averaged: the legs are straight, and the tear goes on."""
-
-LEG_WIDTH, THICKNESS = 8.0, 2.0
+def bonds_across(ratio: float, spacing: float, layers: int) -> float:
+    """Bonds that a crack along a row of the lattice cuts, per unit length of it."""
+    reach, count = int(ratio), 0
+    for x, y, z in np.ndindex(2 * reach + 1, reach + 1, 2 * reach + 1):
+        if (x - reach) ** 2 + y**2 + (z - reach) ** 2 <= ratio**2 * (1 + 1e-9):
+            count += y * max(0, layers - abs(z - reach))
+    return count / spacing
 
 
-def tear_row(ratio: float, spacing: float, critical_stretch: float, length: float, begin: float, end: float, speed: float) -> list[str]:
-    """One trouser tear: its energy by the force on the legs over the fracture energy that belongs to the critical stretch."""
-    dynamics = {"duration": (end - begin) / speed, "density": 1e-3, "damping": 0.1, "viscosity": 0.002}
+def spent(rows: list[dict], per_length: float, thickness: float, begin: float, end: float = np.inf) -> dict[str, float]:
+    """Speed of a crack between two lengths by the bonds that it has cut, and what it spent per area."""
+    lengths = np.array([row["broken_bonds"] for row in rows]) / per_length
+    chosen = np.flatnonzero((lengths >= begin) & (lengths <= end))
+    first, last = rows[chosen[0]], rows[chosen[-1]]
+    grown = lengths[chosen[-1]] - lengths[chosen[0]]
+    found = {key: (last[key] - first[key]) / (grown * thickness) for key in ("released_energy", "damped_energy", "kinetic_energy")}
+    return found | {"speed": grown / (last["time"] - first["time"])}
+
+
+def mode_figures(found: dict[str, float], held: float, waves: float) -> list[str]:
+    """Speed over that of shear waves, and what the bonds released and the damping took, over psi delta."""
+    return [f"{found['speed'] / waves:.2f}", f"{found['released_energy'] / held:.2f}", f"{found['damped_energy'] / held:.2f}"]
+
+
+def strip_row(rate: float) -> list[str]:
+    """A strip along a row of the lattice at a horizon of 2.2 spacings, by the speed of its clamps."""
+    result = pd.simulate(turned_scene(0, 2.2, rate))
+    law, held = result.scene.material.build(), held_at_tip(result, CRITICAL)
+    reached = []
+    for advance in (1, 4, 12):
+        t = next(entry["t"] for entry in result.summary["crack"]["tips"] if entry["tip"] and entry["tip"][0] - TIP >= advance)
+        reached.append(f"{strip_energy(law, 1 + t / (HIGH + 1)) / held:.2f}")
+    found = spent(in_dynamics(result), bonds_across(2.2, 1.0, LAYERS), LAYERS, 4, 12)
+    return _told([f"strip, its clamps at {rate:g}", " / ".join(reached), *mode_figures(found, held, 1.0)])
+
+
+PEEL = {"length": 34.0, "leg": 4.0, "precut": 14.0, "begin": 7.5, "end": 26.0, "steady": 16.8}
+"""Of the legs that are pulled apart in their plane (mm): the strip, one leg, the cut, and travels of the legs."""
+
+
+def peel_row(critical_stretch: float, spacing: float = 2 / 3, ratio: float = 2.2) -> list[str]:
+    """Two legs of a cut strip pulled apart in its plane, so that the crack is opened straight and goes on as slowly as they do."""
+    leg, low, begin, end = PEEL["leg"], (round(PEEL["leg"] / spacing) // 2 - 0.5) * spacing, PEEL["begin"], PEEL["end"]
+    pins = {"one": low, "two": 2 * leg - low}
+    near = 0.3 * spacing
+    dynamics = {"duration": end - begin, "density": 1e-3, "damping": 0.1, "viscosity": 0.002}
     changes = {
         "spacing": spacing,
         "horizon_ratio": ratio,
-        "body.size": [length, 2 * LEG_WIDTH, THICKNESS],
+        "body.size": [PEEL["length"], 2 * leg, THICKNESS],
+        "precuts": [{"corner": [-1.0, leg, -1.0], "sides": [[PEEL["precut"] + 1, 0.0, 0.0], [0.0, 0.0, THICKNESS + 2]]}],
+        "regions": {name: {"box": [[0.0, at - near, 0.0], [0.7 * spacing, at + near, THICKNESS]]} for name, at in pins.items()},
+        "prescribed": [
+            {"region": "right", "x1": 0.0, "x3": 0.0},
+            {"region": "one", "x2": -1.0, "x3": 0.0},
+            {"region": "two", "x2": 1.0, "x3": 0.0},
+        ],
         "fracture": {"critical_stretch": critical_stretch},
         "steps": [{"to": begin}, {"to": end, "outputs": 20, "dynamics": dynamics}],
     }
     result = pd.simulate(pd.load_scene("trousers", changes))
-    law, rows = result.scene.material.build(), in_dynamics(result)[:-1]  # in the last row the legs come to a halt
-    force = float(np.mean([row["force_one_3"] for row in rows if row["t"] > STEADY]))
+    return _mode_of_legs("legs pulled apart in their plane", result, critical_stretch, "force_one_2", leg, PEEL["steady"])
+
+
+def _mode_of_legs(name: str, result, critical_stretch: float, force: str, leg: float, steady: float) -> list[str]:
+    """Row of two legs in tension, by Rivlin and Thomas and by what was spent."""
+    law, rows, held = result.scene.material.build(), in_dynamics(result)[:-1], held_at_tip(result, critical_stretch)
+    rows = [row for row in rows if row["t"] > steady]
+    mean = float(np.mean([abs(row[force]) for row in rows]))
+    found = spent(
+        rows, bonds_across(result.scene.horizon_ratio, result.scene.spacing, round(THICKNESS / result.scene.spacing)), THICKNESS, 0
+    )
+    waves = np.sqrt(law.shear_modulus / 1e-3)
+    return _told([name, f"{pd.tearing_energy(law, mean, leg, THICKNESS) / held:.2f}", *mode_figures(found, held, waves)])
+
+
+def modes() -> str:
+    """The same critical stretch in a strip that is opened, in legs that are pulled apart in their plane, and in a trouser tear."""
+    critical = TEARS[0].critical_stretch
+    torn, _ = torn_trousers(TEARS[0])
+    rows = [*(strip_row(rate) for rate in (RATE, RATE / 4)), peel_row(critical)]
+    rows.append(_mode_of_legs("trouser tear", torn, critical, "force_one_3", LEG_WIDTH, STEADY))
+    head = ["crack at 2.2 spacings", "G / (psi delta)", "speed over shear waves", "released by bonds / (psi delta)", "damped / (psi delta)"]
+    return markdown_table(head, rows)
+
+
+class Tear(NamedTuple):
+    """A trouser tear: horizon and spacing, critical stretch, length of the strip, travels of the legs between which it is torn, their speed
+    (mm/ms), and the travel from which on the force is averaged: the legs are straight, and the tear goes on."""
+
+    ratio: float
+    spacing: float
+    critical_stretch: float
+    length: float
+    begin: float
+    end: float
+    speed: float
+    steady: float = 21.0
+
+
+TEARS = (
+    Tear(2.2, 2 / 3, 2.3947, 32.0, 12.0, 28.0, 1.0),  # the scene as it is shipped
+    Tear(2.2, 0.5, 2.6669, 28.0, 12.0, 25.0, 1.2),
+    Tear(2.2, 2 / 3, 2.0, 32.0, 11.0, 23.0, 1.0, 18.0),
+    Tear(1.75, 2 / 3, 2.53, 40.0, 16.0, 34.0, 0.8),
+    Tear(1.75, 0.5, 2.807, 32.0, 17.0, 27.0, 0.8),
+)
+
+STEADY = TEARS[0].steady
+
+LEG_WIDTH, THICKNESS = 8.0, 2.0
+
+
+@cache
+def torn_trousers(tear: Tear):
+    """The run of a tear, and the rows of its history while its legs move."""
+    dynamics = {"duration": (tear.end - tear.begin) / tear.speed, "density": 1e-3, "damping": 0.1, "viscosity": 0.002}
+    changes = {
+        "spacing": tear.spacing,
+        "horizon_ratio": tear.ratio,
+        "body.size": [tear.length, 2 * LEG_WIDTH, THICKNESS],
+        "fracture": {"critical_stretch": tear.critical_stretch},
+        "steps": [{"to": tear.begin}, {"to": tear.end, "outputs": 40, "dynamics": dynamics}],
+    }
+    result = pd.simulate(pd.load_scene("trousers", changes))
+    return result, in_dynamics(result)[:-1]  # in the last row the legs come to a halt
+
+
+def tear_row(tear: Tear) -> list[str]:
+    """One trouser tear: its energy by the force on the legs over the fracture energy that belongs to the critical stretch."""
+    result, rows = torn_trousers(tear)
+    law = result.scene.material.build()
+    force = float(np.mean([row["force_one_3"] for row in rows if row["t"] > tear.steady]))
     measured = pd.tearing_energy(law, force, LEG_WIDTH, THICKNESS)
-    put_in = homogeneous.uniaxial(law, critical_stretch).energy_density * TIP_DIAMETERS_IN_SPACE[ratio] * result.body.horizon
+    put_in = held_at_tip(result, tear.critical_stretch) * TIP_DIAMETERS_IN_SPACE[tear.ratio]
     stray = max(abs(entry["tip"][1] - LEG_WIDTH) for entry in result.summary["crack"]["tips"] if entry["tip"])
-    figures = [
-        f"{spacing:.3g}",
-        f"{critical_stretch:g}",
-        f"{put_in:.3f}",
-        f"{force:.3f}",
-        f"{measured:.3f}",
-        f"{100 * (measured / put_in - 1):+.1f}",
-    ]
-    return [*figures, f"{stray:.2f}", f"{100 * energy_account(rows):+.2f}", str(result.summary["n_points"]), str(result.summary["n_steps"])]
+    figures = [f"{tear.spacing:.3g}", f"{tear.critical_stretch:g}", f"{put_in:.3f}", f"{force:.3f}", f"{measured:.3f}"]
+    figures += [f"{100 * (measured / put_in - 1):+.1f}", f"{stray:.2f}", f"{100 * energy_account(rows):+.2f}"]
+    return _told([f"{tear.ratio:g}", *figures, str(result.summary["n_points"]), str(result.summary["n_steps"])])
 
 
-def trousers() -> None:
+def trousers() -> str:
     """Force of the trouser tear against the fracture energy put in."""
     head = [
         "horizon in spacings",
@@ -165,7 +284,7 @@ def trousers() -> None:
         "error (%)",
     ]
     head += ["greatest distance from its plane (mm)", "energy account (%)", "points", "steps"]
-    replace_block("trousers", markdown_table(head, [tear_row(*tear) for tear in TEARS]))
+    return markdown_table(head, [tear_row(tear) for tear in TEARS])
 
 
 def penny_row(spacing: float) -> list[str]:
@@ -177,25 +296,31 @@ def penny_row(spacing: float) -> list[str]:
     volume = (1 - stress / uncut) * (stretch - 1) * length * np.pi * outer**2
     young = 9 * law.bulk_modulus * law.shear_modulus / (3 * law.bulk_modulus + law.shear_modulus)
     poisson = young / (2 * law.shear_modulus) - 1
-    # V = 2/sigma times the energy released while the disc grows, with K = 2/pi sigma sqrt(pi a) f(a/R); of an endless body f = 1.
-    shares = (np.arange(1000) + 0.5) / 1000 * radius
-    ratio = shares / outer
-    factor = (1 - ratio / 2 + 0.148 * ratio**3) / np.sqrt(1 - ratio)
     free = 16 * (1 - poisson**2) * stress * radius**3 / (3 * young)
-    expected = free * 3 * (factor**2 * shares**2).mean() / radius**2
+    expected = free * opened_volume(radius, outer, length, poisson, 20, 4e-4)
     grown = ((volume / expected) ** (1 / 3) - 1) * radius / spacing
-    return [f"{spacing:.3g}", f"{stress / uncut:.4f}", f"{volume / free:.3f}", f"{volume / expected:.3f}", f"{grown:+.2f}"]
+    return _told([f"{spacing:.3g}", f"{stress / uncut:.4f}", f"{volume / free:.3f}", f"{volume / expected:.3f}", f"{grown:+.2f}"])
 
 
-def penny() -> None:
+def penny() -> str:
     """Opening of the disc crack against linear elasticity."""
     head = ["spacing (cm)", "force over that without the crack", "volume over Sneddon's", "volume over that in the cylinder"]
     head += ["radius gained (spacings)"]
-    replace_block("penny", markdown_table(head, [penny_row(spacing) for spacing in (0.1, 1 / 15, 0.05)]))
+    return markdown_table(head, [penny_row(spacing) for spacing in (0.1, 1 / 15, 0.05)])
 
 
-PARTS = {part.__name__: part for part in (turned, trousers, penny)}
+PARTS = {part.__name__: part for part in (turned, modes, trousers, penny)}
 
 if __name__ == "__main__":
-    for part in sys.argv[1:] or PARTS:
-        PARTS[part]()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
+    parser.add_argument("--docs", action="store_true", help="put the tables into the documentation")
+    arguments = parser.parse_args()
+    for part in arguments.parts:
+        if part not in PARTS:
+            parser.error(f"there is no part {part!r}; there are {', '.join(PARTS)}")
+    for part in arguments.parts or PARTS:
+        table = PARTS[part]()
+        print(table)
+        if arguments.docs:
+            replace_block(part, table)

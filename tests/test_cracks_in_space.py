@@ -63,6 +63,16 @@ def test_a_crack_in_space(torn):
     assert damage[np.abs(points[:, 1] - 5) > 3].max() == 0
 
 
+def test_the_account_of_a_strip_has_no_error_of_the_time_step(monkeypatch):
+    """With what viscosity takes found in every step; the grips' part of it and the end of the stage within a step are in it."""
+    monkeypatch.setattr(transient, "STEPS_PER_ROW", 1)
+    pulled = {**STRIP["dynamics"], "stretch": 1.34, "outputs": 1}
+    rows = in_dynamics(simulate(Scene.model_validate({**STRIP, "fracture": {"critical_stretch": 9.0}, "dynamics": pulled})))
+    assert len(rows) > 50
+    assert rows[-1]["damped_energy"] > 0.05
+    assert abs(account(rows)) < 1e-6
+
+
 def test_a_crack_in_space_resumes_to_the_same_bits(torn, tmp_path, monkeypatch):
     monkeypatch.setattr(transient, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
 
@@ -100,15 +110,15 @@ def test_cuts_of_scenes_in_space():
 
 
 def test_opening_of_a_disc_crack():
-    """By what it takes off the force, against linear elasticity: 1.0476 of Sneddon's volume in a cylinder of this radius, by the stress
-    intensity that Tada gives; bonds are cut as if the disc were wider by 0.3 to 0.45 of a spacing."""
+    """By what it takes off the force, against linear elasticity: 1.0350 of Sneddon's volume in this cylinder, by the finite elements of
+    `pipelines/disc_crack.py`; bonds are cut as if the disc were wider by 0.3 to 0.45 of a spacing."""
     spacing = 0.1
     result = simulate(load_scene("penny", {"spacing": spacing}))
     law, stretch, radius, length = result.scene.material.build(), 1.01, 0.4, 3.0
     stress, uncut = result.levels[-1]["nominal_stress"], homogeneous.uniaxial(law, stretch).nominal_stress
     young, poisson = 9 * 20 / 61, 9 * 20 / 61 / 2 - 1
     volume = (1 - stress / uncut) * (stretch - 1) * length * np.pi
-    expected = 1.0476 * 16 * (1 - poisson**2) * stress * radius**3 / (3 * young)
+    expected = 1.0350 * 16 * (1 - poisson**2) * stress * radius**3 / (3 * young)
     grown = ((volume / expected) ** (1 / 3) - 1) * radius / spacing
     assert 0.3 < grown < 0.45
 

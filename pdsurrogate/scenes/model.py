@@ -37,8 +37,9 @@ HORIZON_RATIOS = {2: 3.15, 3: 1.75}
 """Horizons over the side of a cell where none is asked for, by dimension.  In space short ones are more accurate and cheaper: 26 bonds."""
 
 TIP_DIAMETERS_IN_SPACE = {1.75: 1.2, 2.2: 0.83}
-"""Effective diameter of a crack tip in horizons, by the horizon in spacings, where it was measured: in trouser tears at two spacings each,
-1.29 and 1.13 at 1.75, 0.82 and 0.84 at 2.2 (`docs/validation/cracks-in-space.md`).  See `pdsurrogate.critical_stretch_of`."""
+"""Effective diameter of a crack tip in horizons, by the horizon in spacings, where it is known.  At 2.2 from trouser tears at a spacing of
+2/3 mm, 0.82 and 0.84; those at another spacing, and with another critical stretch, are predictions.  At 1.75 the mean of 1.29 and 1.13, of
+tears at two spacings (`docs/validation/cracks-in-space.md`).  See `pdsurrogate.critical_stretch_of`."""
 
 MOST_INCREMENTS = 100_000
 """Of a step; more take days on the smallest body."""
