@@ -404,12 +404,13 @@ def test_a_sheet_needs_nothing_of_space():
     assert done.stdout.split("\n")[-2] == "[]"
 
 
-def test_records_of_nine_and_three_in_and_out(random):
-    """Pairs gathered into columns of rows, and written back as records."""
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+def test_records_of_nine_and_three_in_and_out(random, real):
+    """Pairs gathered into columns of rows in either precision, and written back as records."""
     table, positions = random.standard_normal((20, 9)), random.standard_normal((20, 3))
     first, second = random.integers(0, 20, (2, 8)).astype(np.uint32)
-    sums, differences = np.zeros((9, 8)), np.zeros((3, 8))
-    matrices, vectors = np.zeros((8, 9)), np.zeros((8, 3), dtype=np.float32)
+    sums, differences = np.zeros((9, 8), real), np.zeros((3, 8), real)
+    matrices, vectors = np.zeros((8, 9), real), np.zeros((8, 3), dtype=np.float32)
     put_vectors, put_matrices = algebra3.put_vectors, algebra3.put_matrices
 
     @kernel
@@ -421,7 +422,7 @@ def test_records_of_nine_and_three_in_and_out(random):
             put_vectors(differences, k, vectors, k)
 
     both_ways(table, positions, first, second, sums, differences, matrices, vectors)
-    np.testing.assert_array_equal(sums, (table[first] + table[second]).T)
-    np.testing.assert_array_equal(differences, (positions[second] - positions[first]).T)
+    np.testing.assert_array_equal(sums, (table[first] + table[second]).T.astype(real))
+    np.testing.assert_array_equal(differences, (positions[second] - positions[first]).T.astype(real))
     np.testing.assert_array_equal(matrices, sums.T)
     np.testing.assert_array_equal(vectors, differences.T.astype(np.float32))

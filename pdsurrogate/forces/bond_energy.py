@@ -116,8 +116,8 @@ class BondEnergyForce(EnergySurrogate):
 
         return SelectiveEnergyOfPortions(body, portions, settings)
 
-    def isochoric_energy(self, law: Law, plane: str, outside: str) -> IsochoricEnergy:
-        """What the pass over the pairs takes at the bonds in plane strain and in space; it holds everywhere."""
+    def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
+        """What the pass over the pairs takes at the bonds in plane strain and in space, in double precision; it holds everywhere."""
         from .selective_energy import IsochoricEnergy  # which stands on this module
 
         return IsochoricEnergy.exact(law, plane)
@@ -285,6 +285,11 @@ class EnergyOfPairs(Evaluation):
     unit: float
     _forces: np.ndarray
     _moments: np.ndarray
+
+    @property
+    def geometry_precision(self) -> str:
+        """Of the reference data of the pairs."""
+        return self.precision
 
     def _prepare(self) -> None:
         """Shares of the bonds, and lists of the pairs and bonds of ghosts."""
@@ -588,7 +593,7 @@ class BondEnergyEvaluation(EnergyOfPairs):
         self.model, self.outside, self.unit = model, settings.outside or OUTSIDE, law.shear_modulus
         self._watches = [DomainWatch(model, self.pairs_evaluated, self.outside, "energy", "energy", body.part)]
         self._prepare()
-        self.geometry = pair_geometry(body, slice(None), self.bond_weights, self.precision)
+        self.geometry = pair_geometry(body, slice(None), self.bond_weights, self.geometry_precision)
         self._bind_energies()
         self._own_sums = self.sums_of(self._forces, self._moments)
 

@@ -48,7 +48,7 @@ class EnergyOfPortions(EnergyOfPairs, EvaluationOfPortions):
             pairs = np.flatnonzero(weights)
             self._pairs_of.append(pairs)
             self._add_states(pairs)
-            geometries.append(pair_geometry(body, pairs, weights[pairs], self.precision))
+            geometries.append(pair_geometry(body, pairs, weights[pairs], self.geometry_precision))
             self._watches.append(DomainWatch(portion.model, len(pairs), self._outside, "energy", "energy"))
             ends = bonds.first[pairs], bonds.second[pairs]
             across = [np.flatnonzero(self.portion_of[end] != number) for end in ends]
@@ -124,6 +124,9 @@ class SelectiveEnergyOfPortions(EnergyOfPortions):
     jumps at an interface.
     """
 
+    # As in `SelectiveEnergyEvaluation`.
+    geometry_precision = "float64"
+
     def _bind_parts(self, owners: np.ndarray, geometries: list[np.ndarray]) -> list[SelectivePairs]:
         body, bonds, kinematics = self.body, self.body.bonds, self._kinematics
         # The pressure jumps: a point's neighbours are those of its own material.
@@ -144,7 +147,7 @@ class SelectiveEnergyOfPortions(EnergyOfPortions):
             shown = np.flatnonzero((self.portion_of[view.numbers] == number) & (view.numbers < len(body)))
             self._shown_pressures.append((pressures, shown, view.numbers[shown]))
             arrays = view.positions, view.gradients, pressures, view.first, view.second, geometry
-            isochoric = portion.model.isochoric_energy(portion.law, self.plane, self._outside)
+            isochoric = portion.model.isochoric_energy(portion.law, self.plane, self._outside, self.precision)
             part = SelectivePairs(isochoric, kinematics, *arrays, volumes[starts[number] : starts[number + 1]])
             part.share(np.arange(len(pairs)), kinematics, pairs, self.bond_shares * own)
             parts.append(part)

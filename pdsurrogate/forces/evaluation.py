@@ -67,7 +67,7 @@ class Evaluation(InternalForce):
 
 
 def usual_precision(model, settings: ForceSettings) -> str:
-    """The precision asked for, or else the model's own; in plane strain and space, where the pressure is K times det F - 1, double."""
+    """The precision asked for, or else the model's own; in plane strain and space, where pressures stand against stresses, double."""
     return settings.precision or (model.default_precision if settings.plane == "stress" else "float64")
 
 

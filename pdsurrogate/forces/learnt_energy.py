@@ -11,7 +11,7 @@ import numpy as np
 from ..body import Body
 from ..kernels.activations import ACTIVATIONS, SMOOTH
 from ..kernels.block_arrays import BLOCK
-from ..kernels.compile import STRESS_RESPONSE, block_function_of
+from ..kernels.compile import block_function_of, stress_response_signature
 from ..kernels.energy_density import (
     ENERGY_ROWS,
     INVARIANT_ROWS,
@@ -27,7 +27,7 @@ from .bond_energy import EnergySurrogate
 from .energy_density import BLEND, EnergyDerivatives
 from .learnt import check_described, checked_array, evaluate_block
 from .protocol import CompiledBondForce, Domain, ForceModel, InternalForce, Portion
-from .settings import OUTSIDE_POLICIES, ForceSettings
+from .settings import OUTSIDE_POLICIES, PRECISIONS, ForceSettings
 
 if TYPE_CHECKING:
     from .selective_energy import IsochoricEnergy
@@ -234,12 +234,16 @@ class IsochoricNetwork(LearntEnergy):
     def honours(self) -> Mapping[str, tuple]:
         # At plane stress every bond would ask it in every step of a Newton iteration for the thickness.
         return {
-            "precision": ("float64",),
+            "precision": PRECISIONS,
             "correction": ("none",),
             "breakable": (True,),
             "plane": ("strain", "space"),
             "outside": tuple(OUTSIDE_POLICIES),
         }
+
+    def honoured(self, plane: str) -> Mapping[str, tuple]:
+        # In plane strain the stress across the plane is formed in double precision.
+        return self.honours if plane == "space" else {**self.honours, "precision": ("float64",)}
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
         from .selective_energy import SelectiveEnergyEvaluation  # of which a sheet under plane stress has no need
@@ -266,14 +270,14 @@ class IsochoricNetwork(LearntEnergy):
         """Sum over the units at rest, which is taken off."""
         return float((ACTIVATIONS[self.activation](self.hidden_biases)[0] * self.output_weights).sum())
 
-    def isochoric_energy(self, law: Law, plane: str, outside: str) -> IsochoricEnergy:
+    def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
         """What the pass over the pairs takes at the bonds; by default the exact energy takes over towards the edge of the domain."""
         from ..kernels import isochoric_energy as kernel
         from .selective_energy import IsochoricEnergy
 
         response, exact = PLANES[plane].isochoric_response, IsochoricEnergy.exact(law, plane)
         parts = ACTIVATIONS[self.activation], kernel.take_over, response.invariants, response.of_invariants
-        block = block_function_of(kernel.network_block, STRESS_RESPONSE, *parts)
+        block = block_function_of(kernel.network_block, stress_response_signature(precision), *parts)
         weights = pack_units(self.hidden_weights, self.hidden_biases, self.output_weights)
         parameters = np.zeros(kernel.WEIGHTS + len(weights) + len(exact.parameters))
         parameters[kernel.UNITS] = len(weights) // 4
@@ -285,7 +289,7 @@ class IsochoricNetwork(LearntEnergy):
         parameters[kernel.BAND], parameters[kernel.AT_REST] = BLEND, self._at_rest
         parameters[kernel.WEIGHTS : -len(exact.parameters)] = weights
         parameters[-len(exact.parameters) :] = exact.parameters
-        return IsochoricEnergy(block.address, parameters, exact.outside)
+        return IsochoricEnergy(block.address, parameters, precision, exact.outside)
 
     def check_material(self, law: Law) -> None:
         """Raise ValueError if the model was not trained for this material, or its stress is not that of the law as it is now."""

@@ -39,12 +39,15 @@ class IsochoricEnergy:
         Of the block function (`pdsurrogate.kernels.compile.STRESS_RESPONSE`).
     parameters : ndarray
         What it reads.
+    precision : {"float32", "float64"}
+        Of states and results.
     outside : ndarray of int64, shape (1,)
         To which a learnt one adds the states that it finds outside its domain.
     """
 
     address: int
     parameters: np.ndarray
+    precision: str = "float64"
     outside: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
 
     @classmethod
@@ -54,12 +57,13 @@ class IsochoricEnergy:
 
     def evaluate(self, *state) -> np.ndarray:
         """The result at states given as three vectors of n numbers, shape (4, n); of points, whose states are not counted."""
-        states, n = np.stack(state), len(state[0])
+        states, n = np.stack(state).astype(self.precision), len(state[0])
         found, counted = np.empty((selective_energy.RESULT_ROWS, n)), self.outside.copy()
         for at in range(0, n, BLOCK):
             size = min(BLOCK, n - at)
             # Filled up with the first, which is a state.
-            rows, result = np.repeat(states[:, at : at + 1], BLOCK, axis=1), np.empty((selective_energy.RESULT_ROWS, BLOCK))
+            rows = np.repeat(states[:, at : at + 1], BLOCK, axis=1)
+            result = np.empty((selective_energy.RESULT_ROWS, BLOCK), self.precision)
             rows[:, :size] = states[:, at : at + size]
             selective_energy.evaluate_response(self.address, rows, self.parameters, result)
             found[:, at : at + size] = result[:, :size]
@@ -79,6 +83,8 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
     """
 
     nearly_incompressible = True
+    # The volumes of the pairs are found from it.
+    geometry_precision = "float64"
 
     def _bind_energies(self) -> None:
         body, kinematics, chunks = self.body, self._kinematics, self._kinematics.chunks
@@ -89,7 +95,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         # Ghosts' volumes lie beyond the body: they have no pressure, and no share.
         self._pressures = np.zeros(len(body.all_points))
         places = kinematics.positions, kinematics.gradients, self._pressures
-        self._isochoric = self.model.isochoric_energy(self.law, self.plane, self.outside)
+        self._isochoric = self.model.isochoric_energy(self.law, self.plane, self.outside, self.precision)
         self._pairs = SelectivePairs(self._isochoric, kinematics, *places, first, second, self.geometry, self._pair_volumes)
         self._share_ends(np.arange(self._n_pairs))
         self._volume_energies = np.zeros(-(-n // BLOCK))
@@ -192,6 +198,9 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
 class SelectivePairs:
     """The passes of the selective energy over some pairs of a body, bound to their arrays.
 
+    In single precision are, if they are to be, the energies of the pairs and what they exert.  Their volumes are not: a pressure is K/mu
+    times the error of one.
+
     Parameters
     ----------
     isochoric : IsochoricEnergy
@@ -210,8 +219,10 @@ class SelectivePairs:
 
     Attributes
     ----------
-    forces, moments, buffers
-        As those of `PairEnergies`.
+    forces, moments
+        As those of `PairEnergies`, in the precision of the isochoric energy.
+    buffers : ndarray
+        Working memory in doubles.
     end_shares : ndarray, shape (n_blocks, 2, BLOCK)
         Of the volumes of both ends, see `share`.
     find_volumes, find_energies : BoundPass
@@ -234,7 +245,10 @@ class SelectivePairs:
         self._isochoric = isochoric
         self.end_shares, self._energies = aligned_rows((len(geometry), 2, BLOCK)), np.zeros(len(geometry))
         self.buffers = aligned_rows((chunks.threads, selective_energy.buffer_rows(dimension), BLOCK), value=1)
-        self.forces, self.moments = aligned_rows((len(first), dimension)), aligned_rows((len(first), dimension**2))
+        precision = isochoric.precision
+        in_its_precision = self.buffers if precision == "float64" else aligned_rows(self.buffers.shape, precision, 1)
+        self.forces = aligned_rows((len(first), dimension), precision)
+        self.moments = aligned_rows((len(first), dimension**2), precision)
         places, pairs = (positions, gradients), (first, second, geometry)
         self.find_volumes = selective_energy.pair_volumes[dimension].bind(*places, *pairs, self.buffers, volumes, chunks=chunks)
         self.find_energies = selective_energy.pair_energies[dimension].bind(
@@ -244,7 +258,7 @@ class SelectivePairs:
             self.end_shares,
             isochoric.address,
             isochoric.parameters,
-            self.buffers,
+            in_its_precision,
             self._energies,
             self.forces,
             self.moments,

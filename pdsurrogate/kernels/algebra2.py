@@ -8,6 +8,7 @@ import numpy as np
 
 from .block_arrays import rows_of
 from .compile import inlined
+from .feature_sets import like
 from .lanes import gather_pairs, put_records, subtract_positions, sum_matrix_products, sum_outer_products, sum_signed_records
 from .lanes import sum_quad_records as sum_matrices
 
@@ -42,6 +43,12 @@ def vector_at(array, k):
 def column_at(rows, k):
     """The vector whose components stand in column k of as many rows."""
     return rows[0, k], rows[1, k]
+
+
+@inlined
+def column_in(rows, k, x):
+    """The same in the precision of x."""
+    return like(x, rows[0, k]), like(x, rows[1, k])
 
 
 @inlined

@@ -7,6 +7,7 @@ import numpy as np
 
 from .block_arrays import rows_of
 from .compile import inlined
+from .feature_sets import like
 from .lanes import gather_pairs_in_space as gather_pairs
 from .lanes import put_records
 from .lanes import sum_matrix_products_in_space as sum_matrix_products
@@ -42,6 +43,12 @@ def vector_at(array, k):
 def column_at(rows, k):
     """The vector whose components stand in column k of as many rows."""
     return rows[0, k], rows[1, k], rows[2, k]
+
+
+@inlined
+def column_in(rows, k, x):
+    """The same in the precision of x."""
+    return like(x, rows[0, k]), like(x, rows[1, k]), like(x, rows[2, k])
 
 
 @inlined

@@ -138,21 +138,22 @@ def _column(context, builder, kinds, arguments):
 
 
 @intrinsic
-def stack_rows(typingctx, count):
-    """An array of rows of doubles on the stack, for intermediate values within a block function; `count` is a literal."""
+def stack_rows(typingctx, count, x):
+    """An array of rows on the stack, for intermediate values within a block function, in the precision of x; `count` is a literal."""
     if not isinstance(count, types.IntegerLiteral):
         return None
     rows = count.literal_value
-    result_type = types.Array(types.float64, 2, "C")
+    result_type = types.Array(x, 2, "C")
 
     def codegen(context, builder, signature, arguments):
-        index, size = context.get_value_type(types.intp), context.get_abi_sizeof(ir.DoubleType())
-        memory = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), rows * BLOCK))
+        real = context.get_value_type(x)
+        index, size = context.get_value_type(types.intp), context.get_abi_sizeof(real)
+        memory = cgutils.alloca_once(builder, ir.ArrayType(real, rows * BLOCK))
         memory.align = CACHE_LINE
         result = context.make_array(result_type)(context, builder)
         context.populate_array(
             result,
-            data=builder.bitcast(memory, ir.DoubleType().as_pointer()),
+            data=builder.bitcast(memory, real.as_pointer()),
             shape=cgutils.pack_array(builder, [ir.Constant(index, rows), ir.Constant(index, BLOCK)]),
             strides=cgutils.pack_array(builder, [ir.Constant(index, BLOCK * size), ir.Constant(index, size)]),
             itemsize=ir.Constant(index, size),
@@ -161,4 +162,4 @@ def stack_rows(typingctx, count):
         )
         return result._getvalue()
 
-    return result_type(count), codegen
+    return result_type(count, x), codegen

@@ -129,8 +129,18 @@ def parallel_kernel(function: Callable) -> Callable:
 
 _real = types.CPointer(types.float64)
 
-STRESS_RESPONSE = types.void(_real, _real, _real)
-"""``response(states, parameters, result)`` over the rows of a block; see `pdsurrogate.materials.response` for the rows."""
+
+def stress_response_signature(dtype):
+    """``response(states, parameters, result)`` over the rows of a block; see `pdsurrogate.materials.response` for the rows.
+
+    Parameters are doubles in any precision of the rows.
+    """
+    real = types.CPointer(types.float32 if np.dtype(dtype) == np.float32 else types.float64)
+    return types.void(real, _real, real)
+
+
+STRESS_RESPONSE = stress_response_signature(np.float64)
+"""That of laws, which are evaluated in double precision."""
 
 
 def bond_force_signature(dtype):

@@ -13,10 +13,11 @@ import numpy as np
 from numba import carray, types
 from numba.extending import intrinsic
 
-from .block_arrays import BLOCK, block_rows, put_column, stack_rows
+from .block_arrays import BLOCK, block_rows, put_column, rows_from, stack_rows
 from .compile import call_block, widest_vectors
 from .elementary import bits_of, logarithm, select
 from .energy_density import GROUP
+from .feature_sets import like
 
 ROWS = 4
 """Rows of the result: p, q, r (in the plane the stress across it) and the energy, of W alone."""
@@ -63,6 +64,8 @@ def take_over(distance, band):
 def network_block(activation, take_over, invariants, of_invariants):
     """Builder of the block functions of networks: ``W = sum of v a(w1 log(I1bar/3) + w2 log(I2bar/3) + b) - constant``.
 
+    They take rows of either precision.
+
     Both features vanish at rest, and the constant makes W vanish there; its stress does, as that of every function of isochoric invariants.
 
     Parameters
@@ -82,20 +85,25 @@ def network_block(activation, take_over, invariants, of_invariants):
         parameters = carray(parameters, (MOST_PARAMETERS,))
         units = np.int64(parameters[UNITS])
         guard = parameters[GUARD]
-        rows = block_rows(stack_rows(5))
+        one = like(states[0, 0], 1.0)
+        zero = like(one, 0.0)
+        third = like(one, 1.0 / 3.0)
+        at_rest = like(one, parameters[AT_REST])
+        rows = block_rows(stack_rows(5, one))
+        sums = rows_from(rows, 2)
         for k in range(BLOCK):
             I1, I2 = invariants((states[0, k], states[1, k], states[2, k]))
-            rows[0, k] = logarithm(I1 * (1.0 / 3.0))
-            rows[1, k] = logarithm(I2 * (1.0 / 3.0))
-            rows[2, k] = -parameters[AT_REST]
-            rows[3, k] = 0.0
-            rows[4, k] = 0.0
+            rows[0, k] = logarithm(I1 * third)
+            rows[1, k] = logarithm(I2 * third)
+            sums[0, k] = -at_rest
+            sums[1, k] = zero
+            sums[2, k] = zero
         for group in range(0, units, GROUP):
             w = parameters[WEIGHTS + 4 * group : WEIGHTS + 4 * (group + GROUP)]
-            b0, b1, b2, b3 = w[0], w[1], w[2], w[3]
-            p0, p1, p2, p3 = w[4], w[5], w[6], w[7]
-            q0, q1, q2, q3 = w[8], w[9], w[10], w[11]
-            v0, v1, v2, v3 = w[12], w[13], w[14], w[15]
+            b0, b1, b2, b3 = like(one, w[0]), like(one, w[1]), like(one, w[2]), like(one, w[3])
+            p0, p1, p2, p3 = like(one, w[4]), like(one, w[5]), like(one, w[6]), like(one, w[7])
+            q0, q1, q2, q3 = like(one, w[8]), like(one, w[9]), like(one, w[10]), like(one, w[11])
+            v0, v1, v2, v3 = like(one, w[12]), like(one, w[13]), like(one, w[14]), like(one, w[15])
             for k in range(BLOCK):
                 u = rows[0, k]
                 v = rows[1, k]
@@ -107,31 +115,39 @@ def network_block(activation, take_over, invariants, of_invariants):
                 d1 = v1 * d1
                 d2 = v2 * d2
                 d3 = v3 * d3
-                rows[2, k] += v0 * a0 + v1 * a1 + v2 * a2 + v3 * a3
-                rows[3, k] += p0 * d0 + p1 * d1 + p2 * d2 + p3 * d3
-                rows[4, k] += q0 * d0 + q1 * d1 + q2 * d2 + q3 * d3
+                sums[0, k] += v0 * a0 + v1 * a1 + v2 * a2 + v3 * a3
+                sums[1, k] += p0 * d0 + p1 * d1 + p2 * d2 + p3 * d3
+                sums[2, k] += q0 * d0 + q1 * d1 + q2 * d2 + q3 * d3
+        l0, l1, l2 = like(one, parameters[LOW]), like(one, parameters[LOW + 1]), like(one, parameters[LOW + 2])
+        h0, h1, h2 = like(one, parameters[HIGH]), like(one, parameters[HIGH + 1]), like(one, parameters[HIGH + 2])
+        band = like(one, parameters[BAND])
         near = 0
         outside = 0
         for k in range(BLOCK):
             state = states[0, k], states[1, k], states[2, k]
             I1, I2 = invariants(state)
-            low = parameters[LOW] + parameters[LOW + 1] * I1 + parameters[LOW + 2] * I2
-            high = parameters[HIGH] + parameters[HIGH + 1] * I1 + parameters[HIGH + 2] * I2
+            low = l0 + l1 * I1 + l2 * I2
+            high = h0 + h1 * I1 + h2 * I2
             least = min(low, high)
-            near += 1 if least < parameters[BAND] else 0
-            outside += 1 if least < 0.0 else 0
-            learnt = rows[2, k], rows[3, k] / I1, rows[4, k] / I2, 0.0, 0.0, 0.0
-            put_column(result, k, of_invariants(state, learnt, (0.0, 0.0, 0.0)))
+            near += 1 if least < band else 0
+            outside += 1 if least < zero else 0
+            learnt = sums[0, k], sums[1, k] / I1, sums[2, k] / I2, zero, zero, zero
+            p, q, r, W = of_invariants(state, learnt, (zero, zero, zero))
+            put_column(result, k, (like(one, p), like(one, q), like(one, r), like(one, W)))
         if guard == EXTRAPOLATE or near == 0:
             return
         if outside > 0:
             _add_to(bits_of(parameters[COUNTER]), outside)
         if guard != TAKE_OVER:
             return
-        exact = block_rows(stack_rows(4))
-        call_block(bits_of(parameters[EXACT]), states, parameters[WEIGHTS + 4 * units :], exact)
+        # The exact energy, and what mixes the two, in double precision.
+        doubles = block_rows(stack_rows(7, 1.0))
+        exact = rows_from(doubles, 3)
         for k in range(BLOCK):
-            state = states[0, k], states[1, k], states[2, k]
+            put_column(doubles, k, (np.float64(states[0, k]), np.float64(states[1, k]), np.float64(states[2, k])))
+        call_block(bits_of(parameters[EXACT]), doubles, parameters[WEIGHTS + 4 * units :], exact)
+        for k in range(BLOCK):
+            state = doubles[0, k], doubles[1, k], doubles[2, k]
             I1, I2 = invariants(state)
             low = parameters[LOW] + parameters[LOW + 1] * I1 + parameters[LOW + 2] * I2
             high = parameters[HIGH] + parameters[HIGH + 1] * I1 + parameters[HIGH + 2] * I2
@@ -150,6 +166,6 @@ def network_block(activation, take_over, invariants, of_invariants):
             q = select(inside, rest * result[1, k] + q, 0.0) + select(rest < 1.0, (1.0 - rest) * exact[1, k], 0.0)
             r = select(inside, rest * result[2, k] + r, 0.0) + select(rest < 1.0, (1.0 - rest) * exact[2, k], 0.0)
             W = select(inside, rest * result[3, k], 0.0) + select(rest < 1.0, (1.0 - rest) * exact[3, k], 0.0)
-            put_column(result, k, (p, q, r, W))
+            put_column(result, k, (like(one, p), like(one, q), like(one, r), like(one, W)))
 
     return response

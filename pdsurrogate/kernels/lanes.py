@@ -78,6 +78,7 @@ def gather_pairs(typingctx, records, positions, first, second, at, sums, differe
         rows = [builder.fadd(*(_load(builder, _element(builder, table, end, 4), 4) for end in pair)) for pair in pairs]
         columns = _transposed(builder, rows)
         vectors = _difference_columns(builder, places, pairs, _scalar_of(context, signature.args[6]))
+        columns = [_as_real(builder, column, _scalar_of(context, signature.args[5])) for column in columns]
         _store_rows(context, builder, signature.args[5], arguments[5], columns, arguments[7])
         _store_rows(context, builder, signature.args[6], arguments[6], vectors, arguments[7])
         return context.get_dummy_value()
@@ -105,6 +106,7 @@ def gather_pairs_in_space(typingctx, records, positions, first, second, at, sums
         vectors = [_shuffle(builder, *halves, lanes) for lanes in ([0, 2, 4, 6], [1, 3, 5, 7])]
         vectors.append(_vector(builder, [builder.fsub(*(_component(builder, end, 2) for end in reversed(pair))) for pair in ends]))
         scalar = _scalar_of(context, signature.args[6])
+        columns = [_as_real(builder, column, _scalar_of(context, signature.args[5])) for column in columns]
         _store_rows(context, builder, signature.args[5], arguments[5], columns, arguments[7])
         _store_rows(context, builder, signature.args[6], arguments[6], [_as_real(builder, v, scalar) for v in vectors], arguments[7])
         return context.get_dummy_value()

@@ -6,6 +6,7 @@ carries nothing, or that pads a block, has none, and its state is replaced by re
 
 from .block_arrays import BLOCK, block_rows, put_column, rows_from
 from .compile import call_block, inlined, kernel, widest_vectors
+from .feature_sets import like
 from .passes import ByDimension, Pass, share_of
 
 STATE_ROWS, RESULT_ROWS = 3, 4
@@ -30,12 +31,15 @@ def gradient_of_bond(algebra):
     @inlined
     def of_bond(sums, bonds, reference, k):
         """From column k of the sums of the ends' gradients, the bonds and the reference data; I of a pair that carries nothing."""
-        n = algebra.column_at(reference, k)
-        mean = algebra.times_matrix(0.5, algebra.matrix_column_at(sums, k))
-        along = algebra.times(reference[length, k], algebra.column_at(bonds, k))
+        # In the precision of the sums and the bonds.
+        one = like(sums[0, k], 1.0)
+        zero = like(one, 0.0)
+        n = algebra.column_in(reference, k, one)
+        mean = algebra.times_matrix(like(one, 0.5), algebra.matrix_column_at(sums, k))
+        along = algebra.times(like(one, reference[length, k]), algebra.column_at(bonds, k))
         F = algebra.add_outer_product(mean, algebra.minus(along, algebra.matrix_times_vector(mean, n)), n)
-        alive = 1.0 if reference[volume, k] > 0.0 else 0.0
-        return algebra.plus_diagonal(algebra.times_matrix(alive, F), 1.0 - alive)
+        alive = one if reference[volume, k] > 0.0 else zero
+        return algebra.plus_diagonal(algebra.times_matrix(alive, F), one - alive)
 
     return of_bond
 
@@ -175,7 +179,8 @@ def pair_energies(algebra):
 
         Parameters
         ----------
-        positions, gradients, first, second, geometry, buffers : see `pair_volumes`.
+        positions, gradients, first, second, geometry : see `pair_volumes`.
+        buffers : (n_threads, `buffer_rows`, BLOCK) in the precision of the response.
         pressures : (n,) of points and ghosts: what a share of a point's volume weighs the change of det F_ij with.
         shares : (n_blocks, 2, BLOCK) of the volumes of both ends.
         response, parameters : the isochoric response of the law, as (p, q, r, energy).
@@ -199,23 +204,23 @@ def pair_energies(algebra):
             for k in range(BLOCK):
                 F = of_bond(sums, bonds, reference, k)
                 put_column(sums, k, F)
-                put_column(states, k, algebra.response_state(F, 1.0))
+                put_column(states, k, algebra.response_state(F, like(F[0], 1.0)))
             call_block(response, states, parameters, result)
             # The bonds are done with: their first row takes the pressures.
             for k in range(BLOCK):
                 bonds[0, k] = share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]
             total = 0.0
             for k in range(BLOCK):
-                n = algebra.column_at(reference, k)
                 F = algebra.matrix_column_at(sums, k)
+                n = algebra.column_in(reference, k, F[0])
                 state = states[0, k], states[1, k], states[2, k]
                 found = result[0, k], result[1, k], result[2, k]
-                P = algebra.first_piola(F, state, found, reference[volume, k])
+                P = algebra.first_piola(F, state, found, like(F[0], reference[volume, k]))
                 P = algebra.plus_matrix(P, algebra.times_matrix(bonds[0, k], algebra.cofactor(F)))
                 traction = algebra.matrix_times_vector(P, n)
-                across = algebra.add_outer_product(P, algebra.times(-1.0, traction), n)
-                put_column(bonds, k, algebra.times(reference[length, k], traction))
-                put_column(sums, k, algebra.times_matrix(0.5, across))
+                across = algebra.add_outer_product(P, algebra.times(like(F[0], -1.0), traction), n)
+                put_column(bonds, k, algebra.times(like(F[0], reference[length, k]), traction))
+                put_column(sums, k, algebra.times_matrix(like(F[0], 0.5), across))
                 total += reference[counted, k] * result[3, k]
             for k in range(0, BLOCK, 4):
                 algebra.put_vectors(bonds, k, forces, at + k)

@@ -131,7 +131,7 @@ def _principal_block(coefficients, term, stretches, of_stretches, curvature, vol
         n_terms = np.int64(carray(parameters, (2,))[1])
         # How long they are is for the law to know; it reads no further than its last term.
         parameters = carray(parameters, (MOST_PARAMETERS,))
-        rows = block_rows(stack_rows(6))
+        rows = block_rows(stack_rows(6, 1.0))
         for k in range(BLOCK):
             put_column(rows, k, stretches((states[0, k], states[1, k], states[2, k])))
         # On its own: a loop within the one above would split rounds off it.

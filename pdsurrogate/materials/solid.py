@@ -15,6 +15,7 @@ import numpy as np
 
 from ..kernels.compile import inlined
 from ..kernels.elementary import inverse_cube_root, select
+from ..kernels.feature_sets import like
 from . import plane_stress
 from .consistency import check_consistency
 from .law import Law
@@ -36,10 +37,11 @@ def of_invariants(state, isochoric, volumetric):
     W, W1, W2, _, _, _ = isochoric
     U, dU, _ = volumetric
     c = inverse_cube_root(J * J)
+    two = like(J, 2.0)
     # dI1 = 2 F, dI2 = 2 (I1 F - F C), dJ = cof F.
-    p = 2 * c * (W1 + c * trace * W2)
-    q = dU - 2 * c * (W1 * trace + 2 * W2 * c * cofactor_trace) / (3 * J)
-    return p, q, -2 * c * c * W2, W + U
+    p = two * c * (W1 + c * trace * W2)
+    q = dU - two * c * (W1 * trace + two * W2 * c * cofactor_trace) / (like(J, 3.0) * J)
+    return p, q, -two * c * c * W2, W + U
 
 
 @inlined

@@ -310,8 +310,9 @@ def slender(subject: Subject) -> Outcome:
 def beyond_the_domain(subject: Subject) -> Outcome:
     """From rest to twice the greatest stretch of a surrogate's domain: the exact forces there, and one energy all the way.
 
-    Less far, 1.5 or 1.2 times, where the law itself ends before.  Far outside every bond must have the exact force.  On the way the exact energy takes over: work done, by Gauss's rule on 200 pieces of
-    the way, must be the energy stored, to a ten-millionth, which a jump of the size of the fit's errors would not leave.
+    Less far, 1.5 or 1.2 times, where the law itself ends before.  Far outside every bond must have the exact force.  On the way the exact
+    energy takes over: work done, by Gauss's rule on 200 pieces of the way, must be the energy stored, to a ten-millionth, which a jump of
+    the size of the fit's errors would not leave.
     """
     model = subject.model
     if not isinstance(model, ForceSurrogate | LearntEnergy) or model.domain is None:
