@@ -85,6 +85,13 @@ def last_state(folder):
     return SavedStates(folder, json.loads((folder / "summary.json").read_text())["scene"])[-1][1]["displacement"]
 
 
+def test_arrays_of_parts_come_in_the_order_of_the_whole_body_and_go_back():
+    """Of points, images, directed bonds and pairs, in the plane and in space, between two planes of reflection and beside a cut."""
+    program = Path(__file__).parent / "ranks" / "orders.py"
+    done = run([MPIEXEC, "-n", "3", sys.executable, "-m", "mpi4py", str(program)])
+    assert done.stdout.strip().endswith("in order"), done.stdout
+
+
 def test_a_run_checkpointed_on_two_ranks_goes_on_on_three_and_on_one(command, tmp_path):
     done = run(command(2, TEAR, tmp_path / "a", what="interrupted", at=49))
     assert "interrupted; the checkpoint is in" in done.stdout, done.stdout

@@ -72,28 +72,26 @@ class Whole:
         """Values of all points of the whole body, in its order; None on ranks other than the first."""
         return values
 
-    def to_whole(self, values: np.ndarray, body) -> np.ndarray | None:
-        """An array with a row for every point of a body, every point and image, or every directed bond, as the whole body has it.
+    def to_whole(self, values: np.ndarray, body, rows: str) -> np.ndarray | None:
+        """An array of a body as the whole body has it, on the first rank; None on the others.
 
-        On the first rank; None on the others.
+        Parameters
+        ----------
+        values : ndarray
+        body : Body
+            That this is the part of.
+        rows : {"points", "images", "bonds", "pairs"}
+            What it has a row for: every point, every point and image, every directed bond, or every pair.
         """
         return values
 
-    def from_whole(self, values: np.ndarray | None, body, rows: int) -> np.ndarray:
-        """The way back of `to_whole`, to an array of so many rows here; `values` is None on ranks other than the first."""
+    def from_whole(self, values: np.ndarray | None, body, rows: str) -> np.ndarray:
+        """The way back of `to_whole`; `values` is None on ranks other than the first."""
         return values
 
-    def rows_of_whole(self, body, rows: int) -> int:
-        """How many rows the whole body has where there are so many here."""
-        return rows
-
-    def pairs_to_whole(self, values: np.ndarray, body) -> np.ndarray | None:
-        """As `to_whole`, of an array with a row for every pair."""
-        return values
-
-    def pairs_from_whole(self, values: np.ndarray | None, body) -> np.ndarray:
-        """As `from_whole`, of such an array."""
-        return values
+    def rows_of_whole(self, count: int, body, rows: str) -> int:
+        """How many rows the whole body has where there are `count` here."""
+        return count
 
     def pair_numbers(self, body) -> np.ndarray:
         """Numbers in the whole body of the pairs here; those that are not counted here have none, and -1."""

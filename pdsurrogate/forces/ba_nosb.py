@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -183,6 +184,8 @@ class BANOSBEvaluation(Evaluation):
         self._sum_forces.give("out", out)
         unsolved, without_force = self._find_forces()
         return unsolved, without_force
+
+    state_rows = MappingProxyType({"volume_ratios": "images", "bond_volume_ratios": "bonds"})
 
     def state_arrays(self) -> dict[str, np.ndarray]:
         return {**super().state_arrays(), "bond_volume_ratios": self._volume_ratios}

@@ -6,6 +6,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -297,6 +298,9 @@ class InternalForce(ABC):
         With f the forces that a plane exerts, and y the places where it does; None of a force that has no energy.
         """
         return None
+
+    state_rows: Mapping[str, str] = MappingProxyType({"volume_ratios": "images"})
+    """What the arrays of `state_arrays` have a row for: "images", every point and image, or "bonds", every directed bond."""
 
     @abstractmethod
     def state_arrays(self) -> dict[str, np.ndarray]:

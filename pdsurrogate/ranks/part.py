@@ -159,51 +159,52 @@ class Part(Whole):
             whole[places] = found
         return whole
 
-    def to_whole(self, values: np.ndarray, body: Body) -> np.ndarray | None:
-        n = len(self.own)
-        if len(values) == n:
+    def to_whole(self, values: np.ndarray, body: Body, rows: str) -> np.ndarray | None:
+        if rows == "points":
             return self.gather(values)
-        if len(values) != n + len(body.ghosts):
-            return self._gather_each(values, np.diff(body.bonds.pointers).astype(np.int64))
+        if rows != "images":
+            return self._gather_each(values, self._counts(body, rows))
+        n = len(self.own)
         points, names, images = self.gather(values[:n]), self._gather_images(body), self.ranks.gather(values[n:][self._own_images(body)])
         return None if points is None else np.concatenate([points, np.concatenate(images)[np.argsort(names)]])
 
-    def from_whole(self, values: np.ndarray | None, body: Body, rows: int) -> np.ndarray:
-        n, first = len(self.own), self.ranks.rank == 0
-        if rows == n:
+    def from_whole(self, values: np.ndarray | None, body: Body, rows: str) -> np.ndarray:
+        if rows == "points":
             return self._hand_out(values)
-        if rows != n + len(body.ghosts):
-            found = self._hand_out_each(values, np.diff(body.bonds.pointers).astype(np.int64))
+        if rows == "images":
+            first = self.ranks.rank == 0
+            points = self._hand_out(values[: self._total] if first else None)
+            names, wanted = self._gather_images(body), self.ranks.gather(self._image_names(body))
+            images = [values[self._total :][np.searchsorted(np.sort(names), asked)] for asked in wanted] if first else None
+            return np.concatenate([points, self.ranks.hand_out(images)])
+        found = self._hand_out_each(values, self._counts(body, rows))
+        if rows == "bonds":
             self.fill_bonds(found, body)
             return found
-        points = self._hand_out(values[: self._total] if first else None)
-        names, wanted = self._gather_images(body), self.ranks.gather(self._image_names(body))
-        images = [values[self._total :][np.searchsorted(np.sort(names), asked)] for asked in wanted] if first else None
-        return np.concatenate([points, self.ranks.hand_out(images)])
-
-    def rows_of_whole(self, body: Body, rows: int) -> int:
-        n = len(self.own)
-        if rows == n:
-            return self._total
-        if rows == n + len(body.ghosts):
-            return self._total + self.ranks.total(int(self._own_images(body).sum()))
-        return self.ranks.total(int(np.diff(body.bonds.pointers).astype(np.int64)[self.own].sum()))
-
-    def pairs_to_whole(self, values: np.ndarray, body: Body) -> np.ndarray | None:
-        return self._gather_each(values, np.diff(body.bonds.pair_pointers).astype(np.int64))
-
-    def pairs_from_whole(self, values: np.ndarray | None, body: Body) -> np.ndarray:
-        found = self._hand_out_each(values, np.diff(body.bonds.pair_pointers).astype(np.int64))
         # Pairs whose first point is in the halo, from that point's owner, as values of the bond from there.
-        directed = found[body.bonds.pair_of]
+        bonds = body.bonds
+        directed = found[bonds.pair_of]
         self.fill_bonds(directed, body)
-        owners = np.repeat(np.arange(len(self.own)), np.diff(body.bonds.pointers).astype(np.int64))
-        forward = owners == body.bonds.first[body.bonds.pair_of]
-        found[body.bonds.pair_of[forward]] = directed[forward]
+        owners = np.repeat(np.arange(len(self.own)), self._counts(body, "bonds"))
+        forward = owners == bonds.first[bonds.pair_of]
+        found[bonds.pair_of[forward]] = directed[forward]
         return found
 
+    def rows_of_whole(self, count: int, body: Body, rows: str) -> int:
+        if rows == "points":
+            return self._total
+        if rows == "images":
+            return self._total + self.ranks.total(int(self._own_images(body).sum()))
+        return self.ranks.total(int(self._counts(body, rows)[self.own].sum()))
+
+    @staticmethod
+    def _counts(body: Body, rows: str) -> np.ndarray:
+        """How many directed bonds, or pairs as the first of them, every point has."""
+        pointers = body.bonds.pointers if rows == "bonds" else body.bonds.pair_pointers
+        return np.diff(pointers).astype(np.int64)
+
     def pair_numbers(self, body: Body) -> np.ndarray:
-        counts = np.diff(body.bonds.pair_pointers).astype(np.int64)
+        counts = self._counts(body, "pairs")
         numbers = np.repeat(self._starts(counts) - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
         numbers[~self.own[body.bonds.first]] = -1
         return numbers

@@ -357,9 +357,9 @@ class Run:
         if self.earlier is not None:
             held["earlier"] = self.earlier[1]
         # In the order of the whole body, so that any number of ranks can go on from it.
-        whole = {key: part.to_whole(array, self.body) for key, array in held.items()}
         if self.damage is not None:
-            whole["broken"] = part.pairs_to_whole(self.damage.broken, self.body)
+            held["broken"] = self.damage.broken
+        whole = {key: part.to_whole(array, self.body, self._rows_of(key)) for key, array in held.items()}
         kept = Checkpoint(self.identity, {**common, **progress}, whole)
         if self.ranks.rank == 0:
             kept.write(self.folder)
@@ -389,7 +389,8 @@ class Run:
     def _read_checkpoint(self, held: dict[str, np.ndarray]) -> Checkpoint:
         """What the first rank reads, on every rank for its points; the arrays that are held here say which there must be."""
         body, part, identity = self.body, self.body.part, self.identity
-        shapes = {key: ((part.rows_of_whole(body, len(array)), *array.shape[1:]), array.dtype) for key, array in held.items()}
+        counts = {key: part.rows_of_whole(len(array), body, self._rows_of(key)) for key, array in held.items()}
+        shapes = {key: ((counts[key], *array.shape[1:]), array.dtype) for key, array in held.items()}
         if not part.divided:
             return Checkpoint.read(self.folder, identity, shapes)
         whole = error = None
@@ -400,9 +401,9 @@ class Run:
                 error = found
         part.agree(error)
         progress, keys = self.ranks.to_all(whole and (whole.progress, list(whole.arrays)))
-        arrays = {}
-        for key in keys:
-            values = whole and whole.arrays[key]
-            rows = len(held[key]) if key in held else len(body)
-            arrays[key] = part.pairs_from_whole(values, body) if key == "broken" else part.from_whole(values, body, rows)
+        arrays = {key: part.from_whole(whole and whole.arrays[key], body, self._rows_of(key)) for key in keys}
         return Checkpoint(identity, progress, arrays)
+
+    def _rows_of(self, key: str) -> str:
+        """What an array of a checkpoint has a row for, see `Whole.to_whole`."""
+        return "pairs" if key == "broken" else self.force.state_rows.get(key, "points")

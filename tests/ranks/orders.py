@@ -1,0 +1,51 @@
+"""Run by `test_ranks_files.py` on several ranks: arrays of a body in parts, in the order of the whole body and back."""
+
+import numpy as np
+
+from pdsurrogate.body import ReflectionPlane
+from pdsurrogate.ranks import communicator, divided
+from pdsurrogate.stress_test.bodies import notched
+
+
+def cut(starts, ends):
+    """Bonds across a line of a third of the body."""
+    sides = (starts[:, 1] > 0.42) != (ends[:, 1] > 0.42)
+    return sides & (np.maximum(starts[:, 0], ends[:, 0]) < 0.4)
+
+
+def names(body, numbers, total):
+    """What points, images, directed bonds and pairs are called everywhere, by their kinds."""
+    ends = np.concatenate([numbers, numbers[body.ghosts.source] + total * body.ghosts.image])
+    bonds = body.bonds
+    owners = np.repeat(np.arange(len(body)), np.diff(bonds.pointers).astype(np.int64))
+    span = total * 2 ** len(body.planes)
+    return {
+        "points": numbers,
+        "images": ends,
+        "bonds": ends[owners] * span + ends[bonds.neighbours],
+        "pairs": ends[bonds.first] * span + ends[bonds.second],
+    }
+
+
+def main():
+    ranks = communicator()
+    for d in (2, 3):
+        planes = (ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]), ReflectionPlane(1, 0.0, -1, (1, -1, 1)[:d]))
+        whole = notched(d, planes=planes, separates=cut)
+        expected = names(whole, np.arange(len(whole)), len(whole))
+        body = divided(notched(d, planes=planes, separates=cut), ranks)
+        part, here = body.part, names(body, body.part.numbers, len(whole))
+        for kind, values in here.items():
+            assert part.rows_of_whole(len(values), body, kind) == len(expected[kind]), kind
+            there = part.to_whole(values, body, kind)
+            if ranks.rank == 0:
+                assert np.array_equal(there, expected[kind]), (d, kind)
+            assert np.array_equal(part.from_whole(there, body, kind), values), (d, kind, ranks.rank)
+        counted = part.pair_numbers(body)
+        assert np.array_equal(expected["pairs"][counted[counted >= 0]], here["pairs"][counted >= 0])
+    if ranks.rank == 0:
+        print("in order")
+
+
+if __name__ == "__main__":
+    main()
