@@ -41,6 +41,10 @@ PATIENCE, LEAST_PATIENCE = 100, 2000
 """Evaluations for all increments that follow one in which the body ran away, until one succeeds, over the mean of those that succeeded
 before; and at least.  Close below a greatest load the stiffness vanishes and solvers wander."""
 
+FINE, COARSE = 1e-3, 1e-2
+"""Residuals of states on the way to an output, which only bring the next start near; the second of nearly incompressible bodies, whose
+preconditioner puts right what is left (a fifth fewer evaluations of bonded blocks)."""
+
 FAILURES = (NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable)
 """What a shorter increment may mend."""
 
@@ -146,8 +150,8 @@ def _follow(run: Run, solver: EquilibriumSolver, branch: Branch, increments: Inc
     """Bring the run to equilibrium at the end of the present increment, within so many evaluations."""
     target, spec = increments.target, run.scene.solver
     guess = _best(run, run.loading.guesses(run.positions, run.parameter, target, run.earlier), target)
-    # States on the way need not be exact: they only bring the next start near.
-    tolerance = spec.tolerance if increments.ends else max(spec.tolerance, 1e-3)
+    on_the_way = COARSE if run.loaded.nearly_incompressible else FINE
+    tolerance = spec.tolerance if increments.ends else max(spec.tolerance, on_the_way)
     run.loading.apply(target, run.loaded, guess)
     run.positions[:] = guess
     equilibrium = _solve(run, solver, target, tolerance, guess, patience)
