@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import eigvalsh_tridiagonal
+from scipy.linalg import eigh_tridiagonal
 
 from ..forces import InternalForce
 from ..kernels.steps import greatest_strain
@@ -55,11 +55,18 @@ class FrequencyEstimate:
         return float(value)
 
 
-PROBE = 1e-3
-"""Strain of the differences that give the tangent: their error is its square, and rounding in single precision a ten-thousandth."""
+PROBES = {"float64": 1e-6, "float32": 1e-3}
+"""Strain of the differences that give the tangent, by the precision of the pass.
+
+In double precision they are taken to one side: what the second derivative adds is the strain times K/mu.  In single precision rounding asks
+for a greater strain, and they are taken to both sides: their error is its square, and rounding a ten-thousandth.
+"""
 
 MOST_PRODUCTS = 25
 """Steps of Lanczos' method; the preconditioned spectrum of a stable body is some tenths to a few, and what lies below is found in ten."""
+
+KNOWN = 1 / 3
+"""Bound of the error of the least Ritz value, over the value, with which a positive one is taken for the least curvature."""
 
 NEGATIVE = -0.01
 """Least curvature, over that of the body at rest, that is told from zero."""
@@ -75,7 +82,8 @@ def least_curvature(
     """An upper bound of the least curvature of the energy over that of the body at rest, which is near the truth where it is negative.
 
     Lanczos' method on P^-1 K, with K v from force differences and P an approximation of it, stopped at the first negative
-    value: a Ritz value is the curvature along some displacement, so that a negative one proves that the state is not stable.
+    value: a Ritz value is the curvature along some displacement, so that a negative one proves that the state is not stable.  It is stopped
+    as well where the least one is positive and known to within `KNOWN`.
 
     Parameters
     ----------
@@ -88,15 +96,21 @@ def least_curvature(
     reductions : LocalReductions, optional
     """
     bonds, points = force.body.bonds, force.body.points
+    strain, one_sided = PROBES[force.precision], force.precision == "float64"
     ahead, behind = np.empty_like(positions), np.empty_like(positions)
+    if one_sided:
+        force(positions, behind)
     # K-conjugate bases: displacements q and the forces p = P q, with q_i . p_j = 1 if i = j, else 0.
     displacements, duals, diagonal, off_diagonal = [], [], [], []
     p = reductions.take(np.random.default_rng(0).standard_normal((reductions.total_size(len(free)), free.shape[1]))) * free
-    least = np.inf
+    # The least Ritz value, and the last component of its vector: with the next off-diagonal entry that bounds the value's error.
+    least, last = np.inf, 1.0
     for _ in range(MOST_PRODUCTS):
         q = stiffness.solve(p) * free
         norm = np.sqrt(max(reductions.dot(p, q), 0.0))
         if diagonal:
+            if norm * abs(last) <= KNOWN * least:
+                break
             if not norm > 1e-10 * max(map(abs, diagonal)):
                 break
             off_diagonal.append(norm)
@@ -106,12 +120,14 @@ def least_curvature(
         displacements.append(q)
         duals.append(p)
         force.body.part.fill(q)
-        probe = PROBE / max(reductions.greatest_of_parts(greatest_strain[q.shape[1]](q, points, bonds.first, bonds.second)), 1e-300)
+        probe = strain / max(reductions.greatest_of_parts(greatest_strain[q.shape[1]](q, points, bonds.first, bonds.second)), 1e-300)
         force(positions + probe * q, ahead)
-        force(positions - probe * q, behind)
-        p = (behind - ahead) / (2 * probe) * free
+        if not one_sided:
+            force(positions - probe * q, behind)
+        p = (behind - ahead) / (probe if one_sided else 2 * probe) * free
         diagonal.append(reductions.dot(q, p))
-        least = float(eigvalsh_tridiagonal(diagonal, off_diagonal, select="i", select_range=(0, 0))[0])
+        values, vectors = eigh_tridiagonal(diagonal, off_diagonal, select="i", select_range=(0, 0))
+        least, last = float(values[0]), float(vectors[-1, 0])
         if least < NEGATIVE:
             break
         for displacement, dual in zip(displacements, duals, strict=True):
