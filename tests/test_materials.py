@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from probes import assert_stress_is_the_derivative_of_the_energy, compiled_response
 from scipy.optimize import brentq
 
-from pdsurrogate.materials import LAWS, Gent, NeoHookean, homogeneous, plane_stress
+from pdsurrogate.materials import LAWS, PLANES, Gent, NeoHookean, homogeneous, plane_stress
 
 
 def random_gradients(random, n, low=0.5, high=4.0):
@@ -202,3 +202,14 @@ def test_states_without_a_solution_are_refused():
 
 def test_laws_are_registered_under_their_names():
     assert all(name == law.name for name, law in LAWS.items())
+
+
+def test_uniaxial_tension_in_space_leaves_both_sides_free():
+    """Against the stresses of the three stretches by the law itself; two stretches are refused in space."""
+    law = NeoHookean(1.0, 100.0)
+    state = homogeneous.uniaxial(law, 1.5, "space")
+    F = np.diag([state.stretch, state.lateral_stretch, state.thickness_stretch])
+    P = PLANES["space"].first_piola_stress(law, F)
+    np.testing.assert_allclose(np.diag(P), [state.nominal_stress, 0, 0], atol=1e-10)
+    with pytest.raises(ValueError, match=r"plane: .* must be stress or strain, not space"):
+        homogeneous.biaxial(law, 1.5, 1.0, "space")

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from .law import Law
 from .plane_stress import invariants, stretch_squares
-from .planes import PLANES
+from .planes import PLANES, SHEETS
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,9 @@ class HomogeneousState:
 
 
 def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stress") -> HomogeneousState:
-    """State at two given in-plane stretches; `plane` is a name of `PLANES`."""
+    """State at two given in-plane stretches of a sheet; `plane` is one of `SHEETS`."""
+    if plane not in SHEETS:
+        raise ValueError(f"plane: two stretches say what a sheet does; it must be {' or '.join(SHEETS)}, not {plane}")
     for value in (stretch, lateral_stretch):
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"a stretch must be positive and finite, not {value}")
@@ -66,7 +68,13 @@ def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stre
 
 
 def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousState:
-    """Tension or compression along x1 with sides that nothing holds: P22 = 0, and P33 = 0 under plane stress."""
+    """Tension or compression along x1 with sides that nothing holds: P22 = 0, and P33 = 0 under plane stress and in space.
+
+    `plane` is a name of `PLANES`.
+    """
+    if plane == "space":
+        # The same state: nothing holds the thickness either.
+        plane = "stress"
 
     def lateral_stress(lateral_stretch):
         return biaxial(law, stretch, lateral_stretch, plane).lateral_stress

@@ -39,6 +39,10 @@ EXPONENT_ERROR = 0.5
 """Greatest relative error of the polynomial that the pressures' system is preconditioned with."""
 
 
+EXTENDED = 1e-3
+"""What may be left of the forces of what is held, in the energy's own measure, in a first guess."""
+
+
 class Preconditioner(Protocol):
     """An approximation of the tangent that is cheap to solve with."""
 
@@ -49,15 +53,36 @@ class Preconditioner(Protocol):
         """Displacements under forces, shape (n, d)."""
 
 
+class Extension(Protocol):
+    """What carries displacements of held parts into a body."""
+
+    def response(
+        self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
+    ) -> np.ndarray:
+        """See `NearestBondStiffness.response`."""
+
+
 def preconditioner_of(force: InternalForce, free: np.ndarray, reductions: LocalReductions = LOCAL) -> Preconditioner:
     """What suits the tangent of a force in which components (n, d) are free."""
-    if force.body.part.divided:
+    if force.nearly_incompressible and not force.body.part.divided:
+        return IncompressibleStiffness(force, free)
+    return _of_springs(force.body, force.stiffness_moduli, free, reductions)
+
+
+def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, reductions: LocalReductions = LOCAL) -> Extension:
+    """What carries displacements of held parts into a body; a factor of all components is not to be had for many points in space."""
+    if body.dimension == 3 and not body.part.divided:
+        return NearestBondLaplacian(body, shear_moduli, free)
+    return _of_springs(body, shear_moduli, free, reductions)
+
+
+def _of_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, reductions: LocalReductions):
+    """The stiffness of the network of springs, of a divided body by its parts."""
+    if body.part.divided:
         from .schwarz import SchwarzStiffness  # of which a body that is all there has no need
 
-        return SchwarzStiffness(force.body, force.stiffness_moduli, free, reductions)
-    if force.nearly_incompressible:
-        return IncompressibleStiffness(force, free)
-    return NearestBondStiffness(force.body, force.stiffness_moduli, free)
+        return SchwarzStiffness(body, shear_moduli, free, reductions)
+    return NearestBondStiffness(body, shear_moduli, free)
 
 
 class NearestBondStiffness:
@@ -236,6 +261,40 @@ class NearestBondLaplacian:
         for axis in self._drifting:
             displacements[:, axis] -= displacements[:, axis].mean()
         return displacements * self._free
+
+    def response(
+        self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
+    ) -> np.ndarray:
+        """See `NearestBondStiffness.response`; by conjugate gradients, to a part `EXTENDED` of the forces of what is held."""
+        n, ghosts = len(body), body.ghosts
+        first, second, stiffness, _ = _nearest(body, shear_moduli, 1.0)
+        within = second < n
+
+        def pulls(moved: np.ndarray) -> np.ndarray:
+            """Forces on the points, shape (n, d), from displacements of points and ghosts."""
+            along = stiffness[:, None] * (moved[second] - moved[first])
+            return np.stack([np.bincount(first, pull, n) - np.bincount(second[within], pull[within], n) for pull in along.T], axis=1)
+
+        def with_images(moved: np.ndarray) -> np.ndarray:
+            return np.vstack([moved, moved[ghosts.source] * ghosts.parity])
+
+        moved = with_images(held)
+        moved[n:] += ghosts.moved_by_planes(body.points, planes, turns)
+        left, found = pulls(moved) * self._free, np.zeros_like(held)
+        direction = better = self.solve(left)
+        size = float(np.einsum("nd,nd->", left, better))
+        least = EXTENDED**2 * size
+        for _ in range(MOST_STEPS):
+            if not size > least:
+                break
+            image = -pulls(with_images(direction)) * self._free
+            share = size / float(np.einsum("nd,nd->", direction, image))
+            found += share * direction
+            left -= share * image
+            better = self.solve(left)
+            size, before = float(np.einsum("nd,nd->", left, better)), size
+            direction = better + size / before * direction
+        return found + held
 
 
 class IncompressibleStiffness:

@@ -20,7 +20,7 @@ from .equilibrium import TooFar
 from .extension import Samples, affine_extension, greatest_bond_strain
 from .motion import Motion
 from .planes import prescribed_components, reflected_edges
-from .preconditioner import NearestBondStiffness
+from .preconditioner import Extension, extension_of
 from .reductions import LocalReductions
 from .regions import along_edge
 
@@ -340,12 +340,8 @@ class PrescribedLoading(Loading):
         return [np.unique(ghosts.source[ghosts.plane == number]) for number in range(len(self._planes))]
 
     @cached_property
-    def _stiffness(self):
-        if self.body.part.divided:
-            from .schwarz import SchwarzStiffness  # of which a body that is all there has no need
-
-            return SchwarzStiffness(self.body, self._shear_modulus, self.free, self._reductions)
-        return NearestBondStiffness(self.body, self._shear_modulus, self.free)
+    def _stiffness(self) -> Extension:
+        return extension_of(self.body, self._shear_modulus, self.free, self._reductions)
 
     def velocities(self, positions, motion: Motion):
         """Of the first guess: what is held moves at once, and all of the body with it, so that it sends no shock."""
