@@ -60,6 +60,11 @@ def test_plots(stretched, tmp_path):
         figure.savefig(tmp_path / "x.png")
     assert [axis.get_ylabel() for axis in stretched.plot("stress_11").axes] == ["", "stress_11 (kPa)"]
     assert stretched.plot().axes[1].get_ylabel() == "|displacement| (cm)"
+    values = stretched.field("displacement_2")
+    for limits, expected in ((None, (values.min(), values.max())), ((-1.0, 2.0), (-1.0, 2.0))):
+        (drawn,) = stretched.plot("displacement_2", limits=limits).axes[0].collections
+        np.testing.assert_array_equal(drawn.get_array(), values)
+        assert drawn.get_clim() == pytest.approx(expected)
     with pytest.raises(ValueError, match="stress has nine components; say which, as stress_22"):
         stretched.plot("stress")
 

@@ -110,12 +110,12 @@ def contour_figure(
     wide = extents[:, 0].max() > extents[:, 1].max()
     with matplotlib.rc_context(STYLE):
         if wide:
-            scale = 6.0 / extents[:, 0].max()
-            figure = Figure(figsize=(7.2, (extents[:, 1] * scale + 0.35).sum()), layout="constrained")
+            inches = 6.0 / extents[:, 0].max()
+            figure = Figure(figsize=(7.2, (extents[:, 1] * inches + 0.35).sum()), layout="constrained")
             axes = figure.subplots(len(cells), 1, squeeze=False, gridspec_kw={"height_ratios": extents[:, 1]})[:, 0]
         else:
-            scale = 7.2 / (extents[:, 0].sum() * 1.3)
-            figure = Figure(figsize=(7.2, extents[:, 1].max() * scale + 0.5), layout="constrained")
+            inches = 7.2 / (extents[:, 0].sum() * 1.3)
+            figure = Figure(figsize=(7.2, extents[:, 1].max() * inches + 0.5), layout="constrained")
             axes = figure.subplots(1, len(cells), squeeze=False, gridspec_kw={"width_ratios": extents[:, 0]})[0]
         for axis, corners, value, title in zip(axes, cells, values, titles, strict=True):
             drawn = draw_cells(axis, corners, value, clim=scale or limits_of(value))
