@@ -26,6 +26,7 @@ _HOMES = {
     "NOSBForce": "forces",
     "Ellipse": "scenes",
     "EnergyNetwork": "forces",
+    "EnergyRegressor": "identification",
     "EnergySamples": "learning",
     "EnergySurrogate": "forces",
     "Extrusion": "scenes",

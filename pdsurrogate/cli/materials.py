@@ -50,9 +50,18 @@ def identified(data: Path, law: str, terms: int, stretch: float | None):
     return LawRegressor(law, n_terms=terms).fit(rows.stretches, rows.nominal_stress, rows.balanced_weights()), rows
 
 
+def free_energy(data: Path):
+    """An energy fitted to test data without a law, and the data."""
+    from ..identification import EnergyRegressor, load_test_data
+
+    rows = load_test_data(data)
+    return EnergyRegressor().fit(rows.stretches, rows.nominal_stress, rows.balanced_weights()), rows
+
+
 def print_identified(found: dict) -> None:
     """Parameters with their standard errors, and R^2 by mode."""
-    table = Table(title=f"{found['law']['law']} from {found['data']}, {found['rows']} rows", title_justify="left")
+    form = found.get("form", found["law"]["law"])
+    table = Table(title=f"{form} from {found['data']}, {found['rows']} rows", title_justify="left")
     for title in ("parameter", "value", "standard error"):
         table.add_column(title, justify="left" if title == "parameter" else "right")
     for name, value in found["parameters"].items():
@@ -61,7 +70,7 @@ def print_identified(found: dict) -> None:
         table.add_row(name, f"{value:.5g}", shown)
     show(table)
     out.print(", ".join(f"R^2 {mode} {value:.4f}" for mode, value in found["r_squared"].items()))
-    law = found["law"]["law"]
+    law = form
     if found["at_bound"]:
         err.print(
             f"[yellow]{law}: {', '.join(found['at_bound'])} ended at the bound of the search: "

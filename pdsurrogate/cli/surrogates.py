@@ -12,7 +12,7 @@ from rich.table import Table
 
 from .application import bad_input, described_law, err, law_of, note, out, print_json, show, status, writing
 from .common import AsJson, command
-from .materials import DATA_HELP, identified, print_identified
+from .materials import DATA_HELP, free_energy, identified, print_identified
 
 Reference = Annotated[str, typer.Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")]
 
@@ -25,6 +25,9 @@ def fit(
     change: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter of the law; may be repeated.")] = None,
     data: Annotated[Path | None, typer.Option(metavar="CSV", help=f"Identify the law's parameters first. {DATA_HELP}")] = None,
     terms: Annotated[int, typer.Option(help="Terms of Ogden's law, with --data.", min=1, max=4)] = 3,
+    free: Annotated[
+        bool, typer.Option("--free", help="No law: with --data, the energy that fits the data best among those that physics allows.")
+    ] = False,
     energy: Annotated[
         bool,
         typer.Option("--energy", help="Its isochoric energy instead, for plane strain, space and every bulk modulus: a network."),
@@ -65,12 +68,18 @@ def fit(
         settings = FitSettings(energy, features, degree, units, activation, samples, least, greatest, iterations, folds, seed)
         check_writable(folder)
         found = None
+        if free and data is None:
+            raise ValueError("--free is of an energy from test data: give them by --data")
         if data is not None:
             if change:
                 raise ValueError("--data finds the law's parameters, --set gives them: choose one")
-            with status(f"Fitting {law} to {data}"):
-                model, rows = identified(data, law, terms, None)
+            with status(f"Fitting {'an energy' if free else law} to {data}"):
+                model, rows = free_energy(data) if free else identified(data, law, terms, None)
             material, found = model.law_, report(model, rows)
+            if free:
+                settings = settings.within(*model.stretch_range_)
+                found |= {"form": "separable and polyconvex energy", "cross_validation": model.cross_validation_}
+                law = "energy"
             print_identified(found)
             if found["r_squared"] and max(found["r_squared"].values()) <= 0:
                 raise ValueError(

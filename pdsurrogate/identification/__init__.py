@@ -1,12 +1,14 @@
 """From test data to the parameters of a law."""
 
 from .data import MODES, TestData, load_test_data, test_data_names
+from .energy import EnergyRegressor
 from .regressor import LawRegressor, nominal_stress
 from .reporting import figure, report
 from .selection import held_out_modes
 
 __all__ = [
     "MODES",
+    "EnergyRegressor",
     "LawRegressor",
     "TestData",
     "figure",

@@ -41,6 +41,21 @@ def nominal_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
     return law.shear_modulus * (p * first + q / first)
 
 
+def checked_stretches(regressor, X: np.ndarray) -> np.ndarray:
+    """Two columns of positive stretches.
+
+    Raises
+    ------
+    ValueError
+        If they are not.
+    """
+    if X.shape[1] != 2:
+        raise ValueError(f"X must have two columns, the stretch along the stress and the one across it, but n_features = {X.shape[1]}")
+    if not (X > 0).all():
+        raise ValueError(f"Negative values in data passed to {type(regressor).__name__}: a stretch must be positive, not {X.min():g}")
+    return X
+
+
 @dataclass(frozen=True)
 class Unknowns:
     """The unknowns of a law: their bounds, and the law that values of them make.
@@ -165,11 +180,7 @@ class LawRegressor(RegressorMixin, BaseEstimator):
         return nominal_stress(self.law_, self._stretches(validate_data(self, X, dtype=np.float64, reset=False)))
 
     def _stretches(self, X):
-        if X.shape[1] != 2:
-            raise ValueError(f"X must have two columns, the stretch along the stress and the one across it, but n_features = {X.shape[1]}")
-        if not (X > 0).all():
-            raise ValueError(f"Negative values in data passed to LawRegressor: a stretch must be positive, not {X.min():g}")
-        return X
+        return checked_stretches(self, X)
 
     def _refine(self, unknowns, start, X, y, root):
         low, high = unknowns.search_value(unknowns.low), unknowns.search_value(unknowns.high)

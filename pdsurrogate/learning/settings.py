@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..materials import Law
@@ -70,6 +70,12 @@ class FitSettings:
             raise ValueError(f"folds must be 0, or from 2 to the number of samples, not {self.folds}")
         self.asked_range()
         self.pipeline()
+
+    def within(self, least: float, greatest: float) -> FitSettings:
+        """The same for a material that is known between two stretches: trained on those, where nothing else is asked for."""
+        return replace(
+            self, least=least if self.least is None else self.least, greatest=greatest if self.greatest is None else self.greatest
+        )
 
     @property
     def n_samples(self) -> int:

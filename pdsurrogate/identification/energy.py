@@ -1,0 +1,238 @@
+"""An energy from test data without a law: a sum of powers of the stretches, each with a weight that is not negative."""
+
+from __future__ import annotations
+
+import warnings
+from itertools import product
+from numbers import Integral, Real
+from typing import ClassVar
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.spatial import ConvexHull, QhullError
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils._param_validation import Interval
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+from ..materials import Ogden
+from .data import BIAXIAL, MODES
+from .regressor import checked_stretches, nominal_stress
+
+LEAST_EXPONENT = 1.0
+"""Powers of at least 1 of the principal stretches, and of their products two by two, are convex functions of F and of its cofactor."""
+
+STEP = 0.25
+"""Between the exponents of the dictionary."""
+
+POSITIVE, NEGATIVE = (3.0, 5.0, 8.0, 12.0), (1.0, 2.0, 4.0, 6.0)
+"""Greatest exponents, of powers of the stretches and of those of their inverses, among which cross-validation chooses."""
+
+AS_GOOD = 0.05
+"""Of two dictionaries whose errors differ by no more, the smaller is taken."""
+
+FOLDS = 5
+"""Of a biaxial grid, by its greatest stretch."""
+
+SAME_MODE = 0.01
+"""How far a lateral stretch may be off that of a mode of loading to be taken for it."""
+
+
+class EnergyRegressor(RegressorMixin, BaseEstimator):
+    """An isochoric energy fitted to nominal stresses, without a law.
+
+    W is the sum of c_a/a^2 (l1^a + l2^a + l3^a - 3) over a dictionary of exponents a of size 1 or more, of either sign, with c_a >= 0
+    (a separable energy, after Valanis and Landel).  What physics asks for holds whatever the data are: energy and stress vanish at rest;
+    l^a summed is a convex function of F for a >= 1, and for a <= -1 of its cofactor, so W is polyconvex among deformations that keep the
+    volume, and shear waves are stable in all states; it grows without bound.  Beyond the data it goes on as these powers do.
+
+    Stresses are linear in c, so the fit is one of non-negative least squares, with no start and no random choice; few terms are left.
+    How far the exponents reach is chosen by cross-validation over modes of loading, or over parts of a biaxial grid.  Rubber is taken as
+    incompressible.
+
+    Parameters
+    ----------
+    max_terms : int, default=8
+        Those with the least part in the stress are left out beyond so many.
+    margin : float, default=0.05
+        By which the hull of the data is taken to hold beyond them, in log-stretch.
+    bulk_ratio : float, default=100
+        K/mu of the law that comes out: such tests do not tell it.
+
+    Attributes
+    ----------
+    law_ : Ogden
+        The energy, as a law that every force model takes.
+    exponents_, weights_ : ndarray, shape (n_terms,)
+        a and c_a, in the unit of the stresses; half of the sum of the weights is the shear modulus.
+    parameter_names_, parameters_, standard_errors_, at_bound_
+        Weights with their standard errors, the exponents taken as given.
+    cross_validation_ : list of dict
+        ``greatest``, ``least`` exponent, and the relative RMS error of what was left out.
+    hull_ : ndarray, shape (n, 3)
+        Half-planes (n1, n2, -d) of the convex hull of the data in log-stretch, either stretch first: n . x <= d.
+    stretch_range_ : tuple of float
+        Least and greatest stretch of the data.
+    n_features_in_ : int
+
+    References
+    ----------
+    Valanis, Landel, J. Appl. Phys. 38 (1967) 2997; Ball, Arch. Rat. Mech. Anal. 63 (1977) 337; Ogden 1972.
+    """
+
+    _parameter_constraints: ClassVar = {
+        "max_terms": [Interval(Integral, 1, 8, closed="both")],
+        "margin": [Interval(Real, 0, 1, closed="both")],
+        "bulk_ratio": [Interval(Real, 0, None, closed="neither")],
+    }
+
+    law = "energy"
+    """Its name in reports, where a `LawRegressor` names its law."""
+
+    def __init__(self, max_terms=8, margin=0.05, bulk_ratio=100.0):
+        self.max_terms = max_terms
+        self.margin = margin
+        self.bulk_ratio = bulk_ratio
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.positive_only = True
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    def fit(self, X, y, sample_weight=None, groups=None):
+        """Fit the weights.
+
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, 2)
+            Stretch in the direction of the stress, and across it.
+        y : array-like, shape (n_samples,)
+            Nominal stress.
+        sample_weight : array-like, shape (n_samples,), optional
+        groups : array-like, shape (n_samples,), optional
+            What is left out together in cross-validation; by default modes of loading (`groups_of`).
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If X has other columns or a stretch is not positive.
+
+        Warns
+        -----
+        UserWarning
+            If the stresses are those of no rubber.
+        """
+        self._validate_params()
+        X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
+        root = np.sqrt(_check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True))
+        if not root.any():
+            raise ValueError("all sample weights are zero")
+        X = self._stretches(X)
+        used = root > 0
+        X, y, root = X[used], y[used], root[used]
+        groups = groups_of(X) if groups is None else np.asarray(groups)[used]
+        self.cross_validation_ = self._cross_validated(X, y, root, groups)
+        most = (1 + AS_GOOD) * min(row["relative_rms"] for row in self.cross_validation_) + 1e-9
+        chosen = next(row for row in self.cross_validation_ if row["relative_rms"] <= most)
+        exponents, weights = self._fitted(X, y, root, dictionary(chosen["greatest"], -chosen["least"]))
+        if not weights.sum() > 0:
+            warnings.warn("no rubber has such stresses: they do not rise with the stretch, and next to nothing is fitted", stacklevel=2)
+            exponents, weights = np.array([2.0]), np.array([1e-6 * max(np.abs(y).max(), 1e-300)])
+        self._store(X, y, root, exponents, weights)
+        return self
+
+    def predict(self, X):
+        """Nominal stress, shape (n_samples,)."""
+        check_is_fitted(self)
+        return nominal_stress(self.law_, self._stretches(validate_data(self, X, dtype=np.float64, reset=False)))
+
+    def beyond(self, X) -> np.ndarray:
+        """How far states are beyond the hull of the data, in log-stretch, shape (n_samples,); 0 and less within it and its margin."""
+        check_is_fitted(self)
+        logs = np.log(self._stretches(np.asarray(X, dtype=float)))
+        return (logs @ self.hull_[:, :2].T + self.hull_[:, 2]).max(axis=1) - self.margin
+
+    def _stretches(self, X):
+        return checked_stretches(self, X)
+
+    def _cross_validated(self, X, y, root, groups) -> list[dict]:
+        rows, kinds = [], np.unique(groups)
+        for greatest, least in product(POSITIVE, NEGATIVE):
+            exponents, error, size = dictionary(greatest, least), 0.0, 0.0
+            for kind in kinds if len(kinds) > 1 else ():
+                left = groups == kind
+                found = self._fitted(X[~left], y[~left], root[~left], exponents)
+                error += ((root[left] * (stresses(X[left], found[0]) @ found[1] - y[left])) ** 2).sum()
+                size += ((root[left] * y[left]) ** 2).sum()
+            rows.append({"greatest": greatest, "least": -least, "relative_rms": float(np.sqrt(error / size)) if size > 0 else 0.0})
+        return rows
+
+    def _fitted(self, X, y, root, exponents) -> tuple[np.ndarray, np.ndarray]:
+        """Exponents with a weight, and the weights."""
+        while True:
+            columns = root[:, None] * stresses(X, exponents)
+            size = np.linalg.norm(columns, axis=0)
+            size[size == 0] = 1.0  # data at rest tell nothing
+            weights = nnls(columns / size, root * y)[0]
+            kept = weights > 1e-9 * max(weights.max(), 1e-300)
+            if kept.sum() <= self.max_terms:
+                return exponents[kept], (weights / size)[kept]
+            # The least part in the stress.
+            exponents = np.delete(exponents[kept], weights[kept].argmin())
+
+    def _store(self, X, y, root, exponents, weights) -> None:
+        self.exponents_, self.weights_ = exponents, weights
+        modulus = float(weights.sum() / 2)
+        # A term of Ogden's law is mu_k/alpha_k (…): mu_k alpha_k is the weight.
+        self.law_ = Ogden(modulus, self.bulk_ratio * modulus, tuple(weights / exponents), tuple(exponents))
+        self.parameter_names_ = [f"weight of exponent {exponent:g}" for exponent in exponents]
+        self.parameters_, self.at_bound_ = weights, []
+        columns = root[:, None] * stresses(X, exponents)
+        size = np.linalg.norm(columns, axis=0)
+        size[size == 0] = 1.0
+        information = (columns / size).T @ (columns / size)
+        free = len(y) - len(weights)
+        if free > 0 and np.linalg.cond(information) < 1e14:
+            scatter = ((columns @ weights - root * y) ** 2).sum() / free
+            self.standard_errors_ = np.sqrt(np.diag(scatter * np.linalg.inv(information))) / size
+        else:
+            self.standard_errors_ = np.full(len(weights), np.inf)
+        self.stretch_range_ = float(X.min()), float(X.max())
+        logs = np.log(np.concatenate([X, X[:, ::-1], np.ones((1, 2))]))
+        try:
+            self.hull_ = ConvexHull(logs).equations
+        except QhullError:  # of one mode in a line: a box about it
+            low, high = logs.min(axis=0), logs.max(axis=0)
+            self.hull_ = np.array([[1, 0, -high[0]], [-1, 0, low[0]], [0, 1, -high[1]], [0, -1, low[1]]], dtype=float)
+
+
+def dictionary(greatest: float, least: float) -> np.ndarray:
+    """Exponents from -least to -1 and from 1 to the greatest."""
+    down = np.arange(LEAST_EXPONENT, least + STEP / 2, STEP)
+    return np.concatenate([-down[::-1], np.arange(LEAST_EXPONENT, greatest + STEP / 2, STEP)])
+
+
+def stresses(X, exponents) -> np.ndarray:
+    """Nominal stress along the first stretch of every term of unit weight, shape (n_samples, n_terms)."""
+    thickness = 1 / X.prod(axis=1)
+    return (X[:, :1] ** exponents - thickness[:, None] ** exponents) / X[:, :1] / exponents
+
+
+def groups_of(X) -> np.ndarray:
+    """Modes of loading by the two stretches; what is of none is biaxial, in parts by its greater stretch."""
+    first, second = X.T
+    groups = np.full(len(X), BIAXIAL, dtype=object)
+    biaxial = np.ones(len(X), dtype=bool)
+    for mode, lateral in MODES.items():
+        same = np.abs(np.log(second / lateral(first))) < SAME_MODE
+        groups[same & biaxial] = mode
+        biaxial &= ~same
+    if biaxial.sum() > len(X) / 2:
+        greater = X.max(axis=1)
+        bounds = np.quantile(greater, np.arange(1, FOLDS) / FOLDS)
+        return np.searchsorted(bounds, greater).astype(str)
+    return groups.astype(str)
