@@ -3,7 +3,7 @@
 from .body import MOST_BONDS, MOST_POINTS, WEIGHT_FUNCTIONS, Body, Bonds, Cells, WeightFunction, grid
 from .cell_mesh import CellMesh
 from .ghosts import Ghosts, ReflectionPlane
-from .local_fit import interpolation
+from .local_fit import fields_at, interpolation
 from .surface import Following, Surface, encloses
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "Surface",
     "WeightFunction",
     "encloses",
+    "fields_at",
     "grid",
     "interpolation",
 ]

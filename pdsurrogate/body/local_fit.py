@@ -85,6 +85,53 @@ def interpolation(
     ValueError
         If a place lies outside the body, or too few points are beside it.
     """
+    values, *gradients = _polynomials(body, places, portion_of)
+    return values, tuple(gradients)
+
+
+def fields_at(
+    body: Body, places: np.ndarray, portion_of: np.ndarray | None = None
+) -> tuple[tuple[sparse.csr_array, ...], tuple[sparse.csr_array, ...]]:
+    """Displacements and tensors at places in a body, from those of its points around them, component by component.
+
+    As those of `interpolation`; beside a plane of symmetry in space the points have images.  Of displacements those along the plane take
+    them, the one across it has the points alone, since its image moves as the plane does.
+
+    Parameters
+    ----------
+    body, places, portion_of : see `interpolation`
+
+    Returns
+    -------
+    displacements : tuple of d csr_array, shape (k, n)
+    tensors : tuple of d^2 csr_array, shape (k, n)
+        Row by row, of tensors that are reflected in both their directions, as stresses and deformation gradients are.
+
+    Raises
+    ------
+    ValueError
+        See `interpolation`.
+    """
+    d, mirrors = body.dimension, _mirrors(body)
+    rows, _ = interpolation(body, places, portion_of)
+    reach = _reach(body)
+    if not any((np.abs(places[:, plane.axis] - plane.position) < reach).any() for plane in mirrors):
+        return (rows,) * d, (rows,) * d**2
+    displacements = []
+    for component in range(d):
+        even = [plane for plane in mirrors if plane.axis != component]
+        displacements.append(_folded(_polynomials(body, places, portion_of, even)[0], _Images(body, even)))
+    images = _Images(body, mirrors)
+    rows = _polynomials(body, places, portion_of, mirrors)[0]
+    signs = np.where(images.flipped, -1.0, 1.0)
+    tensors = [_folded(rows, images, signs[:, one] * signs[:, other]) for one in range(d) for other in range(d)]
+    return tuple(displacements), tuple(tensors)
+
+
+def _polynomials(
+    body: Body, places: np.ndarray, portion_of: np.ndarray | None, mirrors: Sequence[ReflectionPlane] = ()
+) -> list[sparse.csr_array]:
+    """Rows of the values and of the derivatives along the axes, of points and their images in planes; see `interpolation`."""
     distance, nearest = cKDTree(body.points).query(places)
     far = distance > OUTSIDE * body.cell.max()
     if far.any():
@@ -94,17 +141,16 @@ def interpolation(
             f"{distance[place]:.3g} away"
         )
     own = None if portion_of is None else portion_of[nearest]
-    quadratic = _Surroundings(body, places).of(portion_of, own).fit(2)
+    quadratic = _Surroundings(body, places, mirrors=mirrors).of(portion_of, own).fit(2)
     rest = np.flatnonzero(empty_rows(quadratic[0]))
-    linear = _Surroundings(body, places[rest]).of(portion_of, None if own is None else own[rest]).fit(1)
+    linear = _Surroundings(body, places[rest], mirrors=mirrors).of(portion_of, None if own is None else own[rest]).fit(1)
     lost = empty_rows(linear[0])
     if lost.any():
         raise ValueError(
             f"{_text(places[rest[lost.argmax()]])}: the points of the body beside it, as far as no hole or cut lies between, are fewer "
             f"than {too_few(body)}, and tell no deformation; a smaller spacing has more of them"
         )
-    values, *gradients = (_filled(rows, others, rest) for rows, others in zip(quadratic, linear, strict=True))
-    return values, tuple(gradients)
+    return [_filled(rows, others, rest) for rows, others in zip(quadratic, linear, strict=True)]
 
 
 def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[sparse.csr_array, ...]:
@@ -129,9 +175,7 @@ def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[s
         One for all components, or one for each; with empty rows where the points beside a node are too few or in one row.
     """
     rows = _on_boundary(body, nodes, normals)
-    mirrors = [
-        plane for plane in body.planes if body.dimension == 3 and all((p < 0) == (c == plane.axis) for c, p in enumerate(plane.parity))
-    ]
+    mirrors = _mirrors(body)
     near = [np.abs(nodes[:, plane.axis] - plane.position) < MIRRORED * body.cell.max() for plane in mirrors]
     beside = np.flatnonzero(np.any(near, axis=0)) if mirrors else np.empty(0, dtype=int)
     if not len(beside):
@@ -156,7 +200,52 @@ def _on_boundary(body: Body, nodes: np.ndarray, normals: np.ndarray, mirrors: Se
     """Rows of nodes with the given normals, of points and their images in some planes; of all points that are as near where that fails."""
     rows = _Surroundings(body, nodes, normals, mirrors).fit(1)[0]
     rest = np.flatnonzero(empty_rows(rows))
-    return _filled(rows, _Surroundings(body, nodes[rest], mirrors=mirrors).fit(1)[0], rest)
+    return _folded(_filled(rows, _Surroundings(body, nodes[rest], mirrors=mirrors).fit(1)[0], rest), _Images(body, mirrors))
+
+
+def _mirrors(body: Body) -> list[ReflectionPlane]:
+    """The planes of symmetry of a body in space, in which the motion across them alone is odd."""
+    if body.dimension == 2:
+        return []
+    return [plane for plane in body.planes if all((sign < 0) == (axis == plane.axis) for axis, sign in enumerate(plane.parity))]
+
+
+def _reach(body: Body) -> float:
+    """Within which points take part in a fit."""
+    return max(REACH * body.horizon, LEAST_REACH * body.cell.max())
+
+
+class _Images:
+    """The points of a body, and their images in planes as far as fits beside these reach.
+
+    Attributes
+    ----------
+    points : ndarray, shape (m, d)
+    source : ndarray of int, shape (m,)
+        The point that each is, or is the image of.
+    flipped : ndarray of bool, shape (m, d)
+        Along which axes it is reflected.
+    """
+
+    def __init__(self, body: Body, planes: Sequence[ReflectionPlane]) -> None:
+        self.points, self.source, self.count = body.points, np.arange(len(body)), len(body)
+        self.flipped = np.zeros(body.points.shape, dtype=bool)
+        for plane in planes:
+            near = np.flatnonzero(np.abs(self.points[:, plane.axis] - plane.position) < _reach(body))
+            images, flipped = self.points[near].copy(), self.flipped[near].copy()
+            images[:, plane.axis] = 2 * plane.position - images[:, plane.axis]
+            flipped[:, plane.axis] = True
+            self.points = np.concatenate([self.points, images])
+            self.flipped = np.concatenate([self.flipped, flipped])
+            self.source = np.concatenate([self.source, self.source[near]])
+
+
+def _folded(rows: sparse.csr_array, images: _Images, signs: np.ndarray | None = None) -> sparse.csr_array:
+    """Rows of points and images as rows of the points, which the images follow with the given signs, by default evenly."""
+    if len(images.source) == images.count:
+        return rows
+    signs = np.ones(len(images.source)) if signs is None else signs
+    return rows @ sparse.csr_array((signs, (np.arange(len(signs)), images.source)), shape=(len(signs), images.count))
 
 
 def too_few(body: Body) -> str:
@@ -185,9 +274,9 @@ class _Surroundings:
     """
 
     def __init__(self, body: Body, places: np.ndarray, normals: np.ndarray | None = None, mirrors: Sequence[ReflectionPlane] = ()) -> None:
-        self.shape, self.cell = (len(places), len(body)), body.cell.max()
-        self.reach = max(REACH * body.horizon, LEAST_REACH * self.cell)
-        points, source = _with_images(body.points, mirrors, self.reach)
+        images = _Images(body, mirrors)
+        points, self.source = images.points, images.source
+        self.shape, self.cell, self.reach = (len(places), len(points)), body.cell.max(), _reach(body)
         near = cKDTree(places).sparse_distance_matrix(cKDTree(points), self.reach, output_type="ndarray")
         near = near[np.lexsort((near["j"], near["i"]))]
         weights = 1 - (near["v"] / self.reach) ** 2
@@ -200,15 +289,15 @@ class _Surroundings:
         if body.separates is not None and len(near):
             bound = ~body.separates(places[near["i"]], points[near["j"]])
             near, weights = near[bound], weights[bound]
-        self.place, self.point = near["i"], source[near["j"]]
-        weights = weights * body.volumes[self.point]
+        self.place, self.point = near["i"], near["j"]
+        weights = weights * body.volumes[self.source[self.point]]
         self.weights = weights / self._total(weights)[self.place]
-        self.offsets = (points[near["j"]] - places[self.place]) / self.reach
+        self.offsets = (points[self.point] - places[self.place]) / self.reach
 
     def of(self, portion_of: np.ndarray | None, own: np.ndarray | None) -> _Surroundings:
         """The same with the points of one material alone: that of every place, `own`."""
         if portion_of is not None:
-            kept = portion_of[self.point] == own[self.place]
+            kept = portion_of[self.source[self.point]] == own[self.place]
             self.place, self.point, self.offsets, weights = self.place[kept], self.point[kept], self.offsets[kept], self.weights[kept]
             self.weights = weights / self._total(weights)[self.place]
         return self
@@ -240,17 +329,6 @@ class _Surroundings:
             return sparse.csr_array((entries[kept], self.point[kept], pointers), shape=self.shape)
 
         return rows(0), *(rows(1 + axis) / self.reach for axis in range(dimension))
-
-
-def _with_images(points: np.ndarray, mirrors: Sequence[ReflectionPlane], reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """The points and their images in planes, as far as these reach, and the point that each is or stands for."""
-    places, source = points, np.arange(len(points))
-    for plane in mirrors:
-        near = np.flatnonzero(np.abs(places[:, plane.axis] - plane.position) < reach)
-        images = places[near].copy()
-        images[:, plane.axis] = 2 * plane.position - images[:, plane.axis]
-        places, source = np.concatenate([places, images]), np.concatenate([source, source[near]])
-    return places, source
 
 
 def _text(place: np.ndarray) -> str:

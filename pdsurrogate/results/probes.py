@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import sparse
 
-from ..body import Body, interpolation
+from ..body import Body, fields_at
 from ..scenes import Probe
 from .measures import PointState
 
@@ -29,7 +30,7 @@ class Probes:
         self._names, self._rows = [probe.name for probe in probes], []
         for number, probe in enumerate(probes):
             try:
-                self._rows.append(interpolation(body, np.array([probe.at]), portion_of)[0])
+                self._rows.append(fields_at(body, np.array([probe.at]), portion_of))
             except ValueError as error:
                 raise ValueError(f"probes.{number}.at: {error}") from None
 
@@ -50,17 +51,24 @@ class Probes:
         return {
             name: {
                 # Rows are 1 in sum and have the place as their first moment, so displacements may be fitted in the place of positions.
-                "displacement": (row @ state.displacement)[0].tolist(),
-                "stress": (row @ stress)[0].reshape(3, 3).tolist(),
-                "F": (row @ gradient)[0].reshape(3, 3).tolist(),
+                "displacement": _read(moved, state.displacement).tolist(),
+                "stress": _read(tensors, stress).reshape(3, 3).tolist(),
+                "F": _read(tensors, gradient).reshape(3, 3).tolist(),
             }
-            for name, row in zip(self._names, self._rows, strict=True)
+            for name, (moved, tensors) in zip(self._names, self._rows, strict=True)
         }
 
     def columns(self, displacements: np.ndarray) -> dict[str, float]:
         """Displacements that the probes read from those of the points (n, d), for a row of the history."""
         return {
             f"{name}_displacement_{component}": float(value)
-            for name, row in zip(self._names, self._rows, strict=True)
-            for component, value in enumerate((row @ displacements)[0], 1)
+            for name, (moved, _) in zip(self._names, self._rows, strict=True)
+            for component, value in enumerate(_read(moved, displacements), 1)
         }
+
+
+def _read(rows: tuple[sparse.csr_array, ...], values: np.ndarray) -> np.ndarray:
+    """At a place, shape (m,), from components at the points (n, m); one row serves all where it is the same for all."""
+    if all(row is rows[0] for row in rows):
+        return (rows[0] @ values)[0]
+    return np.array([(row @ values[:, component])[0] for component, row in enumerate(rows)])
