@@ -48,6 +48,15 @@ class OwnBondForce(ForceSurrogate):
     ------
     TypeError
         If it has neither.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> class Mine:
+    ...     def energy(self, I1, I2):
+    ...         return 0.5 * (I1 - 3), 0.5 + 0 * I1, 0 * I1
+    >>> pd.OwnBondForce(Mine())
+    <OwnBondForce Mine>
     """
 
     features = ("stretch", "rotation", "length", "C33", "J")
