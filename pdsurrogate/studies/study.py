@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from ..ranks import communicator
 from ..results import figures
 from ..results.files import check_writable, write_json, write_text
 from ..results.folder import SUMMARY, FolderTaken, occupied
@@ -166,6 +167,8 @@ def study(
     ------
     SceneError
         If the study or one of its runs makes no sense; nothing has been run then.
+    ValueError
+        If it is started on several ranks.
     FolderTaken
         If `folder` holds a table that no study wrote, or another study is writing there.
     StudyInterrupted
@@ -180,6 +183,8 @@ def study(
     >>> len(result.rows), len(result.failures)
     (2, 0)
     """
+    if communicator().size > 1:
+        raise ValueError("a study divides its runs among jobs or a Dask scheduler's workers, not among ranks: start it without mpiexec")
     described, source, home = load_study(description)
     try:
         runs = parameters_of_runs(described)
