@@ -7,7 +7,7 @@ from scipy import sparse
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean
-from pdsurrogate.solvers import Automatic
+from pdsurrogate.solvers import Automatic, stability
 from pdsurrogate.solvers.multigrid import Multigrid
 from pdsurrogate.solvers.preconditioner import IncompressibleStiffness, NearestBondLaplacian
 
@@ -116,3 +116,30 @@ def test_evaluations_do_not_grow_with_the_bulk_modulus_or_the_size(dimension, ac
     assert found.method == "minimiser"
     assert found.evaluations <= most
     assert np.abs(force.volume_ratios() - 1).max() < 5 / ratio
+
+
+@pytest.mark.parametrize("across", [6, 18])
+def test_a_displaced_plane_is_followed_evenly(across):
+    """A plane that moves by a vector takes the body along in proportion to the distance from the other, factorised or by cycles."""
+    body = block(across, 3, 100.0).body
+    held, moved = np.zeros_like(body.points), np.array([0.01, 0.0, 0.03])
+    laplacian = NearestBondLaplacian(body, 2.0, np.ones_like(held))
+    found = laplacian.response(body, 2.0, held, np.array([np.zeros(3), moved]))
+    np.testing.assert_allclose(found, body.points[:, 2:] * moved, atol=1e-3 * 0.03)
+
+
+def test_the_least_curvature_of_a_stable_body_is_soon_known(monkeypatch):
+    """Lanczos' method ends with the bound that it promises: what all steps find is less by no more than a third."""
+    force = block(6, 3, 100.0)
+    body, free = force.body, np.ones_like(force.body.points)
+    positions, counts, values = body.points.copy(), [], []
+    force(positions, np.empty_like(positions))
+    stiffness = IncompressibleStiffness(force, free)
+    stiffness.update()
+    for known in (stability.KNOWN, 0.0):
+        monkeypatch.setattr(stability, "KNOWN", known)
+        began = force.evaluations
+        values.append(stability.least_curvature(force, positions, free, stiffness))
+        counts.append(force.evaluations - began)
+    assert counts[0] < 0.7 * counts[1]
+    assert 0 < values[1] <= values[0] < 1.5 * values[1]
