@@ -280,8 +280,8 @@ def slender(subject: Subject) -> Outcome:
     """A bar ten times as long as it is thick, four points across, held at one end and pushed sideways at the other: its deflection.
 
     A fiftieth of the length by Timoshenko's beam, of the law's small-strain moduli.  Four points resolve the bending stress within a
-    sixth, as the surfaces take them for more or less than they are; with six it is half of that.  A fifth is asked.  Corrected bond forces
-    are 39 % too stiff with four points, 12 % with eight and 6 % with twelve.
+    sixth, as the surfaces take them for more or less than they are; with six it is half of that.  A fifth is asked.  With
+    corrected bond forces it bends by 39 % too little with four points, by 12 % with eight and by 6 % with twelve.
     """
     law, d, thickness, length = subject.law, subject.dimension, 0.2, 2.0
     young = 9 * law.bulk_modulus * law.shear_modulus / (3 * law.bulk_modulus + law.shear_modulus)

@@ -199,9 +199,7 @@ def resistance(subject: Subject, body: Body, F: np.ndarray) -> float:
 
 CASES = (
     Case("single point displaced (Fig. 2)", "held with 0.1 of its bonds' springs (in space 0.05), in six states", single_point),
-    Case(
-        "checkerboard and hourglass modes", "resisted with 0.1 of the bonds' springs (in space 0.05), in six states", checkerboard
-    ),
+    Case("checkerboard and hourglass modes", "resisted with 0.1 of the bonds' springs (in space 0.05), in six states", checkerboard),
     Case("least eigenvalue of the tangent", "at least 0.25 of a continuum's, in six states", least_eigenvalue),
     Case("displacements of a free body that no force answers", "the rigid ones alone: 3 in the plane, 6 in space", rigid_motions),
     Case("symmetry of the tangent", "1e-6 at the most, in six states", symmetry),
