@@ -76,7 +76,7 @@ def command(tmp_path):
     return made
 
 
-def run(command, timeout=240):
+def run(command, timeout=600):
     return subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=timeout)
 
 
@@ -117,11 +117,11 @@ def ends(command, status, happened, interrupt=False):
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         if interrupt:
-            until = time.monotonic() + 240
+            until = time.monotonic() + 600
             while not happened.exists() and process.poll() is None and time.monotonic() < until:
                 time.sleep(0.02)
             process.send_signal(signal.SIGINT)
-        told = process.communicate(timeout=240)[0]
+        told = process.communicate(timeout=600)[0]
     finally:
         process.kill()
     took = time.time() - happened.stat().st_mtime

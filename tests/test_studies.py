@@ -275,7 +275,7 @@ def begin(file, folder):
 
 
 def wait_for(number, folder, process):
-    until = time.monotonic() + 240
+    until = time.monotonic() + 600
     while len(outcomes_in(folder)) < number:
         assert process.poll() is None, process.communicate()[0]
         assert time.monotonic() < until
@@ -289,7 +289,7 @@ def test_a_study_that_is_killed_half_way_and_started_again_does_the_rest_only(tm
     process = begin(file, folder)
     wait_for(6, folder, process)
     process.kill()  # the study alone: its workers notice
-    process.communicate(timeout=30)
+    process.communicate(timeout=120)
     reached = outcomes_in(folder)
     assert len(reached) < 24
     done = pd.study(file, folder, jobs=1)
@@ -310,7 +310,7 @@ def test_ctrl_c_keeps_what_was_reached(tmp_path):
     process = begin(file, folder)
     wait_for(4, folder, process)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does, to all processes of the study
-    told = process.communicate(timeout=30)[0]
+    told = process.communicate(timeout=120)[0]
     assert process.returncode == 130, told
     assert "the same call does them" in told
     assert "Traceback" not in told
