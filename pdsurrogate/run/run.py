@@ -173,7 +173,12 @@ class Run:
         self.whole: Body | None
         self.body, lower, upper = discretise(scene, self._part_of)
         self.regions = BodyRegions(scene, self.body, lower, upper, lambda: surface_of(scene, self.body, lower, upper))
-        self.threads = self.threads or threads_for(len(self.body.bonds.first))
+        paying = threads_for(len(self.body.bonds.first))
+        if self.ranks.size > 1:
+            from .sharing import threads_of  # of which a run of one process has no need
+
+            self.threads = threads_of(self.ranks, self.threads, paying)
+        self.threads = self.threads or paying
         settings = settings_of(scene)
         try:
             self.loads = Loads(scene, self.body, self.regions) if scene.loads else None

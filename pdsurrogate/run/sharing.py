@@ -6,7 +6,6 @@ import os
 import socket
 import warnings
 
-import numba
 import numpy as np
 
 from ..body import Body, ReflectionPlane
@@ -42,14 +41,15 @@ def refuse(scene: Scene, model: ForceModel) -> None:
         raise SceneError(f"scene {scene.name}: on several ranks {why}; run it on one")
 
 
-def share_of_cores(ranks: Communicator) -> int:
-    """Threads of every rank: the cores of a machine over the ranks on it."""
+def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
+    """Threads of this rank: as asked for, or else as many as pay for its part, at most the cores of its machine over the ranks there."""
     here = ranks.everywhere(socket.gethostname()).count(socket.gethostname())
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if here > cores and ranks.rank == 0:
-        what = f"{here} ranks share {cores} cores: each keeps the others waiting; take as many ranks as cores"
-        warnings.warn(what, Oversubscribed, stacklevel=3)
-    return max(1, min(numba.config.NUMBA_NUM_THREADS, cores // here))
+    threads = asked or max(1, min(paying, cores // here))
+    if here * threads > cores and ranks.rank == 0:
+        what = f"{here} ranks with {threads} threads each share {cores} cores"
+        warnings.warn(f"{what}: each keeps the others waiting; take as many ranks as cores", Oversubscribed, stacklevel=3)
+    return threads
 
 
 def compile_first(ranks: Communicator, model: ForceModel, law: Law, settings: ForceSettings, dimension: int) -> None:

@@ -164,10 +164,9 @@ def simulate(
     ranks = communicator()
     if ranks.size > 1:
         # Imported here: a run of one process knows nothing of others.
-        from .sharing import refuse, share_of_cores
+        from .sharing import refuse
 
         refuse(scene, model)
-        threads = threads or share_of_cores(ranks)
         if ranks.rank:
             progress = Silent()
     folder = None if folder is None else Path(folder)
