@@ -14,6 +14,8 @@ class Whole:
     """
 
     divided = False
+    leads = True
+    """Whether what all parts know is counted here."""
 
     def fill(self, values: np.ndarray) -> None:
         """Bring the rows of the halo up to date, from those who own them; values has a row for every point."""
@@ -55,6 +57,14 @@ class Whole:
     def counted_pairs(self, first: np.ndarray) -> np.ndarray | None:
         """Which pairs of given first points are counted here, each by one part; None where all are."""
         return None
+
+    def own_points(self, points: np.ndarray) -> np.ndarray:
+        """Of some points those that are counted here."""
+        return points
+
+    def own_columns(self, rows):
+        """Of linear maps (k, n) from the points of the whole body that from those counted here: the sum over all parts is the map."""
+        return rows
 
     def beside_halo(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """Numbers of the pairs of which an end is in the halo, or an image of a point there."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
+
+from .part import Whole
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,8 @@ class Surface:
         N.  The row of a node that its surroundings cannot tell the motion of is empty, see `followed`.
     groups : mapping of str to ndarray of int
         Numbers of the facets in each physical group of a mesh file.
+    follow : ndarray of bool, shape (k,), optional
+        Which nodes have a row in the N of the whole body, where this one is of a part.
     """
 
     nodes: np.ndarray
@@ -88,6 +92,12 @@ class Surface:
     parts: np.ndarray
     interpolation: Following
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
+    follow: np.ndarray | None = None
+
+    def of_part(self, part: Whole) -> Surface:
+        """The same with what a part of the body has of N."""
+        own = Following(tuple(part.own_columns(rows) for rows in self.interpolation.rows))
+        return replace(self, interpolation=own, follow=self.followed())
 
     def midpoints(self) -> np.ndarray:
         """Reference positions of the middles of the facets, shape (f, d)."""
@@ -107,7 +117,7 @@ class Surface:
 
     def followed(self) -> np.ndarray:
         """Which nodes have enough points beside them to move with, shape (k,)."""
-        return np.diff(self.interpolation.rows[0].indptr) > 0
+        return np.diff(self.interpolation.rows[0].indptr) > 0 if self.follow is None else self.follow
 
     def encloses(self, places: np.ndarray) -> np.ndarray:
         """Which of the places (m, d) lie in the body."""

@@ -59,8 +59,8 @@ class Communicator:
         values = np.asarray(part)
         sums = np.empty_like(values)
         self._world.Allreduce(np.ascontiguousarray(values), sums)
-        if isinstance(part, np.ndarray):
-            return sums
+        if isinstance(part, np.ndarray | np.generic):
+            return sums if sums.ndim else sums[()]
         return tuple(sums.tolist()) if isinstance(part, tuple) else sums.item()
 
     def greatest(self, part: float) -> float:

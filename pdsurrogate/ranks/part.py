@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy import sparse
 from scipy.spatial import cKDTree
 
 from ..body import Body
@@ -48,7 +49,7 @@ class Part(Whole):
 
     def __init__(self, ranks: Communicator, numbers: np.ndarray, owners: np.ndarray, total: int) -> None:
         self.ranks, self.numbers, self._total = ranks, numbers, total
-        self.own, self.owners, self.rank = owners == ranks.rank, owners, ranks.rank
+        self.own, self.owners, self.rank, self.leads = owners == ranks.rank, owners, ranks.rank, ranks.rank == 0
         self._weights = self.own.astype(float)
         self._halo = np.flatnonzero(~self.own)
         self._receive = {rank: np.flatnonzero(owners == rank) for rank in np.unique(owners[self._halo]).tolist()}
@@ -133,6 +134,14 @@ class Part(Whole):
 
     def counted_pairs(self, first: np.ndarray) -> np.ndarray:
         return self.own[first]
+
+    def own_points(self, points: np.ndarray) -> np.ndarray:
+        return points[self.own[points]]
+
+    def own_columns(self, rows):
+        found = (rows.tocsc()[:, self.numbers] @ sparse.diags_array(self._weights)).tocsr()
+        found.eliminate_zeros()
+        return found
 
     def beside_halo(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         elsewhere = ~self.own

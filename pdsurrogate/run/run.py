@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numba
 import numpy as np
 
-from ..body import Body
+from ..body import Body, Surface
 from ..discretisation import discretise, grip_areas, surface_of
 from ..forces import ForceModel, InternalForce, bind_portions
 from ..forces.identity import identity_of
@@ -172,7 +172,7 @@ class Run:
         self.body: Body
         self.whole: Body | None
         self.body, lower, upper = discretise(scene, self._part_of)
-        self.regions = BodyRegions(scene, self.body, lower, upper, lambda: surface_of(scene, self.body, lower, upper))
+        self.regions = BodyRegions(scene, self.body, lower, upper, lambda: self._surface(lower, upper))
         paying = threads_for(len(self.body.bonds.first))
         if self.ranks.size > 1:
             from .sharing import threads_of  # of which a run of one process has no need
@@ -198,9 +198,11 @@ class Run:
             self._check_support()
             for number, probe in enumerate(scene.probes):
                 self.regions.check_place(f"probes.{number}.at", probe.at)
-            self.probes = Probes(self.body, scene.probes, self._portion_of())
+            self.probes = Probes(self.whole, scene.probes, self._portion_of(), self.body.part)
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
+        if self.ranks.rank:
+            self.whole = None
         self.loaded = self.force if self.loads is None else LoadedForce(self.force, self.loads)
         self.grip_areas = grip_areas(scene, lower, upper)
         self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]), default=None)
@@ -222,9 +224,14 @@ class Run:
         large = self.reductions.total_size(len(self.body)) > MOST_GATHERED
         return large and self.ranks.size > 1 and self.folder is not None and not isinstance(self.scene.body, Mesh)
 
+    def _surface(self, lower, upper) -> Surface:
+        """The boundary of the body, which the points of all ranks say."""
+        surface = surface_of(self.scene, self.whole, lower, upper)
+        return surface.of_part(self.body.part) if self.body.part.divided else surface
+
     def _part_of(self, body: Body) -> Body:
         """Of the whole body what falls to this rank."""
-        self.whole = None if self.ranks.rank else body
+        self.whole = body
         if self.ranks.size == 1:
             return body
         part = divided(body, self.ranks)

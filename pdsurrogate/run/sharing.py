@@ -31,10 +31,6 @@ def refuse(scene: Scene, model: ForceModel) -> None:
     why = None
     if scene.materials:
         why = "materials: bodies of several materials are not divided yet"
-    elif scene.loads:
-        why = "loads: they are not divided yet, prescribed displacements and grips are"
-    elif scene.probes:
-        why = "probes: places in a body that is divided are not read yet"
     elif scene.solver.method == "minimiser":
         why = "solver.method=minimiser does not run on them yet; automatic and relaxation do"
     if why is not None:
