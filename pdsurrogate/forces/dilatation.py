@@ -12,8 +12,9 @@ from ..kernels.ghosts import place_points
 from ..kernels.passes import Chain
 
 if TYPE_CHECKING:
+    from ..kernels.threads import Chunks
     from .kinematics import Kinematics
-    from .selective_energy import SelectiveEnergyEvaluation, SelectivePairs, Smoothing
+    from .selective_energy import SelectiveEnergyEvaluation, SelectivePairs, SinglePrecisionSmoothing, Smoothing
 
 
 class LinearisedDilatation:
@@ -120,7 +121,7 @@ class SmoothingPolynomial:
     chunks : Chunks
     """
 
-    def __init__(self, smoothing, coefficients: np.ndarray, n: int, chunks) -> None:
+    def __init__(self, smoothing: SinglePrecisionSmoothing, coefficients: np.ndarray, n: int, chunks: Chunks) -> None:
         self._values, self._sums = np.zeros(n, dtype=np.float32), np.zeros((2, n), dtype=np.float32)
         once, passes = np.zeros(n, dtype=np.float32), []
         for number, coefficient in enumerate(coefficients[:0:-1]):
