@@ -75,6 +75,7 @@ _HOMES = {
     "Yeoh": "materials",
     "algorithm_1": "learning.algorithm_1",
     "bond_force_pipeline": "learning",
+    "committee": "identification",
     "critical_stretch_of": "run.fracture",
     "cross_validate": "learning",
     "cross_validate_energy": "learning",

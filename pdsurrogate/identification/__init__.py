@@ -1,5 +1,6 @@
 """From test data to the parameters of a law."""
 
+from .committee import committee
 from .data import MODES, TestData, load_test_data, test_data_names
 from .energy import EnergyRegressor
 from .regressor import LawRegressor, nominal_stress
@@ -11,6 +12,7 @@ __all__ = [
     "EnergyRegressor",
     "LawRegressor",
     "TestData",
+    "committee",
     "figure",
     "held_out_modes",
     "load_test_data",
