@@ -42,6 +42,14 @@ def committee(regressor, X, y, n_members: int = 8, tests=None, random_state: int
     References
     ----------
     Efron, Ann. Statist. 7 (1979) 1.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> data = pd.load_test_data("treloar").up_to(3.0)
+    >>> members = pd.committee(pd.EnergyRegressor(), data.stretches, data.nominal_stress, n_members=2)
+    >>> len(members)
+    2
     """
     X, y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
     if n_members < 2:

@@ -77,6 +77,14 @@ class EnergyRegressor(RegressorMixin, BaseEstimator):
     References
     ----------
     Valanis, Landel, J. Appl. Phys. 38 (1967) 2997; Ball, Arch. Rat. Mech. Anal. 63 (1977) 337; Ogden 1972.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> data = pd.load_test_data("treloar").up_to(3.0)
+    >>> found = pd.EnergyRegressor().fit(data.stretches, data.nominal_stress)
+    >>> found.law_.name
+    'ogden'
     """
 
     _parameter_constraints: ClassVar = {
