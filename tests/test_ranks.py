@@ -139,15 +139,28 @@ def test_a_run_writes_what_one_process_writes(tmp_path):
 
 
 @several
-def test_equilibrium_within_the_tolerance(tmp_path):
-    """Positions agree as well as residuals of 1e-6 let them, and it takes at most 1.6 times the evaluations of one factor."""
+@pytest.mark.parametrize(("scene", "settings"), [("hole", ("spacing=0.1",)), ("ring-pressure", ())])
+def test_equilibrium_within_the_tolerance(scene, settings, tmp_path):
+    """Results agree as well as residuals of 1e-6 let them, and it takes at most 1.6 times the evaluations of one factor.
+
+    Three parts of a ring touch one another all around; little but its planes of symmetry holds it.
+    """
+    found = []
     for ranks in (1, 3):
-        arguments = "run", "hole", "--set", "spacing=0.1", "--force", "analytic", "--out", tmp_path / str(ranks)
+        arguments = ["run", scene, "--force", "analytic", "--out", tmp_path / str(ranks)]
+        for setting in settings:
+            arguments += ["--set", setting]
         run(ranks, "-m", "pdsurrogate", *arguments, mpi4py=ranks > 1)
-    alone, shared = (json.loads((tmp_path / name / "summary.json").read_text())["levels"][0] for name in "13")
-    assert shared["evaluations"] <= 1.6 * alone["evaluations"]
-    assert shared["nominal_stress"] == pytest.approx(alone["nominal_stress"], rel=1e-6)
-    assert shared["greatest_lateral_displacement"] == pytest.approx(alone["greatest_lateral_displacement"], rel=1e-5)
+        found.append(json.loads((tmp_path / str(ranks) / "summary.json").read_text())["levels"])
+    for alone, shared in zip(*found, strict=True):
+        assert shared["evaluations"] <= 1.6 * alone["evaluations"]
+        for key in ("nominal_stress", "greatest_lateral_displacement"):
+            if key in alone:
+                assert shared[key] == pytest.approx(alone[key], rel=1e-5)
+        for name, probe in alone.get("probes", {}).items():
+            # The ring is soft: with residuals of 1e-6 one rank's own displacements across a plane of symmetry are 5e-5 of those along it.
+            moved = np.array(probe["displacement"])
+            np.testing.assert_allclose(shared["probes"][name]["displacement"], moved, rtol=0, atol=1e-4 * np.abs(moved).max())
 
 
 @several
