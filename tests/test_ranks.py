@@ -169,6 +169,38 @@ def test_what_does_not_run_on_ranks_is_refused(tmp_path):
     assert "on several ranks materials" in printed
 
 
+OWN = """
+import numpy as np
+import pdsurrogate as pd
+from pdsurrogate.ranks import communicator
+
+class Springs:
+    def bond_force(self, stretch, rotation, length, C33, J):
+        if communicator().rank == 1 and stretch.max() > 1.35:
+            raise RuntimeError("boom")
+        return np.stack([2 * (stretch - 1 / stretch**2), 2 * rotation], axis=1)
+
+try:
+    pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=[1.3, 1.5]), Springs())
+except pd.SimulationFailed as error:
+    print(communicator().rank, "boom" in str(error))
+"""
+
+
+@several
+def test_what_one_rank_s_own_force_raises_reaches_all():
+    printed = run(2, "-c", OWN)
+    assert "0 True" in printed
+    assert "1 True" in printed
+
+
+@several
+def test_ranks_that_are_given_different_scenes_are_refused():
+    scene = "pd.load_scene('uniaxial', spacing=0.25 - 0.05 * communicator().rank)"
+    program = f"import pdsurrogate as pd; from pdsurrogate.ranks import communicator; pd.simulate({scene}, 'analytic')"
+    assert "the ranks were not given the same scene" in run(2, "-c", program, expected=1)
+
+
 @several
 def test_processes_that_do_not_know_of_each_other_are_refused():
     assert "python -m mpi4py -m pdsurrogate" in run(2, "-m", "pdsurrogate", "run", "hole", mpi4py=False, expected=2)

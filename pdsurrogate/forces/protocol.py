@@ -207,7 +207,7 @@ class InternalForce(ABC):
         began, part, error = time.perf_counter(), self.body.part, None
         try:
             self.evaluate(positions, out)
-        except (InvalidState, OutsideDomain) as found:
+        except RuntimeError as found:  # of the state, the domain, or a force of the user's own
             if not part.divided:
                 raise
             error = found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import socket
 import warnings
+from pathlib import Path
 
 import numpy as np
 
@@ -20,14 +21,21 @@ class Oversubscribed(RuntimeWarning):
     """More threads than cores: ranks wait for each other in loops, and each keeps a core from those it waits for."""
 
 
-def refuse(scene: Scene, model: ForceModel) -> None:
-    """Refuse what does not run on several ranks yet.
+def refuse(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool) -> None:
+    """Refuse what does not run on several ranks yet, and ranks that were not all given the same, which would wait for each other.
 
     Raises
     ------
     SceneError
         Names the key.
     """
+    given = {"scene": scene.model_dump_json(), "force": model.name, "folder": str(folder), "resume": resume}
+    others = ranks.everywhere(given)
+    different = [what for what in given if any(other[what] != others[0][what] for other in others)]
+    if different:
+        raise SceneError(
+            f"scene {scene.name}: the ranks were not given the same {' and '.join(different)}; start all of them by one command"
+        )
     why = None
     if scene.materials:
         why = "materials: bodies of several materials are not divided yet"

@@ -166,7 +166,7 @@ def simulate(
         # Imported here: a run of one process knows nothing of others.
         from .sharing import refuse
 
-        refuse(scene, model)
+        refuse(ranks, scene, model, folder, resume)
         if ranks.rank:
             progress = Silent()
     folder = None if folder is None else Path(folder)

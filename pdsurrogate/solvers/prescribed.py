@@ -145,8 +145,12 @@ class PrescribedLoading(Loading):
             Where it has no value.
         """
         try:
-            # Beyond its programme an amplitude need have no value; a retarded force looks a little ahead.
-            return self._amplitudes[number](min(max(t, self._range[0]), self._range[1]))
+            amplitude, within = self._amplitudes[number], min(max(t, self._range[0]), self._range[1])
+            if t == within:
+                return amplitude(t)
+            # Beyond its programme an amplitude need have no value, and a force with viscosity looks a little ahead: it goes on as it came,
+            # so that what moves at the end of the programme has its velocity there.
+            return 2 * amplitude(within) - amplitude(2 * within - t)
         except ValueError as error:
             raise InvalidState(f"prescribed.{number}.amplitude: {error}") from None
 
