@@ -20,8 +20,18 @@ from pdsurrogate.stress_test.deformations import wavy
 LAW = pd.NeoHookean()
 MODELS = [*FORCES, "neo-hookean", "neo-hookean-energy"]
 ROOT = Path(__file__).parents[1]
-FOREIGN = {"_Unpickler", "_getvalue", "_cache", "_defn", "_is_initialized", "_launch_threads", "_parameter_constraints"}
-"""Private members of pickle, numba and scikit-learn for which these have no public ones."""
+FOREIGN = {
+    "_Unpickler",
+    "_exit",
+    "_repr_html_",
+    "_getvalue",
+    "_cache",
+    "_defn",
+    "_is_initialized",
+    "_launch_threads",
+    "_parameter_constraints",
+}
+"""Private members of pickle, os, numba and scikit-learn for which these have no public ones, and the name that notebooks ask for."""
 
 
 def bound(name, body, **settings):
