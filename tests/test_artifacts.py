@@ -136,8 +136,8 @@ def test_a_folder_of_results_is_no_artefact(working_folder):
     """``pdsurrogate run pure-shear --out neo-hookean`` twice: the second run silently took the analytic force."""
     (working_folder / "neo-hookean").mkdir()
     (working_folder / "neo-hookean" / "summary.json").write_text("{}")
-    assert surrogate_for(LAW).name == "neo-hookean@1"
-    assert load_surrogate("neo-hookean").name == "neo-hookean@1"
+    assert surrogate_for(LAW).name == "neo-hookean@2"
+    assert load_surrogate("neo-hookean").name == "neo-hookean@2"
     for path in ("./neo-hookean", "neo-hookean/", working_folder / "neo-hookean"):
         with pytest.raises(ArtifactError, match="no artefact there"):
             load_surrogate(path)
@@ -148,23 +148,23 @@ def test_a_folder_that_holds_a_card_is_a_path(working_folder, fitted):
     pd.store(model, samples, LAW, working_folder, "mine", "1", "in the working folder")
     assert load_surrogate("mine").name == "mine@1"
     shutil.copytree("mine/1", "neo-hookean")
-    with pytest.raises(ArtifactError, match=r"is the artefact .*artifacts/neo-hookean/1 by its name, and the folder neo-hookean holds"):
+    with pytest.raises(ArtifactError, match=r"is the artefact .*artifacts/neo-hookean/2 by its name, and the folder neo-hookean holds"):
         load_surrogate("neo-hookean")
     assert load_surrogate("./neo-hookean").name == "mine@1"
-    assert load_surrogate("neo-hookean@1").name == surrogate_for(LAW).name == "neo-hookean@1"
+    assert load_surrogate("neo-hookean@2").name == surrogate_for(LAW).name == "neo-hookean@2"
 
 
 @pytest.mark.parametrize("damage", ["no card", "bad card", "no payload"])
 def test_what_cannot_be_read_is_never_another_model(working_folder, damage):
-    """A damaged ``artifacts/neo-hookean/2`` was passed over: version 1 or the analytic force ran in its place."""
-    folder = working_folder / "artifacts" / "neo-hookean" / "2"
-    shutil.copytree(SHIPPED / "neo-hookean" / "1", folder)
+    """A damaged ``artifacts/neo-hookean/3`` was passed over: an older version or the analytic force ran in its place."""
+    folder = working_folder / "artifacts" / "neo-hookean" / "3"
+    shutil.copytree(SHIPPED / "neo-hookean" / "2", folder)
     if damage == "bad card":
         (folder / "card.json").write_text("{")
     else:
         (folder / ("card.json" if damage == "no card" else "surrogate.npz")).unlink()
     for load in (lambda: surrogate_for(LAW), lambda: load_surrogate("neo-hookean"), lambda: pd.simulate("uniaxial")):
-        with pytest.raises(ArtifactError, match=r"neo-hookean/2: cannot read the card|not valid JSON|surrogate\.npz: cannot be read"):
+        with pytest.raises(ArtifactError, match=r"neo-hookean/3: cannot read the card|not valid JSON|surrogate\.npz: cannot be read"):
             load()
     assert load_surrogate("neo-hookean@1").name == "neo-hookean@1"
 
@@ -183,7 +183,7 @@ def test_materials_that_an_artefact_does_not_describe_are_told_apart_in_full_dig
 
 
 def test_shipped_artifacts_are_small_and_complete():
-    for name in ("neo-hookean", "neo-hookean-paper"):
+    for name in ("neo-hookean/1", "neo-hookean/2", "neo-hookean-paper"):
         folder = find_artifact(SHIPPED / name)
         assert sum(path.stat().st_size for path in folder.iterdir()) < 2**20
         assert load_card(folder).training["cross_validation"]
@@ -256,9 +256,9 @@ def test_payloads_of_the_first_schema_are_told_apart(stored):
         load_surrogate(stored)
 
 
-@pytest.mark.parametrize("name", ["neo-hookean", "neo-hookean-paper", "neo-hookean-energy", "gent"])
+@pytest.mark.parametrize("name", ["neo-hookean/1", "neo-hookean/2", "neo-hookean-paper/1", "neo-hookean-energy/1", "gent/1"])
 def test_shipped_payloads_are_what_is_written_of_them(name):
-    file, shipped = io.BytesIO(), SHIPPED / name / "1" / "surrogate.npz"
+    file, shipped = io.BytesIO(), SHIPPED / name / "surrogate.npz"
     np.savez(file, **load_surrogate(SHIPPED / name).payload())
     assert file.getvalue() == shipped.read_bytes()
 
@@ -464,7 +464,7 @@ def test_an_artefact_binds_no_law_that_has_changed_since(tmp_path):
 
 @pytest.mark.parametrize("bulk", [10.0, 1000.0])
 def test_shipped_bond_forces_serve_every_bulk_modulus(bulk):
-    for name in ("neo-hookean", "neo-hookean-paper"):
+    for name in ("neo-hookean@1", "neo-hookean@2", "neo-hookean-paper"):
         load_surrogate(name).check_material(pd.NeoHookean(2.0, 2.0 * bulk))
 
 

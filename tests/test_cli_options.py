@@ -87,7 +87,7 @@ def test_how_much_is_said(tmp_path):
     assert quiet.stderr == ""
     assert "exact" in quiet.stdout
     told = invoke(*command, "-v").stderr
-    assert "pdsurrogate.run.simulate: uniaxial with neo-hookean@1: 300 points" in told
+    assert "pdsurrogate.run.simulate: uniaxial with neo-hookean@2: 300 points" in told
     assert "stretch 1.2: equilibrium after" in told
     assert "evaluations, residual" not in told.replace("equilibrium after", "").split("ended")[0].split("by")[1]
     assert invoke(*command, "-vv").stderr.count("evaluations, residual") > told.count("evaluations, residual")

@@ -67,7 +67,7 @@ def test_what_a_row_states_is_so(row, case):
 def test_every_shipped_model_is_in_the_table():
     """gent, ogden and full-network were in none of the three lists that were kept before."""
     shipped = {*FORCES, *(path.parent.parent.name for path in SHIPPED.glob("*/*/card.json"))}
-    assert {row.reference for row in TABLE} == shipped
+    assert {row.reference.partition("@")[0] for row in TABLE} == shipped
     keys = {case.key for case in PROPERTIES}
     for row in TABLE:
         assert set(row.departures) <= keys

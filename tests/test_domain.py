@@ -107,7 +107,7 @@ def test_turned_bonds_in_the_kernel_and_in_numpy_agree(dtype):
 
 
 @pytest.mark.parametrize("outside", ["fallback", "warn", "extrapolate"])
-@pytest.mark.parametrize("name", ["neo-hookean", "neo-hookean-paper"])
+@pytest.mark.parametrize("name", ["neo-hookean/1", "neo-hookean/2", "neo-hookean-paper"])
 def test_bonds_without_features_get_the_exact_force_under_every_policy(name, outside):
     """A point pushed through its neighbour to the far side: finite, restoring, and the same as the analytic bond force gives that bond."""
     body = sheet()
@@ -136,7 +136,7 @@ def test_a_point_on_a_single_bond_may_be_turned_over():
     points = np.vstack([corner, corner.max(axis=0) + 0.29 / np.sqrt(2)])
     body = pd.Body(points, np.full(len(points), 0.01), 0.315, 0.1)
     assert body.bonds.pointers[-1] - body.bonds.pointers[-2] == 1
-    for model in (AnalyticBondForce(LAW), PAPER, load_surrogate("neo-hookean")):
+    for model in (AnalyticBondForce(LAW), PAPER, load_surrogate("neo-hookean"), load_surrogate("neo-hookean@1")):
         force, out = forces(model, points @ rotation(np.pi).T, body)
         assert np.count_nonzero(~force.supported) == 1
         assert np.isfinite(out).all()
@@ -147,7 +147,7 @@ def test_warn_warns_once_and_counts():
     body = sheet()
     force = load_surrogate("neo-hookean").bind(body, LAW, ForceSettings(outside="warn"))
     out = np.empty_like(body.points)
-    with pytest.warns(OutsideDomainWarning, match=r"1302 of 1302 bonds are outside the domain of neo-hookean@1"):
+    with pytest.warns(OutsideDomainWarning, match=r"1302 of 1302 bonds are outside the domain of neo-hookean@2"):
         force(body.points @ np.diag([5.0, 0.45]), out)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -158,7 +158,7 @@ def test_warn_warns_once_and_counts():
 def test_warnings_on_the_command_line():
     done = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--set", "stretches=4.5", "--set", "outside=warn"])
     assert done.exit_code == 0, done.output
-    warned = [line for line in done.stderr.splitlines() if "bonds are outside the domain of neo-hookean@1" in line]
+    warned = [line for line in done.stderr.splitlines() if "bonds are outside the domain of neo-hookean@2" in line]
     assert len(warned) == 1
     assert "the surrogate was extrapolated" in done.stderr
 

@@ -15,7 +15,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 import pdsurrogate as pd
-from pdsurrogate.artifacts import load_pipeline, load_surrogate
+from pdsurrogate.artifacts import load_card, load_pipeline, load_surrogate
 from pdsurrogate.forces import AnalyticBondForce, ForceSettings
 from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
 from pdsurrogate.kernels.activations import ACTIVATIONS
@@ -189,7 +189,13 @@ def test_transformed_outputs_invert(random):
         np.testing.assert_allclose(force_of_outputs(samples.X, z, features), samples.y, rtol=1e-9, atol=1e-11)
 
 
-@pytest.mark.parametrize("reference", ["neo-hookean", "neo-hookean-paper"])
+SYMMETRIC, ISOCHORIC = SHIPPED / "neo-hookean" / "1", SHIPPED / "neo-hookean" / "2"
+"""The default force up to version 1, and since."""
+
+BOTH = pytest.mark.parametrize("path", [SYMMETRIC, ISOCHORIC], ids=["version 1", "version 2"])
+
+
+@pytest.mark.parametrize("reference", ["neo-hookean/1", "neo-hookean/2", "neo-hookean-paper"])
 def test_numpy_face_and_pipeline_agree_to_rounding(reference):
     model, pipeline = load_surrogate(SHIPPED / reference), load_pipeline(SHIPPED / reference, trust=True)
     X = pd.wide_design(LAW, 3000, (0.8, 4.0), random_state=11).X
@@ -244,13 +250,14 @@ def test_a_feature_set_is_one_entry_of_a_table(monkeypatch):
 
 
 def test_only_a_model_that_reads_it_keeps_the_length_of_every_pair():
-    for name, rows in (("neo-hookean", 4), ("neo-hookean-paper", 5)):
+    for name, rows in (("neo-hookean/1", 4), ("neo-hookean/2", 4), ("neo-hookean-paper", 5)):
         assert load_surrogate(SHIPPED / name).bind(sheet(), LAW, ForceSettings()).geometry.shape[1] == rows
 
 
-def test_transverse_traction_follows_from_coaxiality(random):
+@BOTH
+def test_transverse_traction_follows_from_coaxiality(random, path):
     """The network has two outputs; its T_mm is that of a stress coaxial with U, to the error of the fit."""
-    model = load_surrogate(SHIPPED / "neo-hookean")
+    model = load_surrogate(path)
     X = pd.wide_design(LAW, 2000, random_state=12).X
     T_mm = kernel_tractions(model, LAW, np.float64, *X.T)[:, 2]
     stretch, rotation, _, C33, J = X.T
@@ -258,21 +265,23 @@ def test_transverse_traction_follows_from_coaxiality(random):
     assert np.sqrt(((T_mm - exact) ** 2).mean() / (exact**2).mean()) < 1e-4
 
 
-def test_force_at_rest_is_exactly_zero_in_the_kernel():
+@BOTH
+def test_force_at_rest_is_exactly_zero_in_the_kernel(path):
     for dtype in (np.float32, np.float64):
-        assert (kernel_tractions(load_surrogate(SHIPPED / "neo-hookean"), LAW, dtype, 1.0, 0.0, 0.5, 1.0, 1.0) == 0).all()
+        assert (kernel_tractions(load_surrogate(path), LAW, dtype, 1.0, 0.0, 0.5, 1.0, 1.0) == 0).all()
 
 
+@BOTH
 @given(st.integers(0, 2**31 - 1))
-def test_shipped_surrogate_on_states_of_any_seed(seed):
+def test_shipped_surrogate_on_states_of_any_seed(path, seed):
     """Fresh seeds, relative to the size of the force: 2e-4 on the surface and 5e-4 off it, what the project holds itself to."""
-    force = load_surrogate(SHIPPED / "neo-hookean").bond_force
+    force = load_surrogate(path).bond_force
     assert validation.relative_errors(force, pd.wide_design(LAW, 1000, off_surface=0, random_state=seed))["rms"] < 2e-4
     assert validation.relative_errors(force, pd.wide_design(LAW, 1000, near_rest=0, off_surface=1, random_state=seed))["rms"] < 5e-4
 
 
 def test_shipped_symmetric_surrogate_meets_its_promise():
-    report = pd.evaluate(load_surrogate(SHIPPED / "neo-hookean").bond_force, LAW, random_state=424_243)
+    report = pd.evaluate(load_surrogate(SYMMETRIC).bond_force, LAW, random_state=424_243)
     assert report["on_surface"]["rms"] <= 2e-4
     assert report["off_surface"]["rms"] <= 5e-4
     assert report["by_strain"][0]["strain"] == [0.01, 0.02]
@@ -281,6 +290,37 @@ def test_shipped_symmetric_surrogate_meets_its_promise():
     assert report["at_rest"] < 1e-15
     assert report["least_slope"] > 0
     assert report["least_slope"] == pytest.approx(report["least_slope_exact"], rel=0.01)
+
+
+def test_the_default_force_is_exact_to_the_precision_of_its_pass():
+    """This law's outputs are constants of the isochoric features; what is left is rounding, in the kernel too, however far it is stretched."""
+    model = load_surrogate(ISOCHORIC)
+    report = pd.evaluate(model.bond_force, LAW, random_state=424_243)
+    assert report["on_surface"]["rms"] < 1e-13
+    assert report["off_surface"]["rms"] < 1e-13
+    assert report["at_rest"] == 0
+    assert report["least_slope"] == pytest.approx(report["least_slope_exact"], rel=1e-9)
+    # Shared features are rounded before the traction is formed from them; compressed to 0.5 and stretched to 4, in the plane and through it.
+    for samples in (pd.wide_design(LAW, 4000, (0.5, 4.0), random_state=424_243), pd.wide_design(LAW, 2000, (0.3, 1.5), random_state=1)):
+        size = np.sqrt((samples.y**2).sum(axis=1).mean())
+        for dtype, allowed in ((np.float32, 2e-6), (np.float64, 1e-14)):
+            found = kernel_bond_force(model, LAW, dtype)(*samples.X.T)
+            assert np.sqrt(((found - samples.y) ** 2).sum(axis=1).mean()) < allowed * size
+
+
+def test_the_default_force_of_version_1_is_the_one_that_it_was():
+    """A version never changes: its payload by its digest, and forces of three bonds as they were when it was the default."""
+    card = load_card(SYMMETRIC)
+    assert card.payloads["surrogate.npz"].sha256 == "87d0d4afe240dac1c09bee51fa9bef1bde09d2923719ecf0980bac5dc2acdc66"
+    bonds = np.array([[1.3, 0.2, 0.5, 0.7, 1.2], [0.8, -0.1, 0.7, 1.4, 0.85], [2.5, 0.05, 0.2, 0.2, 2.3]])
+    was = [
+        [0.759538710750733, 0.2621719702589603],
+        [-0.9463746022336289, -0.3066193105486678],
+        [2.3749634558973907, 0.014603949250778259],
+    ]
+    model = load_surrogate("neo-hookean@1")
+    np.testing.assert_allclose(model.bond_force(*bonds.T), was, rtol=1e-12)
+    np.testing.assert_allclose(kernel_bond_force(model, LAW, np.float64)(*bonds.T), was, rtol=1e-12)
 
 
 def test_shipped_paper_surrogate_holds_on_its_box_and_not_outside():

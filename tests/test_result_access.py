@@ -125,7 +125,7 @@ def test_tables_with_pandas_and_without(stretched, monkeypatch):
 
 
 def test_results_scenes_laws_and_models_are_short_in_text_and_have_tables_for_notebooks(stretched, loaded):
-    assert repr(stretched) == "<Result of uniaxial with neo-hookean@1: 300 points, 2 states>"
+    assert repr(stretched) == "<Result of uniaxial with neo-hookean@2: 300 points, 2 states>"
     assert repr(stretched.scene) == "<Scene uniaxial: rectangle, spacing 0.1 cm, neo-hookean, 2 stretches>"
     assert repr(loaded.scene) == "<Scene pulled: rectangle, spacing 0.2 cm, neo-hookean, 2 steps>"
     model = pd.load_surrogate("neo-hookean@1")
@@ -146,12 +146,12 @@ def test_where_a_result_comes_from(stretched, loaded):
     assert origin["date"].startswith("20")
     assert set(origin["machine"]) == {"processor", "cores", "system"}
     assert origin["git"] == git_state()
-    assert set(summary["digests"]) == {"neo-hookean@1"}
+    assert set(summary["digests"]) == {"neo-hookean@2"}
     assert pd.Scene.model_validate(summary["scene_as_run"]) == stretched.scene
     assert pd.Scene.model_validate(loaded.summary["scene_as_run"]) == loaded.scene
     # A learnt model is told from another by its numbers alone.
     other = pd.simulate(stretched.scene, "neo-hookean-paper").summary["digests"]["neo-hookean-paper@1"]
-    assert summary["digests"]["neo-hookean@1"] != other
+    assert summary["digests"]["neo-hookean@2"] != other
 
 
 @pytest.mark.parametrize("name", pd.scene_names())

@@ -376,4 +376,4 @@ def test_scenes_composed_in_python():
     )
     result = pd.simulate(scene)
     assert result.summary["converged"]
-    assert result.summary["force"] == "neo-hookean@1"
+    assert result.summary["force"] == "neo-hookean@2"

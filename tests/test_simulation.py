@@ -304,7 +304,7 @@ def test_stress_scales_with_the_modulus_and_nothing_else_does():
 def test_summary_has_what_is_promised():
     summary = run("neo-hookean", "stretches=1.5").summary
     assert summary["scene"] == "uniaxial"
-    assert summary["force"] == "neo-hookean@1"
+    assert summary["force"] == "neo-hookean@2"
     assert summary["material"] == {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
     assert summary["n_points"] == 60 * 20
     assert summary["fallback_fraction"] == 0.0

@@ -50,7 +50,7 @@ class Result:
     >>> import pdsurrogate as pd
     >>> result = pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
     >>> result
-    <Result of uniaxial with neo-hookean@1: 48 points, 1 state>
+    <Result of uniaxial with neo-hookean@2: 48 points, 1 state>
     >>> print(round(result.history[-1]["force_right_1"], 3))
     1.05
     """
@@ -369,7 +369,7 @@ def load_result(folder: str | Path) -> Result:
     >>> folder = tempfile.mkdtemp()
     >>> pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean").save(folder)
     >>> pd.load_result(folder)
-    <Result of uniaxial with neo-hookean@1: 48 points, 1 state>
+    <Result of uniaxial with neo-hookean@2: 48 points, 1 state>
     """
     folder = Path(folder)
     name = saved_scene(folder)

@@ -144,7 +144,7 @@ def simulate(
     >>> scene = pd.load_scene("uniaxial", spacing=0.25, stretches=[1.2, 1.5])
     >>> result = pd.simulate(scene, "neo-hookean")
     >>> result
-    <Result of uniaxial with neo-hookean@1: 48 points, 2 states>
+    <Result of uniaxial with neo-hookean@2: 48 points, 2 states>
     >>> [abs(level["nominal_stress_error"]) < 1e-3 for level in result.levels]
     [True, True]
     """

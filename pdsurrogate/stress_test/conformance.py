@@ -660,6 +660,7 @@ TABLE = (
         },
     ),
     Row("neo-hookean", MOMENTS),
+    Row("neo-hookean@1", MOMENTS),
     Row("neo-hookean-energy"),
     Row(
         "neo-hookean-paper",
