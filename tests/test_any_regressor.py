@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
-from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn import config_context
+from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
+from sklearn.exceptions import UnsetMetadataPassedError
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.linear_model import LinearRegression, LogisticRegression, Ridge
-from sklearn.model_selection import GridSearchCV
+from sklearn.model_selection import GridSearchCV, KFold
 from sklearn.multioutput import MultiOutputRegressor
 from sklearn.neural_network import MLPRegressor
-from sklearn.pipeline import make_pipeline
+from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, MinMaxScaler, PolynomialFeatures, StandardScaler
 
 import pdsurrogate as pd
@@ -19,6 +21,7 @@ from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
 from pdsurrogate.learning import domain_of, surrogate_of
 from pdsurrogate.learning.export import taken_over
 from pdsurrogate.learning.resampling import fitted_spline, greatest_jump
+from pdsurrogate.learning.sampling import COLUMNS, TARGETS
 
 LAW = pd.Ogden()
 GRID = "regressor__regressor__regressor"
@@ -285,7 +288,86 @@ def test_weights_of_samples_go_through(samples):
         weighted = model.fit(samples.X, samples.y, sample_weight=weights).predict(X)
         np.testing.assert_allclose(weighted, model.fit(X, y).predict(X), rtol=1e-6, atol=1e-8)
     with pytest.raises(TypeError, match="sample_weight"):
-        pd.bond_force_pipeline("isochoric").fit(samples.X, samples.y, sample_weight=weights)
+        pd.bond_force_pipeline("isochoric", pd.TorchMLPRegressor()).fit(samples.X, samples.y, sample_weight=weights)
+
+
+def tripled(regressor, samples):
+    """A pipeline without scalings, which take no weights, and weights by which some samples stand for three."""
+    model = pd.bond_force_pipeline("isochoric", regressor)
+    weights = np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
+    return model.set_params(regressor__scaling="passthrough", regressor__regressor__transformer=FunctionTransformer()), weights
+
+
+@pytest.mark.parametrize(
+    "regressor",
+    [
+        make_pipeline(PolynomialFeatures(2), Ridge(1.0)),
+        GradientBoostingRegressor(n_estimators=3, random_state=0),
+        GridSearchCV(make_pipeline(PolynomialFeatures(1), Ridge()), {"ridge__alpha": [1.0]}, cv=KFold(2)),
+        pd.LevenbergMarquardtRegressor((3,), "algebraic", max_iter=15, random_state=0),
+    ],
+    ids=["a pipeline", "one target at a time", "a search", "Levenberg-Marquardt"],
+)
+def test_weights_reach_a_regressor_however_deep_it_is(samples, regressor):
+    """As many copies of a sample are a sample of that weight, by every way that scikit-learn has of passing it."""
+    model, weights = tripled(regressor, samples)
+    X, y = (array.repeat(weights.astype(int), axis=0) for array in (samples.X, samples.y))
+    copied = clone(model).fit(X, y).predict(samples.X)
+    assert np.abs(copied - clone(model).fit(samples.X, samples.y).predict(samples.X)).max() > 1e-5
+    within = Pipeline([("model", clone(model))])
+    for found in (
+        clone(model).fit(samples.X, samples.y, sample_weight=weights),
+        within.fit(samples.X, samples.y, model__sample_weight=weights),
+    ):
+        np.testing.assert_allclose(found.predict(samples.X), copied, rtol=1e-6, atol=1e-9)
+
+
+def test_weights_are_routed_where_they_are_requested(samples):
+    model, weights = tripled(Ridge(1.0), samples)
+    right = clone(model).fit(samples.X, samples.y, sample_weight=weights).predict(samples.X)
+    with config_context(enable_metadata_routing=True):
+        with pytest.raises(UnsetMetadataPassedError, match="sample_weight"):
+            clone(model).fit(samples.X, samples.y, sample_weight=weights)
+        model.set_params(regressor__regressor__regressor=Ridge(1.0).set_fit_request(sample_weight=True))
+        within = Pipeline([("model", model)]).fit(samples.X, samples.y, sample_weight=weights)
+        np.testing.assert_allclose(within.predict(samples.X), right, rtol=1e-12)
+
+
+def test_frames_of_pandas_go_through_with_their_names(samples):
+    """Columns in, columns between the steps where `set_output` asks for them, and the numbers of arrays."""
+    pandas = pytest.importorskip("pandas")
+    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=TARGETS)
+    names = ["log Jbar", "tr Cbar/(2 Jbar) - 1"]
+    right = fitted(samples, Ridge(0.1)).predict(samples.X)
+    plain = pd.bond_force_pipeline("isochoric", Ridge(0.1))
+    framed = clone(plain)
+    framed.regressor.set_output(transform="pandas")
+    with config_context(transform_output="pandas"):
+        np.testing.assert_allclose(clone(plain).fit(X, y).predict(X), right, rtol=1e-12, atol=1e-12)
+    for model in (plain.fit(X, y), framed.fit(X, y)):
+        assert model.feature_names_in_.tolist() == list(COLUMNS)
+        np.testing.assert_allclose(model.predict(X), right, rtol=1e-12, atol=1e-12)
+        with pytest.raises(ValueError, match="feature names should match"):
+            model.predict(X.rename(columns={"J": "j"}))
+    assert framed.regressor_[:-1].transform(X).columns.tolist() == names
+    assert framed.regressor_[-1].regressor_.feature_names_in_.tolist() == names
+    assert isinstance(surrogate_of(framed, LAW, domain_of(samples)), SplineForce)
+
+
+def test_a_search_over_features_and_widths_runs_as_it_is(samples, tmp_path):
+    """Models of several feature sets are the choices for the one step of a pipeline."""
+    networks = [pd.LevenbergMarquardtRegressor((units,), "algebraic", max_iter=80, random_state=0) for units in (2, 8)]
+    choices = [pd.bond_force_pipeline(features, network) for features in ("symmetric", "isochoric") for network in networks]
+    search = GridSearchCV(Pipeline([("model", choices[0])]), {"model": choices}, cv=2).fit(samples.X, samples.y)
+    scene = pd.load_scene("uniaxial", spacing=0.25, stretches=1.3, material="ogden")
+    by_search, by_itself = (pd.simulate(scene, model).levels[0] for model in (search, search.best_estimator_[0]))
+    assert by_search["nominal_stress"] == by_itself["nominal_stress"]
+    assert abs(by_search["nominal_stress_error"]) < 0.02
+    assert pd.evaluate(search, LAW, (0.6, 2.5), 300)["on_surface"]["rms"] < 0.05
+    path = pd.store(search, samples, LAW, tmp_path, "found", None, "the best of four")
+    rows = pd.load_card(path).training["search"]
+    assert [row["model"].split(" features, ")[0] for row in rows] == ["symmetric", "symmetric", "isochoric", "isochoric"]
+    assert "hidden_layer_sizes=(8,)" in rows[1]["model"]
 
 
 def test_names_of_features_go_through(samples):

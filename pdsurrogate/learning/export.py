@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin
+from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted
 
@@ -25,10 +27,10 @@ from ..kernels.spline import FEATURES
 from ..materials import Law
 from .chebyshev import ChebyshevRegressor
 from .layers import network_of
-from .pipeline import AT_REST, feature_set_of, feature_values, force_of_outputs, is_search, parts_of
+from .pipeline import AT_REST, feature_set_of, feature_values, force_of_outputs, parts_of
 from .resampling import MARGIN, Spline, isochoric_outputs_of, resampled
 from .sampling import COLUMNS, wide_design
-from .target import InputAwareTargetRegressor
+from .target import InputAwareTargetRegressor, is_search
 
 STATES = 4000
 """At most so many states of the training set tell how far a surrogate is from what it was made of."""
@@ -89,17 +91,19 @@ def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | 
 def best_of(model):
     """The fitted estimator of a search over parameters; every other model as it is.
 
+    A pipeline of a single step, by which a search may choose among models of several feature sets, is that step.
+
     Raises
     ------
     ValueError
         If the search was not run, or keeps no fitted estimator.
     """
-    if not is_search(model):
-        return model
-    check_is_fitted(model)
-    if not hasattr(model, "best_estimator_"):
-        raise ValueError(f"the {type(model).__name__} keeps no fitted model: give it refit=True")
-    return model.best_estimator_
+    if is_search(model):
+        check_is_fitted(model)
+        if not hasattr(model, "best_estimator_"):
+            raise ValueError(f"the {type(model).__name__} keeps no fitted model: give it refit=True")
+        model = model.best_estimator_
+    return model.steps[0][1] if isinstance(model, Pipeline) and len(model.steps) == 1 else model
 
 
 def force_of(model) -> Callable:
@@ -150,10 +154,16 @@ def _force_of_pipeline(model: InputAwareTargetRegressor) -> Callable:
     return force
 
 
-def _quietly(estimator, X) -> np.ndarray:
-    """What it predicts; of an estimator that was fitted to a table with names of columns, too."""
+@contextmanager
+def _plain_arrays() -> Iterator[None]:
+    """Arrays for estimators that were fitted to tables with names of columns, without a word about that."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="X does not have valid feature names")
+        yield
+
+
+def _quietly(estimator, X) -> np.ndarray:
+    with _plain_arrays():
         return np.asarray(estimator.predict(X), dtype=float)
 
 
@@ -170,7 +180,8 @@ def _of_another_make(model, common, law: Law, domain: Domain) -> tuple[LearntBon
     horizon, names = model.regressor_[0].kw_args["horizon"], FEATURE_SETS[feature_set].names
     X = None if model.training_inputs_ is None else model.training_inputs_ / [1, 1, horizon, 1, 1]
     states = _thinned(X, law, domain)
-    network = network_of(rest, feature_values(states, feature_set))
+    with _plain_arrays():
+        network = network_of(rest, feature_values(states, feature_set))
     if network is not None:
         return NetworkForce(*common, *network), {}
     force, title = _force_of_pipeline(model), title_of(regressor_of(model))

@@ -18,7 +18,7 @@ from ..forces import Domain
 from ..materials import Law
 from ..materials.law import checked_law
 from .export import best_of, regressor_of, shift_and_scale, taken_over, title_of
-from .pipeline import parts_of
+from .pipeline import feature_set_of, parts_of
 from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples, reachable_stretches
 from .target import InputAwareTargetRegressor
 from .validation import force_report, relative_errors
@@ -164,6 +164,16 @@ def search_table(search) -> list[dict]:
     return [{**_plain(parameters), "score": float(mean), "spread": float(spread)} for parameters, mean, spread in rows]
 
 
+def _in_words(value) -> str:
+    """A bond-force pipeline by its features and its regressor, all else as Python shows it."""
+    try:
+        features = feature_set_of(value)
+    except ValueError:
+        return repr(value)
+    last = value.regressor.steps[-1][1]
+    return f"{features} features, {getattr(last, 'regressor', last)!r}"
+
+
 def _plain(parameters: dict) -> dict:
     """Parameters of an estimator as a card keeps them: numbers and names as they are, all else in words."""
 
@@ -172,7 +182,7 @@ def _plain(parameters: dict) -> dict:
             return [plain(inner) for inner in value]
         if value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and np.isfinite(value)):
             return value
-        return value.item() if isinstance(value, np.integer) else repr(value)[:MOST_WORDS]
+        return value.item() if isinstance(value, np.integer) else _in_words(value)[:MOST_WORDS]
 
     return {key: plain(value) for key, value in parameters.items()}
 

@@ -10,7 +10,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 from threadpoolctl import threadpool_limits
 
 from .activations import ACTIVATIONS
@@ -23,7 +23,8 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
     The data are split into training, validation and test parts as in MATLAB's Neural Net Fitting tool, which the
     paper used: training stops when the validation error has not improved for a number of iterations, and the network
     of the best validation error is kept.  The Jacobian is formed whole, so this is for small networks and up to some
-    10^5 samples.  Inputs and targets should be scaled to unit variance.
+    10^5 samples.  Inputs and targets should be scaled to unit variance.  A sample that is given more than once is one sample of as much
+    weight, so that it never stands on both sides of the split.
 
     Parameters
     ----------
@@ -114,13 +115,15 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         tags.target_tags.multi_output = True
         return tags
 
-    def fit(self, X, y):
+    def fit(self, X, y, sample_weight=None):
         """Train the network.
 
         Parameters
         ----------
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
+        sample_weight : array-like, shape (n_samples,), optional
+            Of the squared errors, in training, validation and test.  A whole number stands for as many samples, 0 for none.
 
         Returns
         -------
@@ -141,6 +144,9 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         y = np.asarray(y, dtype=np.float64)
         self._single_output = y.ndim == 1
         Y = y.reshape(len(X), -1)
+        if sample_weight is not None:
+            sample_weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        X, Y, share = _distinct(X, Y, sample_weight)
         random = check_random_state(self.random_state)
 
         order = random.permutation(len(X))
@@ -149,17 +155,16 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         network = _Network([X.shape[1], *sizes, Y.shape[1]], ACTIVATIONS[self.activation])
         # One thread: matrices this small gain nothing from more, and the result does not depend on how many there are.
         with threadpool_limits(1, user_api="blas"):
-            trainings = [
-                self._train(network, network.first_weights(random, Y[train].mean(axis=0)), X, Y, train, validation)
-                for _ in range(self.n_init)
-            ]
+            fitted, watched = _Part(X, Y, share, train), _Part(X, Y, share, validation)
+            trainings = [self._train(network, network.first_weights(random, fitted.mean), fitted, watched) for _ in range(self.n_init)]
         best, weights, self.n_iter_ = min(trainings, key=lambda training: training[0])
         self.coefs_, self.intercepts_ = network.layers(weights)
-        self.loss_ = float(((network.outputs(weights, X[train]) - Y[train]) ** 2).mean())
+        self.loss_ = float(fitted.loss(network, weights))
         self.validation_loss_ = float(best) if n_validation else np.nan
         self.test_score_ = np.nan
         if n_test >= 2:
-            self.test_score_ = float(self.score(X[test], y[test]))
+            share = None if share is None else share[test]
+            self.test_score_ = float(self.score(X[test], Y[test, 0] if self._single_output else Y[test], share))
         return self
 
     def predict(self, X):
@@ -172,24 +177,24 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         Y = values @ self.coefs_[-1] + self.intercepts_[-1]
         return Y[:, 0] if self._single_output else Y
 
-    def _train(self, network, weights, X, Y, train, validation):
+    def _train(self, network, weights, fitted, watched):
         """One training; returns the least validation loss, the weights that had it, and the number of iterations."""
         damping = self.initial_damping
 
         def loss_of(weights):
-            return ((network.outputs(weights, X[train]) - Y[train]) ** 2).mean()
+            return fitted.loss(network, weights)
 
         loss = loss_of(weights)
         best, best_weights, waited = np.inf, weights, 0
         iterations = 0
         while iterations < self.max_iter:
             iterations += 1
-            normal, gradient = network.normal_equations(weights, X[train], Y[train])
+            normal, gradient = network.normal_equations(weights, fitted.X, fitted.Y, fitted.root)
             weights, new_loss, damping = improved(weights, loss, loss_of, normal, gradient, damping)
             if new_loss is None:
                 break  # no damping makes the step an improvement: the training error is at its least to rounding
             loss = new_loss
-            current = ((network.outputs(weights, X[validation]) - Y[validation]) ** 2).mean() if len(validation) else loss
+            current = watched.loss(network, weights) if len(watched.X) else loss
             if current < best * (1 - self.tol):
                 best, best_weights, waited = current, weights, 0
             else:
@@ -197,6 +202,37 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
                 if waited >= self.n_iter_no_change:
                     break
         return best, best_weights, iterations
+
+
+def _distinct(X, Y, weights):
+    """Samples without repetition, and their weights; None where all are alike.
+
+    They are as given, or sorted where anything repeats or weighs: what comes of copies and of weights is the same to the last bit.
+    """
+    rows, first, inverse = np.unique(np.hstack([X, Y]), axis=0, return_index=True, return_inverse=True)
+    if len(rows) == len(X) and (weights is None or (weights[0] > 0 and np.ptp(weights) == 0)):
+        return X, Y, None
+    weights = np.bincount(inverse.ravel(), weights, len(rows))
+    if not weights.any():
+        raise ValueError("all sample weights are zero")
+    kept = first[weights > 0]
+    return X[kept], Y[kept], weights[weights > 0]
+
+
+class _Part:
+    """A part of the samples, with the roots of their weights, whose squares are 1 in the mean."""
+
+    def __init__(self, X, Y, weights, chosen):
+        self.X, self.Y, self.root, self.mean = X[chosen], Y[chosen], 1.0, None
+        if weights is not None:
+            weights = weights[chosen]
+            self.root = np.sqrt(weights / weights.mean())[:, None] if len(weights) else 1.0
+        if len(self.X):
+            self.mean = (self.root**2 * self.Y).mean(axis=0)
+
+    def loss(self, network, weights):
+        """Mean squared error."""
+        return ((self.root * (network.outputs(weights, self.X) - self.Y)) ** 2).mean()
 
 
 class _Network:
@@ -230,15 +266,15 @@ class _Network:
             values = self.activation(values @ W + b)[0]
         return values @ coefs[-1] + intercepts[-1]
 
-    def normal_equations(self, weights, X, Y):
-        """J^T J and J^T r of the residuals r = outputs - Y, summed over samples and outputs."""
+    def normal_equations(self, weights, X, Y, root):
+        """J^T J and J^T r of the residuals r = root (outputs - Y), summed over samples and outputs."""
         coefs, intercepts = self.layers(weights)
         inputs, slopes, values = [], [], X
         for W, b in zip(coefs[:-1], intercepts[:-1], strict=True):
             inputs.append(values)
             values, slope = self.activation(values @ W + b)
             slopes.append(slope)
-        residuals = values @ coefs[-1] + intercepts[-1] - Y
+        residuals = root * (values @ coefs[-1] + intercepts[-1] - Y)
 
         # The output layer's weights of one output do not touch another's: only the columns of this one are formed.  With one hidden layer
         # these are the same for every output but for a factor, an output weight, so that their products are formed once.
@@ -246,17 +282,17 @@ class _Network:
         n_last, n_outputs = self.shapes[-1]
         normal, gradient = np.zeros((self.starts[-1], self.starts[-1])), np.zeros(self.starts[-1])
         jacobian, factor = np.empty((len(X), hidden + n_last + 1)), np.ones(hidden + n_last + 1)
-        jacobian[:, hidden:-1] = values
-        jacobian[:, -1] = 1
+        jacobian[:, hidden:-1] = root * values
+        jacobian[:, -1:] = root
         one_layer = len(slopes) == 1
         if one_layer:
-            self._fill(jacobian, coefs, inputs, slopes, slopes[0])
+            self._fill(jacobian, coefs, inputs, slopes, root * slopes[0])
             products = jacobian.T @ jacobian
         for output in range(n_outputs):
             if one_layer:
                 factor[:hidden] = np.tile(coefs[-1][:, output], hidden // n_last)
             else:
-                self._fill(jacobian, coefs, inputs, slopes, slopes[-1] * coefs[-1][:, output])
+                self._fill(jacobian, coefs, inputs, slopes, root * slopes[-1] * coefs[-1][:, output])
                 products = jacobian.T @ jacobian
             columns = np.concatenate(
                 [np.arange(hidden), hidden + np.arange(n_last) * n_outputs + output, [hidden + n_last * n_outputs + output]]

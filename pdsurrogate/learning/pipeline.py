@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from sklearn.base import BaseEstimator, clone, is_regressor
+from sklearn.base import clone, is_regressor
 from sklearn.compose import TransformedTargetRegressor
 from sklearn.multioutput import MultiOutputRegressor
 from sklearn.pipeline import Pipeline
@@ -20,7 +20,7 @@ from ..kernels.network import MOST_HIDDEN
 from .chebyshev import ChebyshevRegressor
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .sampling import COLUMNS, TARGETS, force_factor
-from .target import InputAwareTargetRegressor, check_targets
+from .target import InputAwareTargetRegressor, check_targets, is_search
 
 ROUNDING = 1e-10
 """Spread, in parts of the greatest output, below which an output is taken for constant."""
@@ -98,11 +98,6 @@ def _for_two_outputs(regressor):
         more = "; give an instance of it" if isinstance(regressor, type) else ""
         raise ValueError(f"{title} is no regressor with fit and predict, as a bond force is learnt by{more}")
     return regressor if _takes_two_outputs(regressor) else MultiOutputRegressor(regressor)
-
-
-def is_search(model) -> bool:
-    """Whether an estimator is one of scikit-learn's searches over parameters."""
-    return isinstance(model, BaseEstimator) and (hasattr(model, "param_grid") or hasattr(model, "param_distributions"))
 
 
 def _takes_two_outputs(regressor) -> bool:

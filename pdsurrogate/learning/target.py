@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from sklearn import get_config
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
+from sklearn.compose import TransformedTargetRegressor
 from sklearn.linear_model import LinearRegression
+from sklearn.multioutput import MultiOutputRegressor
 from sklearn.pipeline import Pipeline
 from sklearn.utils import get_tags
+from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 
@@ -14,6 +18,23 @@ def check_targets(y, names) -> None:
     """Raise ValueError if a target has other columns than those named."""
     if np.shape(y)[1:] != (len(names),):
         raise ValueError(f"y must have the {len(names)} columns {', '.join(names)}, not shape {np.shape(y)}")
+
+
+def is_search(model) -> bool:
+    """Whether an estimator is one of scikit-learn's searches over parameters."""
+    return isinstance(model, BaseEstimator) and (hasattr(model, "param_grid") or hasattr(model, "param_distributions"))
+
+
+def weight_parameter(estimator) -> str:
+    """What ``fit`` of an estimator calls the weights of samples: of a pipeline those of its last step, as deep as they are nested."""
+    if isinstance(estimator, Pipeline):
+        name, last = estimator.steps[-1]
+        return f"{name}__{weight_parameter(last)}"
+    if isinstance(estimator, TransformedTargetRegressor) and estimator.regressor is not None:
+        return weight_parameter(estimator.regressor)
+    if isinstance(estimator, MultiOutputRegressor) or is_search(estimator):
+        return weight_parameter(estimator.estimator)
+    return "sample_weight"
 
 
 class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
@@ -74,7 +95,8 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
         sample_weight : array-like, shape (n_samples,), optional
-            For the regressor, or the last step of a pipeline.
+            For the regressor, or the last step of a pipeline, whatever that is nested in; the scalings before it take none.  With
+            scikit-learn's metadata routing it goes where it is requested.
 
         Returns
         -------
@@ -96,8 +118,11 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         self.regressor_ = clone(self.regressor) if self.regressor is not None else LinearRegression()
         weights = {}
         if sample_weight is not None:
-            last = f"{self.regressor_.steps[-1][0]}__" if isinstance(self.regressor_, Pipeline) else ""
-            weights[f"{last}sample_weight"] = _check_sample_weight(sample_weight, X)
+            sample_weight = _check_sample_weight(sample_weight, X)
+            if get_config()["enable_metadata_routing"]:
+                weights = process_routing(self, "fit", sample_weight=sample_weight).regressor.fit
+            else:
+                weights = {weight_parameter(self.regressor_): sample_weight}
         self.regressor_.fit(X, z, **weights)
         self.offsets_ = np.zeros(z.shape[1] if z.ndim == 2 else 1)
         if self.anchor is not None:
@@ -105,6 +130,11 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
             chosen = list(self.anchored_outputs)
             self.offsets_[chosen] = at_anchor[chosen]
         return self
+
+    def get_metadata_routing(self):
+        """Where metadata go, as scikit-learn asks: to the regressor."""
+        regressor = self.regressor if self.regressor is not None else LinearRegression()
+        return MetadataRouter(owner=self).add(regressor=regressor, method_mapping=MethodMapping().add(caller="fit", callee="fit"))
 
     def __getstate__(self):
         # The inputs tell where a fitted model holds (`force_model_of`) as long as it is in memory; a file of it comes with a card.
