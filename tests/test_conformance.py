@@ -1,20 +1,26 @@
 """Every force model of the table, put to every property: `pdsurrogate.stress_test.conformance` holds both."""
 
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
 from conftest import SHIPPED
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sklearn.linear_model import Ridge
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import PolynomialFeatures
 
+import pdsurrogate as pd
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.forces.nosb import NOSBEvaluation, NOSBForce
 from pdsurrogate.stress_test.case import INAPPLICABLE, PASS, WEAK, WEAKNESSES, Subject
 from pdsurrogate.stress_test.conformance import (
+    MOMENTS,
     PROPERTIES,
     TABLE,
     Deformation,
+    Row,
     linear_momentum,
     objectivity,
     rigid_rotation,
@@ -62,6 +68,58 @@ def test_what_a_row_states_is_so(row, case):
     outcome = case.function(subject_of(row.reference, plane=row.plane))
     assert outcome.verdict == WEAK
     assert outcome.weakness == row.departures[case.key].weakness
+
+
+class OwnForce:
+    """The guide's example of a force of one's own, theory (12)."""
+
+    def bond_force(self, stretch, rotation, length, C33, J):
+        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+        p, k = (J * J * C33) ** (-1 / 3), C33 / J
+        T_nn, T_nm = p * (a - k * (J + b * b) / a), p * (1 + k) * b
+        return np.stack([T_nn * a + T_nm * b, T_nm * a - T_nn * b], axis=1) / stretch[:, None]
+
+
+class OwnEnergy:
+    """Neo-Hookean rubber as an energy of one's own."""
+
+    def energy(self, I1bar, I2bar):
+        return 0.5 * (I1bar - 3), 0.5, 0.0
+
+
+BROUGHT = {"own-force": OwnForce, "own-energy": OwnEnergy, "spline": None}
+"""What users bring, put to the suite: forces in Python as they are, and a regressor of another make, resampled and stored."""
+
+
+@pytest.fixture(scope="module")
+def brought(tmp_path_factory):
+    """The subjects of `BROUGHT`: forces in Python stand in the table of force models for as long, as one of the package would."""
+    law = pd.Ogden()
+    samples = pd.wide_design(law, 1500, (0.5, 4.0), random_state=0)
+    model = pd.bond_force_pipeline("isochoric", make_pipeline(PolynomialFeatures(6), Ridge(1e-4))).fit(samples.X, samples.y)
+    path = pd.store(model, samples, law, tmp_path_factory.mktemp("brought"), "polynomial", "1", "resampled")
+    assert isinstance(pd.load_surrogate(path), pd.SplineForce)
+    with pytest.MonkeyPatch.context() as patch:
+        for name, own in BROUGHT.items():
+            if own is not None:
+                patch.setitem(FORCES, name, partial(pd.OwnBondForce, own()))
+        yield {name: Subject(str(path) if own is None else name) for name, own in BROUGHT.items()}
+
+
+@pytest.mark.filterwarnings("ignore:.* encountered in:RuntimeWarning")  # of users' own arithmetic in impossible states
+@pytest.mark.parametrize("case", PROPERTIES, ids=lambda case: case.key)
+@pytest.mark.parametrize("name", BROUGHT)
+def test_what_users_bring_has_the_properties_of_every_bond_force(brought, name, case):
+    """Every one but that of moments, which no bond force has; forces in Python are in double precision alone."""
+    row = Row(name, MOMENTS)
+    outcome = case.function(brought[name])
+    if case.key == "single_precision":
+        assert (outcome.verdict == INAPPLICABLE) == (name != "spline")
+    elif case.key != "threads":  # of which there may be but one
+        assert outcome.verdict != INAPPLICABLE
+    if case.key in row.departures:
+        assert outcome.weakness == "moments"
+    judge(row, case, outcome)
 
 
 def test_every_shipped_model_is_in_the_table():
