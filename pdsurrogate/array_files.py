@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Collection
 from typing import BinaryIO
 
 import numpy as np
@@ -12,8 +13,8 @@ class DamagedFile(ValueError):
     """A file that is no uncompressed archive of plain arrays."""
 
 
-def read_arrays(file: BinaryIO) -> dict[str, np.ndarray]:
-    """The arrays of a file as ``numpy.savez`` writes it, by name.
+def read_arrays(file: BinaryIO, names: Collection[str] | None = None) -> dict[str, np.ndarray]:
+    """The arrays of a file as ``numpy.savez`` writes it, by name: all, or those that are named.
 
     Raises
     ------
@@ -25,7 +26,7 @@ def read_arrays(file: BinaryIO) -> dict[str, np.ndarray]:
             # Uncompressed, so that nothing in the file is larger than the file.
             if any(member.compress_type != zipfile.ZIP_STORED for member in archive.zip.infolist()):
                 raise DamagedFile("it is compressed")
-            arrays = {key: archive[key] for key in archive.files}
+            arrays = {key: archive[key] for key in archive.files if names is None or key in names}
     except DamagedFile:
         raise
     except Exception as error:  # whatever a damaged file provokes in NumPy and zipfile

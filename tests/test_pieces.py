@@ -8,6 +8,7 @@ import pytest
 import pdsurrogate as pd
 from pdsurrogate.body import Body
 from pdsurrogate.results import vtk
+from pdsurrogate.results.contents import Contents
 from pdsurrogate.results.deformed import deformed_cells
 from pdsurrogate.results.folder import make_room
 from pdsurrogate.results.states import Moment, SavedStates, StatesInFiles, StatesInPieces
@@ -93,8 +94,8 @@ def test_a_rank_that_cannot_write_leaves_the_states_before(result, written, monk
     assert len(states.moments) == len(SavedStates(written / "pieces", "hole").moments) == 1
 
 
-def test_a_new_run_takes_the_place_of_pieces(written):
-    make_room(written / "pieces", "hole")
+def test_a_new_run_takes_the_place_of_pieces(result, written):
+    make_room(written / "pieces", Contents.read(result.summary), overwrite=True)  # they have no summary
     assert not list((written / "pieces").iterdir())
 
 

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 import pdsurrogate as pd
 from pdsurrogate.results.files import write_json
+from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.results.provenance import git_state
 
 PULLED = {
@@ -193,7 +194,10 @@ def test_what_cannot_be_read_back_is_told(stretched, tmp_path):
     write_json(tmp_path / "summary.json", older)
     with pytest.raises(ValueError, match="the scene as run is not in it"):
         pd.load_result(tmp_path)
-    stretched.save(tmp_path)
+    # What such a folder holds is not known, and is not replaced unasked.
+    with pytest.raises(FolderTaken, match="results of uniaxial that do not tell their scene; give another folder, or --overwrite"):
+        stretched.save(tmp_path)
+    stretched.save(tmp_path, overwrite=True)
     (tmp_path / "uniaxial.pvd").write_text("<VTKFile")
     with pytest.raises(ValueError, match="the result cannot be read"):
         pd.load_result(tmp_path)

@@ -3,6 +3,8 @@
 import csv
 import json
 import os
+import re
+import signal
 import socket
 import subprocess
 import sys
@@ -16,8 +18,10 @@ from typer.testing import CliRunner
 import pdsurrogate as pd
 from pdsurrogate.cli import app
 from pdsurrogate.results import figures, files, measures
+from pdsurrogate.results.contents import MESH, Contents, digest_of_mesh
 from pdsurrogate.results.folder import LOCK, FolderTaken, occupied
-from pdsurrogate.run.simulate import simulate
+from pdsurrogate.run.run import Silent
+from pdsurrogate.run.simulate import SimulationInterrupted, simulate
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +101,9 @@ def test_a_run_clears_the_files_of_an_earlier_one_and_nothing_else(saved, tmp_pa
 
     Before a run begins, so that it stands for itself however it ends; what is not a run's stays.
     """
-    saved[0].save(tmp_path)
+    simulate(uniaxial(1.1), "analytic").save(tmp_path)
+    for name in ("uniaxial-001.vtu", "uniaxial-007.vtu", "uniaxial-loading.png"):  # of an earlier version of the scene
+        (tmp_path / name).write_text("left")
     mine = ["notes.txt", "uniaxial-final.vtu", "uniaxial-1.vtu", "other-000.vtu", "picture.png"]
     for name in mine:
         (tmp_path / name).write_text("mine")
@@ -128,10 +134,75 @@ def test_results_of_another_scene_are_not_replaced_unasked(saved, tmp_path):
     with pytest.raises(FolderTaken):
         found.save(tmp_path)
     assert names_in(tmp_path) == [name for name in before if name != "summary.json"]
+    with pytest.raises(FolderTaken, match="results of uniaxial that do not tell their scene"):
+        result.save(tmp_path)
     found.save(tmp_path, overwrite=True)
     assert names_in(tmp_path) == ["convergence.csv", "history.csv", "mine-000.vtu", "mine.png", "mine.pvd", "summary.json"]
     with pytest.raises(ValueError, match="give resume or overwrite, not both"):
         simulate(other, "analytic", folder=tmp_path, resume=True, overwrite=True)
+
+
+def test_results_of_another_run_of_the_scene_are_not_replaced_unasked(tmp_path):
+    """`pdsurrogate run uniaxial --set stretches=[1.3] --out x` took the place of a run to 1.1 without a word: names alone were compared."""
+    found = simulate(uniaxial(1.1), "analytic", folder=tmp_path)
+    found.save(tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    for scene, force, difference in (
+        (uniaxial(1.3), "analytic", r"stretches is \[1.1\] there and \[1.3\] here"),
+        (uniaxial(1.1), "neo-hookean", "force is analytic there and neo-hookean@1 here"),
+        (uniaxial(1.1, **{"material.bulk_modulus": 50.0}), "analytic", "material.bulk_modulus is 100.0 there and 50.0 here"),
+    ):
+        refused = rf"holds the results of another run of uniaxial: {difference}; give another folder, or --overwrite"
+        with pytest.raises(FolderTaken, match=refused):
+            simulate(scene, force, folder=tmp_path)
+        with pytest.raises(FolderTaken, match=refused):
+            simulate(scene, force).save(tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    read = pd.load_result(tmp_path)
+    read.save(tmp_path)  # its states stay, which it reads from there
+    assert read.displacement().shape == (300, 2)
+    with pytest.raises(ValueError, match="the result was read from files, and those are what it would write: copy"):
+        read.save(tmp_path / "other")
+    simulate(uniaxial(1.3), "analytic", folder=tmp_path, overwrite=True).save(tmp_path)
+    assert pd.load_result(tmp_path).levels[0]["stretch"] == 1.3
+
+
+def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
+    """Its checkpoint may be worth hours; the same command without --resume took its place."""
+
+    class Stops(Silent):
+        def level(self, number: int, parameter: float) -> None:
+            if number == 1:
+                signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(SimulationInterrupted) as stopped:
+        simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, progress=Stops())
+    for summary in (False, True):  # killed, and stopped by Ctrl-C
+        if summary:
+            stopped.value.result.save(tmp_path)
+        with pytest.raises(FolderTaken, match="holds this run, ended before its time: go on with it by --resume, or begin it anew by --o"):
+            simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path)
+        with pytest.raises(FolderTaken, match=r"another run of uniaxial: stretches is \[1.1, 1.2\] there and \[1.1\] here"):
+            simulate(uniaxial(1.1), "analytic", folder=tmp_path)
+    simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, resume=True).save(tmp_path)
+    assert len(simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path).states) == 2  # now that it has come to its end
+
+
+def test_differences_of_scenes_in_words(tmp_path):
+    first, other = uniaxial(1.1), pd.load_scene("ring-pressure", {"name": "uniaxial"})
+    model = pd.load_surrogate("analytic")
+    told = Contents.of(first, [model]).differences(Contents.of(other, [model]))
+    assert re.fullmatch(r"(\S+ is .+ there and .+ here; ){2}\S+ is .+ there and .+ here, and \d+ more", told)
+    assert "title" not in told  # which changes no result
+    assert Contents.of(first, [model]).differences(Contents.of(first, [model])) == ""
+    # A mesh is told by what its file holds.
+    mesh = pd.Mesh(file=str(tmp_path / "sheet.vtk"))
+    digests = []
+    for text in ("one", "other"):
+        (tmp_path / "sheet.vtk").write_text(text)
+        digests.append({MESH: digest_of_mesh(mesh)})
+    one, another = (Contents({}, "analytic", digest) for digest in digests)
+    assert one.differences(another) == "the file of the mesh has changed"
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ def run(
         int | None, typer.Option(help="Threads of the kernels (by default as many as pay); the result does not depend on it.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in DIR, to the same result.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the results of another scene in DIR.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what other runs left in DIR, or this one, interrupted.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON in the place of tables.")] = False,
 ) -> None:
     """Run a scene and compare it with its reference."""

@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from ..array_files import read_arrays
+from .contents import Contents
 from .files import write_with
 
-FORMAT = 5
+FORMAT = 6
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
+ANEW = "begin anew by --overwrite in the place of --resume"
 
 
 class CheckpointError(ValueError):
@@ -27,7 +29,7 @@ class Checkpoint:
     Attributes
     ----------
     identity : dict
-        What must be the same in the run that resumes: scene, force model, sizes.
+        What must be the same in the run that resumes: scene and force models, as `Contents` describes them, and sizes.
     progress : dict
         Plain numbers, strings and lists.
     arrays : dict of ndarray
@@ -74,16 +76,30 @@ class Checkpoint:
             described = json.loads(arrays.pop(_DESCRIPTION).tobytes().decode())
             found, written, progress = described["format"], described["identity"], described["progress"]
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-            raise CheckpointError(f"{path} is damaged ({type(error).__name__}); run without --resume") from None
+            raise CheckpointError(f"{path} is damaged ({type(error).__name__}); {ANEW}") from None
         if found != FORMAT:
-            raise CheckpointError(f"{path} has format {found!r}, this version reads {FORMAT}; run without --resume")
+            raise CheckpointError(f"{path} has format {found!r}, this version reads {FORMAT}; {ANEW}")
+        there, here = Contents.read(written), Contents.read(identity)
+        if there is None or here is None:
+            raise CheckpointError(f"{path} is damaged: it does not tell its scene; {ANEW}")
+        if differences := there.differences(here):
+            raise CheckpointError(f"{path} belongs to another run: {differences}; {ANEW}, or resume with what is there")
         for key in identity:
-            if not isinstance(written, dict) or written.get(key) != json.loads(json.dumps(identity[key])):
-                raise CheckpointError(f"{path} belongs to another run: its {key} differs; run without --resume, or with the same {key}")
+            if written.get(key) != json.loads(json.dumps(identity[key])):
+                raise CheckpointError(f"{path} belongs to another run: its {key} differs; {ANEW}")
         for key, (shape, dtype) in shapes.items():
             if key not in arrays or arrays[key].shape != shape or arrays[key].dtype != dtype:
-                raise CheckpointError(f"{path} is damaged: {key} is missing or of another shape; run without --resume")
+                raise CheckpointError(f"{path} is damaged: {key} is missing or of another shape; {ANEW}")
         for key, array in arrays.items():
             if array.dtype.kind not in "fiub" or not np.isfinite(array).all():
-                raise CheckpointError(f"{path} is damaged: {key} holds what is not a number; run without --resume")
+                raise CheckpointError(f"{path} is damaged: {key} holds what is not a number; {ANEW}")
         return cls(identity, progress, arrays)
+
+
+def identity_in(folder: Path) -> dict | None:
+    """What the run was of that left a checkpoint in a folder, see `Checkpoint`; None where there is none, or a damaged one."""
+    try:
+        with (Path(folder) / NAME).open("rb") as file:
+            return json.loads(read_arrays(file, [_DESCRIPTION])[_DESCRIPTION].tobytes().decode())["identity"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None

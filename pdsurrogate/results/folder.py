@@ -2,8 +2,9 @@
 
 A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (in pieces ``NAME-000.pvtu``, ``NAME-000.piece0.vtu`` and so on),
 ``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name, and ``summary.json``, ``history.csv``, ``convergence.csv`` and
-``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A folder holds a run of a scene if its summary names the
-scene, or a PVD index lists states of that name.
+``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A folder holds a run of a scene if its summary or, where
+there is none, its checkpoint names the scene, or a PVD index lists states of that name.  What else than its name the run was of, its
+`Contents`, is in the same files.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from .checkpoint import NAME as CHECKPOINT
+from .checkpoint import identity_in
+from .contents import Contents
 
 SUMMARY, HISTORY, CONVERGENCE = "summary.json", "history.csv", "convergence.csv"
 
@@ -101,34 +104,50 @@ def _lives(process: int) -> bool:
     return True
 
 
-def check_room(folder: Path, name: str, overwrite: bool = False) -> None:
-    """See whether a run of a scene may write to a folder, in the place of an earlier run of the same scene.
+WAY_OUT = "give another folder, or --overwrite (overwrite=True in Python)"
+
+
+def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> None:
+    """See whether the results of a run may go to a folder: those of the same run, come to its end, are there to be replaced by their like.
 
     Parameters
     ----------
     folder : Path
-    name : str
-        Of the scene.
+    contents : Contents
+        Of the run.
     overwrite : bool
-        Also in the place of runs of other scenes.
+        Also in the place of other runs, and of one that did not come to its end.
 
     Raises
     ------
     FolderTaken
-        If the folder holds a run of another scene, or a file called like a run's that no run wrote.
+        If the folder holds another run, or the same one that was interrupted, or a file called like a run's that no run wrote.
     """
     for kind, ours in _SIGNATURES.items():
         if (folder / kind).exists() and not ours(folder / kind):
             raise FolderTaken(f"{folder / kind} was not written by a run and would be replaced; give another folder")
-    others = sorted(_scenes_in(folder) - {name})
-    if others and not overwrite:
-        found = f"{folder} holds the results of another scene ({', '.join(others)})"
-        raise FolderTaken(f"{found}; give another folder, or --overwrite (overwrite=True in Python)")
+    names, name = _scenes_in(folder), contents.scene["name"]
+    if overwrite or not names:
+        return
+    if others := sorted(names - {name}):
+        raise FolderTaken(f"{folder} holds the results of another scene ({', '.join(others)}); {WAY_OUT}")
+    summary = _summary(folder / SUMMARY)
+    found = Contents.read(summary or identity_in(folder))
+    if found is None:
+        raise FolderTaken(f"{folder} holds results of {name} that do not tell their scene; {WAY_OUT}")
+    if differences := found.differences(contents):
+        raise FolderTaken(f"{folder} holds the results of another run of {name}: {differences}; {WAY_OUT}")
+    if summary is None or summary.get("interrupted"):
+        raise FolderTaken(
+            f"{folder} holds this run, ended before its time: go on with it by --resume, or begin it anew by --overwrite (resume=True or "
+            "overwrite=True in Python)"
+        )
 
 
-def make_room(folder: Path, name: str, overwrite: bool = False) -> None:
+def make_room(folder: Path, contents: Contents, overwrite: bool = False) -> None:
     """Remove the files of earlier runs from a folder, and nothing else; see `check_room`."""
-    check_room(folder, name, overwrite)
+    check_room(folder, contents, overwrite)
+    name = contents.scene["name"]
     for scene in _scenes_in(folder) | ({name} if state_files(folder, name) else set()):
         for path in _files_of(folder, scene):
             path.unlink()
@@ -152,7 +171,10 @@ def _scenes_in(folder: Path) -> set[str]:
     """Names of the scenes of which a folder holds runs."""
     scenes = {path.stem for path in folder.glob("*.pvd") if _is_index(path)}
     summary = _summary(folder / SUMMARY)
-    return scenes if summary is None else scenes | {summary["scene"]}
+    if summary is not None:
+        return scenes | {summary["scene"]}
+    begun = Contents.read(identity_in(folder))
+    return scenes if begun is None else scenes | {begun.scene["name"]}
 
 
 def _is_index(path: Path) -> bool:

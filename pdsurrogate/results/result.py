@@ -15,6 +15,7 @@ import numpy as np
 from ..body import Body, CellMesh
 from ..html_tables import html_facts, html_table
 from ..scenes import Scene, Units
+from .contents import Contents
 from .deformed import deformed_cells
 from .files import write_json, write_text
 from .folder import CONVERGENCE, HISTORY, SUMMARY, make_room, occupied, saved_scene
@@ -79,19 +80,21 @@ class Result:
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
         """Write ``summary.json``, ``history.csv``, ``convergence.csv``, a VTU series with its PVD index and a figure of the deformed body.
 
-        Every file is written whole; the summary last, so that a folder with a summary is complete.  Results of an earlier run of the same
-        scene in the folder are removed before.
+        Every file is written whole; the summary last, so that a folder with a summary is complete.  Results of the same run in the
+        folder, of this scene with this force, are removed before.
 
         Parameters
         ----------
         folder : str or path
         overwrite : bool
-            Remove results of other scenes as well.
+            Remove those of other runs as well.
 
         Raises
         ------
         FolderTaken
-            If the folder holds results of another scene, or a file called like one of these that no run wrote, or a run is writing there.
+            If the folder holds results of another run, or a file called like one of these that no run wrote, or a run is writing there.
+        ValueError
+            If the result was read from another folder.
         """
         folder = Path(folder)
         with occupied(folder):
@@ -100,9 +103,12 @@ class Result:
     def _write(self, folder: Path, overwrite: bool) -> None:
         from . import animation, figures
 
-        streamed = isinstance(self.states, StatesInFiles | StatesInPieces) and self.states.folder.resolve() == folder.resolve()
+        in_files = isinstance(self.states, StatesInFiles | StatesInPieces | SavedStates)
+        streamed = in_files and self.states.folder.resolve() == folder.resolve()
+        if not streamed and self.body is None:
+            raise ValueError(f"the result was read from files, and those are what it would write: copy them to {folder}")
         if not streamed:
-            make_room(folder, self.scene.name, overwrite)
+            make_room(folder, Contents.read(self.summary), overwrite)
         write_text(folder / HISTORY, _as_csv(self.history, self.scene.units))
         if self.convergence:
             write_text(folder / CONVERGENCE, _as_csv(self.convergence, self.scene.units))

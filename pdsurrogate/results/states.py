@@ -246,6 +246,7 @@ class SavedStates:
     def __init__(self, folder: Path, name: str) -> None:
         from . import vtk
 
+        self.folder = folder
         self._paths, self.moments = [], []
         for run_time, path in vtk.read_index(folder / f"{name}.pvd"):
             values = vtk.read_values(path)

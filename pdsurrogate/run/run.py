@@ -13,13 +13,13 @@ import numpy as np
 from ..body import Body, Surface
 from ..discretisation import discretise, grip_areas, surface_of
 from ..forces import ForceModel, InternalForce, bind_portions
-from ..forces.identity import identity_of
 from ..kernels.threads import threads_for
 from ..materials import Law
 from ..ranks import ALONE, Communicator, ReductionsOfParts, communicator, divided
 from ..ranks.communicator import Alone
 from ..results import measures
 from ..results.checkpoint import Checkpoint, CheckpointError
+from ..results.contents import Contents
 from ..results.probes import Probes
 from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory, StatesInPieces
 from ..scenes import Mesh, Scene, SceneError
@@ -169,6 +169,7 @@ class Run:
         self.earlier: tuple[float, np.ndarray] | None = None
         self.law: Law = scene.material.build()
         self.models = [self.model, *models_of(scene, self.model)]
+        self.contents = Contents.of(scene, self.models)
         self.body: Body
         self.whole: Body | None
         self.body, lower, upper = discretise(scene, self._part_of)
@@ -325,9 +326,7 @@ class Run:
     def identity(self) -> dict:
         """What a checkpoint of this run must have in common with it."""
         return {
-            "scene": self.scene.model_dump(mode="json"),
-            "force": identity_of(self.model),
-            **({"forces_of_materials": [identity_of(model) for model in self.models[1:]]} if self.scene.materials else {}),
+            **self.contents.describe(),
             "n_points": self.reductions.total_size(len(self.body)),
             "n_pairs": self.reductions.total_of_parts(self.counted_pairs()),
         }

@@ -13,18 +13,19 @@ from threadpoolctl import threadpool_limits
 
 from .. import artifacts
 from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, is_own_force
-from ..forces.identity import digest_of
 from ..kernels.compile import compilation_clock
 from ..kernels.threads import thread_count
 from ..ranks import communicator
 from ..results import Result
 from ..results.checkpoint import CheckpointError
+from ..results.contents import Contents
 from ..results.folder import check_room, make_room, occupied
 from ..results.provenance import provenance
 from ..scenes import Scene, load_scene
 from ..solvers import Diverging, NotConverged, RanAway, TooFar, Unstable
 from .interruption import Interrupted
 from .levels import go_through, solver_of
+from .materials import models_of
 from .run import Progress, Run, Silent
 
 if TYPE_CHECKING:
@@ -108,11 +109,11 @@ def simulate(
         Where to report progress.
     folder : str or path, optional
         Where states are written the moment they are reached, and checkpoints beside them; without it states stay in memory.
-        Results of an earlier run of the same scene there are removed first, unless it is resumed.
+        Results of the same run there, of this scene with this force, are replaced; what else there is needs `overwrite`.
     resume : bool
         Go on from the checkpoint in `folder`, to the result that the run would have had without the interruption.
     overwrite : bool
-        Remove results of other scenes in `folder` as well.
+        Remove what other runs left in `folder`, and what the same one left that was ended before its time.
 
     Returns
     -------
@@ -132,7 +133,8 @@ def simulate(
     CheckpointError
         If there is nothing to resume from, or it belongs to another run.
     FolderTaken
-        If `folder` holds results of another scene, or a file called like one of a run's that no run wrote, or another run writes there.
+        If `folder` holds results of another run, or a checkpoint of this one that was interrupted, or a file called like one of a run's
+        that no run wrote, or another run writes there.
     SimulationInterrupted
         After Ctrl-C, at the next place where the state is whole; the part that was reached is kept.
     SimulationFailed
@@ -172,7 +174,7 @@ def simulate(
     folder = None if folder is None else Path(folder)
     writes = folder is not None and ranks.rank == 0
     if writes and not resume:
-        check_room(folder, scene.name, overwrite)  # before any work
+        check_room(folder, Contents.of(scene, [model, *models_of(scene, model)]), overwrite)  # before any work
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(folder) if writes else nullcontext()
     with held, thread_count(threads), threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
@@ -181,13 +183,13 @@ def simulate(
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
         if writes and not resume:
-            make_room(folder, scene.name, overwrite)
+            make_room(folder, run.contents, overwrite)
         try:
             with run.interruption:
                 _go(run, resume)
         except Interrupted as error:
             message = f"{run.loading.at(run.parameter)}: {error}"
-            raise SimulationInterrupted(message, _result(run, clock.seconds, began, message)) from None
+            raise SimulationInterrupted(message, _result(run, clock.seconds, began, message, True)) from None
         except (NotConverged, Diverging, RanAway, TooFar, Unstable, InvalidState, OutsideDomain, OwnForceFailed) as error:
             inertia = run.stages[run.stage].inertia is not None and run.steps > 0
             advice = DYNAMICS_ADVICE if inertia else ADVICE.get(type(error))
@@ -292,7 +294,7 @@ def _take_up(run: Run, solver):
         raise CheckpointError(f"the checkpoint in {run.folder} is damaged ({error}); run without resume") from None
 
 
-def _result(run: Run, seconds_compile: float, began: float, failure: str | None) -> Result:
+def _result(run: Run, seconds_compile: float, began: float, failure: str | None, interrupted: bool = False) -> Result:
     """Everything reached so far."""
     force, scene = run.force, run.scene
     residuals = [level["residual"] for level in run.levels if "residual" in level]
@@ -303,7 +305,7 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
     directed = total(run.directed_bonds())
     summary = {
         "scene": scene.name,
-        "force": run.model.name,
+        "force": run.contents.force,
         "material": run.law.describe(),
         "plane": force.plane,
         "thickness": 1.0,
@@ -320,6 +322,7 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         **({"ranks": run.ranks.size} if run.ranks.size > 1 else {}),
         "threads": run.threads,
         "converged": failure is None,
+        "interrupted": interrupted,
         "failure": failure,
         "residual": max(residuals, default=None),
         "n_force_evaluations": force.evaluations,
@@ -332,8 +335,7 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None)
         "units": {**scene.units.model_dump(), "force": scene.units.force, "energy": scene.units.energy},
         **({"grip_areas": run.grip_areas} if scene.stretched else {}),
         "levels": run.levels,
-        "digests": {model.name: digest_of(model.payload()) for model in run.models},
-        "scene_as_run": scene.model_dump(mode="json", by_alias=True, exclude_none=True),
+        **run.contents.describe(),
         "provenance": provenance(),
     }
     if scene.materials:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import time
 from collections.abc import Mapping
@@ -17,6 +16,7 @@ from ..forces import FORCES, ForceModel
 from ..forces.identity import digest_of, identity_of
 from ..results.checkpoint import NAME as CHECKPOINT
 from ..results.checkpoint import CheckpointError
+from ..results.contents import digest_of_mesh
 from ..results.files import write_json
 from ..results.folder import SUMMARY
 from ..run.materials import checked_models
@@ -58,10 +58,10 @@ class SceneTask:
         model = _model(self.force, self.scene)
         if _scene_digest(self.scene, model) != self.digest:
             raise RuntimeError("the mesh or the force is not the one that it was where the study was begun")
-        options = {"threads": threads, "folder": folder, "overwrite": False}
+        options = {"threads": threads, "folder": folder}
         failure = None
         try:
-            result = _resumed(self.scene, model, options) or simulate(self.scene, model, **options)
+            result = _resumed(self.scene, model, options) or simulate(self.scene, model, **options, overwrite=True)
         except SimulationInterrupted:
             raise KeyboardInterrupt from None
         except SimulationFailed as error:
@@ -188,10 +188,7 @@ def _scene_digest(scene: Scene, model: ForceModel) -> str:
     described = {"scene": scene.model_dump(mode="json"), "forces": [identity_of(own) for own in checked_models(scene, model)]}
     if isinstance(scene.body, Mesh):
         del described["scene"]["body"]["file"]  # its contents count, not where it lies
-        try:
-            described["mesh"] = hashlib.sha256(Path(scene.body.file).read_bytes()).hexdigest()
-        except OSError as error:
-            raise SceneError(f"body.file: cannot read {scene.body.file}: {error.strerror}") from None
+        described["mesh"] = digest_of_mesh(scene.body)
     return digest_of(described)
 
 

@@ -1,0 +1,108 @@
+"""What the results of a run are of: its scene and its force models, by which they are told from those of another run."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from ..forces import ForceModel
+from ..forces.identity import digest_of
+from ..scenes import Mesh, Scene, SceneError
+
+MESH = "mesh"
+"""Among the digests: that of the file of a mesh."""
+
+MOST_TOLD, MOST_CHARACTERS = 3, 60
+"""Differences that a message tells one by one, and characters of a value."""
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What runs with the same come to the same results of.
+
+    Attributes
+    ----------
+    scene : dict
+        As run, as `pdsurrogate.Scene` dumps it.
+    force : str
+        Name of the force model, of several materials that of the rest.
+    digests : dict of str
+        By the name of every force model; under `MESH` that of the mesh's file.
+    """
+
+    scene: dict[str, Any]
+    force: str
+    digests: dict[str, str]
+
+    @classmethod
+    def of(cls, scene: Scene, models: Sequence[ForceModel]) -> Contents:
+        """Of a run that is about to begin, whose mesh's file is read for it; SceneError if it cannot be."""
+        digests = {model.name: digest_of(model.payload()) for model in models}
+        if isinstance(scene.body, Mesh):
+            digests[MESH] = digest_of_mesh(scene.body)
+        return cls(_dump(scene), models[0].name, digests)
+
+    @classmethod
+    def read(cls, description: Any) -> Contents | None:
+        """From a summary or the description of a checkpoint; None where these do not say it, as earlier versions' do not."""
+        try:
+            scene = Scene.model_validate(description["scene_as_run"])
+            return cls(_dump(scene), description["force"], dict(description["digests"]))
+        except (KeyError, TypeError, ValueError, ValidationError):
+            return None
+
+    def describe(self) -> dict[str, Any]:
+        """What a summary and a checkpoint hold, for `read`."""
+        return {"force": self.force, "digests": self.digests, "scene_as_run": self.scene}
+
+    def differences(self, now: Contents) -> str:
+        """How a run that is to take the place of this one differs from it, in words; empty where it does not."""
+        there, here = dict(_leaves(self.scene)), dict(_leaves(now.scene))
+        found = [
+            f"{key} is {_told(there, key)} there and {_told(here, key)} here"
+            for key in dict.fromkeys([*there, *here])
+            if key != "title" and (key not in there or key not in here or there[key] != here[key])
+        ]
+        if self.force != now.force:
+            found.append(f"force is {self.force} there and {now.force} here")
+        changed = [name for name in self.digests if name in now.digests and self.digests[name] != now.digests[name]]
+        found += [f"the file of the {MESH} has changed" if name == MESH else f"{name} is another one by that name" for name in changed]
+        more = f", and {len(found) - MOST_TOLD} more" if len(found) > MOST_TOLD else ""
+        return "; ".join(found[:MOST_TOLD]) + more
+
+
+def digest_of_mesh(mesh: Mesh) -> str:
+    """SHA-256 of the file of a mesh; SceneError if it cannot be read."""
+    try:
+        return hashlib.sha256(Path(mesh.file).read_bytes()).hexdigest()
+    except OSError as error:
+        raise SceneError(f"body.file: cannot read {mesh.file}: {error.strerror}") from None
+
+
+def _dump(scene: Scene) -> dict[str, Any]:
+    return scene.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+
+def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Values by dotted key; lists of values are values."""
+    if isinstance(value, dict):
+        inner = [(str(name), item) for name, item in value.items()]
+    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        inner = [(str(number), item) for number, item in enumerate(value)]
+    else:
+        yield key, value
+        return
+    for name, item in inner:
+        yield from _leaves(item, f"{key}.{name}" if key else name)
+
+
+def _told(leaves: dict[str, Any], key: str) -> str:
+    if key not in leaves:
+        return "not given"
+    text = str(leaves[key])
+    return text if len(text) <= MOST_CHARACTERS else text[:MOST_CHARACTERS] + " ..."
