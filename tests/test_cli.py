@@ -252,6 +252,10 @@ def test_from_test_data_to_a_simulation(tmp_path, monkeypatch):
     assert laws[0]["rows"] == 4
     assert laws[0]["parameters"]["shear_modulus"] == pytest.approx(0.4, rel=1e-3)
     assert (tmp_path / "found" / "identify.png").stat().st_size > 5000
+    # The answer to another question is not replaced unasked.
+    other = invoke("identify", data, "--law", "gent", "--out", tmp_path / "found")
+    assert other.exit_code == 2
+    assert "answers something else: laws is ['mooney-rivlin', 'gent'] there and ['gent'] here; up_to is 2.6 there" in other.stderr
     fitted = invoke("fit", "measured", "--data", data, "--law", "mooney-rivlin", "--samples", 2000, "--folds", 2)
     assert fitted.exit_code == 0, fitted.output
     card = json.loads(invoke("artifacts", "measured").stdout)

@@ -3,7 +3,9 @@
 import io
 import json
 import logging
+import re
 import sys
+import warnings
 
 import pytest
 from rich.console import Console
@@ -11,8 +13,10 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pd
 from pdsurrogate.cli import app, application
+from pdsurrogate.forces import OutsideDomainWarning
 from pdsurrogate.kernels.threads import at_most, most_threads, threads_for
 from pdsurrogate.materials import LAWS
+from pdsurrogate.run.sharing import Oversubscribed
 
 FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
 
@@ -166,3 +170,22 @@ def test_commands_keep_to_the_threads_that_are_asked_for():
         done = invoke(command, *(["uniaxial"] if command == "run" else ["--quick"]), "--threads", 10_000)
         assert done.exit_code == 2
         assert "threads must be between" in done.stderr
+
+
+def test_warnings_are_said_in_one_line_without_the_place_in_the_source(capsys):
+    with application.said_aloud():
+        for kind in (Oversubscribed, OutsideDomainWarning, UserWarning):
+            warnings.warn(f"of kind [{kind.__name__}]", kind, stacklevel=1)
+    told = capsys.readouterr().err.splitlines()
+    assert told == [f"pdsurrogate: of kind [{name}]" for name in ("Oversubscribed", "OutsideDomainWarning", "UserWarning")]
+
+
+def test_training_says_how_far_it_is(monkeypatch, tmp_path):
+    """A minute of training said nothing but that it went on: rate, time left and loss, on terminals alone."""
+    file = io.StringIO()
+    monkeypatch.setenv("PDSURROGATE_ARTIFACTS", str(tmp_path))
+    monkeypatch.setattr(application, "err", Console(file=file, force_terminal=True, width=160))
+    done = invoke("fit", "mine", "--units", 4, "--samples", 300, "--greatest", 1.5, "--iterations", 30, "--folds", 2)
+    assert done.exit_code in (0, 1), done.output
+    for words in ("Fitting", "Cross-validating", "fold 2 of 2", r"iteration \d+ of at most 30, loss \d\.\d+e-\d+, [\d.e+]+ iterations/s"):
+        assert re.search(words, file.getvalue())

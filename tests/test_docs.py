@@ -4,20 +4,27 @@ import doctest
 import importlib.util
 import re
 import runpy
+import shlex
+import tomllib
 from pathlib import Path
 
 import pytest
+import typer
 
 import pdsurrogate as pd
+from pdsurrogate.cli import app
 from pdsurrogate.forces import FORCES
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
 from pdsurrogate.materials import LAWS
 from pdsurrogate.results.measures import POINT_FIELDS
+from pdsurrogate.studies.designs import parameters_of_runs
+from pdsurrogate.studies.tasks import tasks_of
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
-EXAMPLES = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+BLOCKS = {kind: re.compile(rf"^```{kind}\n(.*?)^```", re.MULTILINE | re.DOTALL) for kind in ("python", "sh", "toml")}
+EXAMPLES = BLOCKS["python"]
 WITH_EXAMPLES = [page for page in (ROOT / "README.md", *PAGES) if EXAMPLES.search(page.read_text())]
 
 
@@ -68,6 +75,58 @@ def test_every_field_is_in_the_table_of_the_guide():
     assert {name: (int(components), unit or None) for name, components, unit, _ in rows} == {
         name: (field.components, field.unit) for name, field in POINT_FIELDS.items()
     }
+
+    for name, *_, tests in rows:
+        files = re.findall(r"`(tests/\w+\.py)`", tests)
+        assert files
+        assert all(f'"{name}"' in (ROOT / file).read_text() for file in files), f"{name} is not tested in {tests}"
+
+
+def words_of(line):
+    """Words of a printed command without its comment, from the name of the program on; none of another program's."""
+    words = shlex.split(line, comments=True)
+    return words[1:] if words and Path(words[0]).name == "pdsurrogate" else []
+
+
+def commands_of(page):
+    """The commands that a page prints."""
+    lines = [line for block in BLOCKS["sh"].findall(page.read_text()) for line in block.splitlines()]
+    return [words for line in lines for part in line.split(" && ") if (words := words_of(part))]
+
+
+WITH_COMMANDS = [page for page in (ROOT / "README.md", *PAGES) if commands_of(page)]
+
+
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: page.stem)
+def test_commands_that_are_printed_are_understood(page):
+    """Commands, options and, of built-in scenes, every --set; what they do has its tests elsewhere."""
+    group = typer.main.get_command(app)
+    for words in commands_of(page):
+        with group.make_context("pdsurrogate", list(words)) as context:
+            name, command, rest = group.resolve_command(context, context._protected_args + context.args)
+            given = command.make_context(name, rest, parent=context).params
+        if given.get("scene") in pd.scene_names() and not given.get("imports"):
+            pd.load_scene(given["scene"], given["change"] or [])
+
+
+def described(page):
+    """The scenes and studies that a page prints; what is a part of a scene, in the place of that of the scene before."""
+    whole = {}
+    for block in BLOCKS["toml"].findall(page.read_text()):
+        found = tomllib.loads(block)
+        whole = found if {"name", "scene"} & set(found) else {**whole, **found}
+        yield whole
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in (ROOT / "README.md", *PAGES) if BLOCKS["toml"].search(page.read_text())], ids=lambda page: page.stem
+)
+def test_scenes_and_studies_that_are_printed_are_understood(page, tmp_path):
+    for number, found in enumerate(described(page)):
+        if "parameters" in found:
+            tasks_of(pd.Study.model_validate(found), tmp_path, parameters_of_runs(pd.Study.model_validate(found)))
+        else:
+            assert pd.Scene.model_validate(found).spacing > 0, number
 
 
 @pytest.mark.slow  # they train, and compile a force that is not otherwise taken

@@ -343,3 +343,19 @@ def test_a_scheduler_that_does_not_answer_is_told(tmp_path):
     pytest.importorskip("distributed", reason="Dask is not installed")
     with pytest.raises(pd.SceneError, match="no Dask scheduler answers at tcp:"):
         pd.study({**TINY, "parameters": {"spacing": [0.5]}, "set": {}}, tmp_path, scheduler="tcp://127.0.0.1:1")
+
+
+def test_the_table_of_another_study_is_not_replaced_unasked(tmp_path):
+    """A study with other runs took the place of the table in its folder without a word."""
+    pd.study({**TINY, "parameters": {"material.shear_modulus": [1.0, 2.0]}}, tmp_path, jobs=1)
+    before = (tmp_path / "study.csv").read_text()
+    other = {**TINY, "parameters": {"material.shear_modulus": [1.0, 3.0]}}
+    told = r"a study with 1 runs that this one has not: parameters.material.shear_modulus is \[1.0, 2.0\] there and \[1.0, 3.0\] here; give"
+    with pytest.raises(FolderTaken, match=told):
+        pd.study(other, tmp_path, jobs=1)
+    assert (tmp_path / "study.csv").read_text() == before
+    assert len(pd.study(other, tmp_path, jobs=1, overwrite=True).rows) == 2
+    assert len(list(tmp_path.glob("runs/*"))) == 3
+    (tmp_path / "study.json").write_text("{}")
+    with pytest.raises(FolderTaken, match="does not tell its study"):
+        pd.study(other, tmp_path, jobs=1)

@@ -155,7 +155,7 @@ def writing(folder) -> Iterator[None]:
 
 @contextmanager
 def said_aloud() -> Iterator[None]:
-    """Print warnings of the package as lines of its own."""
+    """Print warnings that are for users, the package's own among them, as lines without the place in its source."""
     from ..forces import OutsideDomainWarning
 
     with warnings.catch_warnings():
@@ -163,7 +163,7 @@ def said_aloud() -> Iterator[None]:
         before = warnings.showwarning
 
         def show(message, category, *where) -> None:
-            if issubclass(category, OutsideDomainWarning):
+            if issubclass(category, UserWarning) or category.__module__.startswith(__package__.partition(".")[0]):
                 err.print(f"[yellow]pdsurrogate:[/] {escape(str(message))}", soft_wrap=True)
             else:
                 before(message, category, *where)

@@ -13,11 +13,12 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from .application import app, bad_input, err, out, settings
+from .application import app, bad_input, err, out, said_aloud, settings
 
 Verbose = Annotated[int, typer.Option("-v", "--verbose", count=True, show_default=False, help="Say what is done; -vv in detail.")]
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress and no remarks: tables, warnings and errors alone.")]
 Imports = Annotated[list[Path] | None, typer.Option("--import", metavar="FILE.py", help="A module with laws of your own; may be repeated.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is in DIR and answers something else.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON in the place of tables.")]
 
 _SHARED = {"verbose": (Verbose, 0), "quiet": (Quiet, False), "imports": (Imports, None)}
@@ -37,7 +38,8 @@ def command(name: str | None = None) -> Callable[[Callable], Callable]:
             for path in imports or ():
                 with bad_input(ValueError, OSError):
                     import_laws(path)
-            return function(*arguments, **options)
+            with said_aloud():
+                return function(*arguments, **options)
 
         kind = inspect.Parameter.KEYWORD_ONLY
         shared = [inspect.Parameter(key, kind, default=default, annotation=hint) for key, (hint, default) in _SHARED.items()]

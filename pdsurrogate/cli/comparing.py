@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from .application import bad_input, err, law_of, note, print_json, show, status, writing
-from .common import AsJson, command
+from .common import AsJson, Overwrite, command
 
 
 @command()
@@ -18,6 +18,7 @@ def compare(
     change: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A parameter of the law; may be repeated.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A look in under a minute, not for quoting.")] = False,
     folder: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write CSV, JSON and the Pareto figure here.")] = None,
+    overwrite: Overwrite = False,
     threads: Annotated[int | None, typer.Option(help="Most threads that are measured; by default all.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -26,12 +27,15 @@ def compare(
     from ..reports import presentation
     from ..results import figures
     from ..results.files import check_writable, write_json, write_text
+    from ..results.folder import check_report
 
     with bad_input(ValueError):
         law = law_of(material, change)
+    asked = {"law": law.describe(), "quick": quick, "threads": threads}
     if folder is not None:
-        with bad_input(OSError):
+        with bad_input(OSError, ValueError):
             check_writable(folder)
+            check_report(folder / "compare.json", asked, overwrite)
     with bad_input(ValueError), status("Starting") as told:
         report = report_module.compare(law, quick, lambda text: told(text.capitalize()), threads)
     if as_json:
@@ -50,5 +54,5 @@ def compare(
         with writing(folder):
             write_text(folder / "compare.csv", presentation.as_csv(report))
             figures.save(presentation.pareto_figure(report), folder / "compare.png")
-            write_json(folder / "compare.json", report)
+            write_json(folder / "compare.json", {"asked": asked, **report})
         note(f"Results in {folder}")

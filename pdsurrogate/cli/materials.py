@@ -10,7 +10,10 @@ import typer
 from rich.table import Table
 
 from .application import bad_input, err, note, out, print_json, show, status, writing
-from .common import AsJson, command
+from .common import AsJson, Overwrite, command
+
+DIGITS = 16
+"""Of the digest by which a report knows its test data."""
 
 DATA_HELP = "Test data: treloar, kawabata, or a CSV with mode, stretch and nominal_stress."
 
@@ -89,19 +92,26 @@ def identify(
     stretch: Annotated[float | None, typer.Option("--up-to", help="Leave out rows beyond this stretch.")] = None,
     hold_out: Annotated[bool, typer.Option("--hold-out", help="Hold out each mode in turn, and report how the others predict it.")] = False,
     folder: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write identify.json and identify.png here.")] = None,
+    overwrite: Overwrite = False,
     as_json: AsJson = False,
 ) -> None:
     """Find a law's parameters from test data."""
     from sklearn.base import clone
 
-    from ..identification import figure, held_out_modes, report
+    from ..forces.identity import digest_of
+    from ..identification import figure, held_out_modes, load_test_data, report
     from ..materials import LAWS
     from ..results import figures
     from ..results.files import check_writable, write_json
+    from ..results.folder import check_report
 
+    asked = {"laws": list(law or LAWS), "terms": terms, "up_to": stretch}
     if folder is not None:
-        with bad_input(OSError):
+        with bad_input(OSError, ValueError):
+            rows = load_test_data(data)
+            asked |= {"data": rows.name, "rows": len(rows), "digest": digest_of(dataclasses.asdict(rows))[:DIGITS]}
             check_writable(folder)
+            check_report(folder / "identify.json", asked, overwrite)
     found, models = [], []
     with bad_input(ValueError):
         for name in law or LAWS:
@@ -123,6 +133,6 @@ def identify(
         show(table)
     if folder is not None:
         with writing(folder):
-            write_json(folder / "identify.json", {"laws": found})
+            write_json(folder / "identify.json", {"asked": asked, "laws": found})
             figures.save(figure(models, rows), folder / "identify.png")
         note(f"Results in {folder}")

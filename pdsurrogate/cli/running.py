@@ -16,7 +16,7 @@ from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
-from .application import BAR, bad_input, err, note, only_the_first_speaks, out, print_json, said_aloud, settings, show, writing
+from .application import BAR, bad_input, err, note, only_the_first_speaks, out, print_json, settings, show, writing
 from .common import AsJson, command
 
 INTERRUPTED = 130
@@ -107,7 +107,7 @@ def run(
             with bad_input(FolderTaken), writing(folder):
                 held.enter_context(occupied(folder))
         try:
-            with bad_input(SceneError, CheckpointError, ValueError), writing(folder), said_aloud(), _Bar(described) as bar:
+            with bad_input(SceneError, CheckpointError, ValueError), writing(folder), _Bar(described) as bar:
                 result = simulate(described, model, threads=threads, progress=bar, folder=folder, resume=resume, overwrite=overwrite)
         except SimulationFailed as error:
             failure, result = error, error.result

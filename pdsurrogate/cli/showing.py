@@ -11,6 +11,9 @@ from rich.table import Table
 from .application import bad_input, err, note, out, print_json, progress_bar, show, writing
 from .common import AsJson, command
 
+MARK, MARK_WITHIN = b'content="pdsurrogate show"', 400
+"""What a page of a result has among its first bytes."""
+
 
 @command("show")
 def show_result(
@@ -31,6 +34,8 @@ def show_result(
     from ..results.files import check_writable, write_text
 
     with bad_input(ValueError, OSError):
+        if html is not None and html.is_file() and MARK not in html.read_bytes()[:MARK_WITHIN]:
+            raise ValueError(f"--html {html} is no page of a result and would be replaced; give another name")
         result = load_result(folder)
         check_writable(pictures if html is None else html.parent)
     if as_json:

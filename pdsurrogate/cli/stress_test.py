@@ -9,8 +9,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .application import bad_input, note, out, print_json, show, status, writing
-from .common import AsJson, command
+from .application import bad_input, note, out, print_json, progress_bar, show, writing
+from .common import AsJson, Overwrite, command
 
 
 @command("stress-test")
@@ -23,6 +23,7 @@ def stress_test(
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A fiftieth of the explicit steps.")] = False,
     folder: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write stress-test.json here.")] = None,
+    overwrite: Overwrite = False,
     threads: Annotated[int | None, typer.Option(help="Most threads of the kernels; by default all.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -30,13 +31,16 @@ def stress_test(
     from ..artifacts import ArtifactError
     from ..forces.settings import WHERE
     from ..results.files import check_writable, write_json
+    from ..results.folder import check_report
     from ..stress_test import report as report_module
 
+    asked = {"forces": force or "all", "plane": plane or "both", "quick": quick}
     if folder is not None:
-        with bad_input(OSError):
+        with bad_input(OSError, ValueError):
             check_writable(folder)
+            check_report(folder / "stress-test.json", asked, overwrite)
     known = report_module.BODIES
-    with bad_input(ArtifactError, ValueError), status("Starting") as told:
+    with bad_input(ArtifactError, ValueError), progress_bar("Hard cases") as told:
         if plane not in (None, *known):
             raise ValueError(f"--plane: must be {' or '.join(known)}, for {' or '.join(known.values())}, not {plane}")
         planes = tuple(known) if plane is None else (plane,)
@@ -59,5 +63,5 @@ def stress_test(
         out.print(f"{name}: {', '.join(f'{number} {verdict}' for verdict, number in counts.items() if number)}", soft_wrap=True)
     if folder is not None:
         with writing(folder):
-            write_json(folder / "stress-test.json", report)
+            write_json(folder / "stress-test.json", {"asked": asked, **report})
         note(f"Results in {folder}")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import Progress
 
-from .application import bad_input, err, note, print_json, settings, writing
+from .application import BAR, bad_input, err, note, print_json, settings, writing
 from .common import AsJson, command
 from .running import INTERRUPTED
 
@@ -28,6 +29,7 @@ def study(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, as tcp://host:8786, whose workers do the runs.")
     ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the table of another study in DIR; its runs stay.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Run a scene with many parameters, or fit many surrogates, in parallel; runs that are done are not done again."""
@@ -42,7 +44,8 @@ def study(
     interrupted = None
     try:
         with bad_input(SceneError, ArtifactError, FolderTaken, ValueError), writing(folder), _StudyBar(description.stem) as bar:
-            result = carry_out(description, folder, jobs=jobs, threads=threads, scheduler=scheduler, progress=bar)
+            options = {"jobs": jobs, "threads": threads, "scheduler": scheduler, "overwrite": overwrite}
+            result = carry_out(description, folder, **options, progress=bar)
     except StudyInterrupted as error:
         interrupted, result = error, error.result
     if result.failures:
@@ -69,15 +72,9 @@ class _StudyBar:
     """Progress of a study on the terminal; nothing where that is a file."""
 
     def __init__(self, name: str) -> None:
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[state]}"),
-            TimeElapsedColumn(),
-        )
-        self._progress = Progress(*columns, console=err, transient=True, disable=settings.quiet or not err.is_terminal)
+        self._progress = Progress(*BAR, console=err, transient=True, disable=settings.quiet or not err.is_terminal)
         self._name, self._task, self._failed = name, None, 0
+        self._began, self._ended, self._done, self._runs = 0.0, 0, 0, 0
 
     def __enter__(self) -> _StudyBar:
         self._progress.start()
@@ -96,9 +93,14 @@ class _StudyBar:
             else f"{workers.jobs} at a time, threads of each: {workers.threads}"
         )
         note(f"{runs} runs, {done} of them done before; {by}")
-        self._task = self._progress.add_task(self._name, total=runs, completed=done, state="")
+        self._began, self._done, self._runs = time.monotonic(), done, runs
+        self._task = self._progress.add_task(self._name, total=runs, completed=done, state=f"{done} of {runs} runs")
 
     def ended(self, place: str, failure: str | None) -> None:
         """Count a run."""
         self._failed += failure is not None
-        self._progress.update(self._task, advance=1, state=f"{self._failed} failed" if self._failed else "")
+        self._ended += 1
+        rate = 60 * self._ended / max(time.monotonic() - self._began, 1e-9)
+        failed = f", {self._failed} failed" if self._failed else ""
+        state = f"{self._done + self._ended} of {self._runs} runs{failed}, {rate:.3g} runs/min"
+        self._progress.update(self._task, advance=1, state=state)

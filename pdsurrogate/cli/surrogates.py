@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .application import bad_input, described_law, err, law_of, note, out, print_json, show, status, writing
+from .application import bad_input, described_law, err, law_of, note, out, print_json, progress_bar, show, status, writing
 from .common import AsJson, command
 from .materials import DATA_HELP, free_energy, identified, print_identified
 
@@ -63,8 +64,7 @@ def fit(
 
     with bad_input(SceneError, ArtifactError, ValueError, OSError):
         folder = own_folder() if folder is None else folder
-        version = next_version(folder, name) if version is None else version
-        new_artifact(folder, name, version)
+        new_artifact(folder, name, next_version(folder, name) if version is None else version)
         settings = FitSettings(energy, features, degree, units, activation, samples, least, greatest, iterations, folds, seed)
         check_writable(folder)
         found = None
@@ -88,12 +88,14 @@ def fit(
         else:
             material = law_of(law, change)
         design, (pipeline, _) = settings.design(material), settings.pipeline()
-        with status("Fitting"):
+        with _TrainingBar("Fitting", 1):
             pipeline.fit(design.X, design.y)
-        with status(f"Cross-validating, {folds} folds"):
-            table = settings.cross_validate(pipeline, design)
+        with _TrainingBar("Cross-validating", folds) as bar:
+            table = settings.cross_validate(pipeline, design, bar.fold)
         try:
             with writing(folder):
+                # Now: another fit of that name may have ended in the meantime.
+                version = next_version(folder, name) if version is None else version
                 path = settings.store(pipeline, design, material, folder, name, version, table, found)
         except TooInexact as error:
             err.print(f"[red]pdsurrogate:[/] {escape(str(error))}", soft_wrap=True)
@@ -105,6 +107,41 @@ def fit(
     for row in card.training["cross_validation"]:
         out.print(f"fold {row['fold']}: relative RMS error {row['rms']:.2e} on samples left out")
     note(f"Wrote {path}")
+
+
+class _TrainingBar:
+    """Progress of trainings on the terminal: of one, or of one for each fold; most end before their last iteration."""
+
+    def __init__(self, title: str, folds: int) -> None:
+        self._bar, self._folds = progress_bar(title), folds
+        self._fold, self._count, self._began = 0, 0, time.monotonic()
+
+    def __enter__(self) -> _TrainingBar:
+        from ..learning.listening import listening
+
+        self._told = self._bar.__enter__()
+        self._listening = listening(self._iteration)
+        self._listening.__enter__()
+        return self
+
+    def __exit__(self, *exception) -> None:
+        self._listening.__exit__(*exception)
+        self._bar.__exit__(*exception)
+
+    def fold(self, number: int) -> None:
+        """Begin a fold."""
+        self._fold = number
+        self._told(number / self._folds, self._which)
+
+    @property
+    def _which(self) -> str:
+        return f"fold {self._fold + 1} of {self._folds}" if self._folds > 1 else ""
+
+    def _iteration(self, iteration: int, most: int, loss: float) -> None:
+        self._count += 1
+        rate = self._count / max(time.monotonic() - self._began, 1e-9)
+        state = [self._which, f"iteration {iteration} of at most {most}", f"loss {loss:.2e}", f"{rate:.3g} iterations/s"]
+        self._told((self._fold + iteration / most) / self._folds, ", ".join(filter(None, state)))
 
 
 @command()

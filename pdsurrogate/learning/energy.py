@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -405,8 +406,12 @@ def _stability(energy, samples) -> tuple[float, float]:
     return least, float(curvature.min())
 
 
-def cross_validate_energy(model, samples: EnergySamples, folds: int = 5, random_state: int = 0) -> list[dict]:
+def cross_validate_energy(
+    model, samples: EnergySamples, folds: int = 5, random_state: int = 0, progress: Callable[[int], None] = lambda fold: None
+) -> list[dict]:
     """Fit clones of a pipeline to all but one fold of the samples each, and report the relative errors on the fold left out.
+
+    `progress` is told every fold that begins, counted from 0.
 
     Examples
     --------
@@ -418,6 +423,7 @@ def cross_validate_energy(model, samples: EnergySamples, folds: int = 5, random_
     """
     rows = []
     for number, (train, test) in enumerate(KFold(folds, shuffle=True, random_state=random_state).split(samples.X)):
+        progress(number)
         fitted = clone(model).fit(samples.X[train], samples.y[train])
         left_out = EnergySamples(samples.X[test], samples.y[test], samples.stretches[test], samples.design, samples.form)
         rows.append({"fold": number, **energy_errors(fitted.predict(left_out.X).T, left_out)})

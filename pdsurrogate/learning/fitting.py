@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
@@ -57,8 +58,17 @@ def domain_of(samples: BondSamples) -> Domain:
     return Domain(low, high, float(bulk.min()), float(bulk.max()))
 
 
-def cross_validate(model, samples: BondSamples, folds: int = 5, random_state: int = 0, n_jobs: int = 1) -> list[dict]:
+def cross_validate(
+    model,
+    samples: BondSamples,
+    folds: int = 5,
+    random_state: int = 0,
+    n_jobs: int = 1,
+    progress: Callable[[int], None] = lambda fold: None,
+) -> list[dict]:
     """Fit clones of a pipeline to all but one fold of the samples each, and report the relative errors on the fold left out.
+
+    `progress` is told every fold that begins, counted from 0; with more jobs than one, that it is handed out.
 
     Examples
     --------
@@ -68,9 +78,15 @@ def cross_validate(model, samples: BondSamples, folds: int = 5, random_state: in
     >>> [row["rms"] < 1e-2 for row in pd.cross_validate(model, samples, folds=2)]
     [True, True]
     """
-    splits = KFold(folds, shuffle=True, random_state=random_state).split(samples.X)
+    splits = _told(KFold(folds, shuffle=True, random_state=random_state).split(samples.X), progress)
     errors = Parallel(n_jobs)(delayed(_error_left_out)(clone(model), samples, train, test) for train, test in splits)
     return [{"fold": number, **error} for number, error in enumerate(errors)]
+
+
+def _told(splits: Iterable, progress: Callable[[int], None]) -> Iterator:
+    for fold, split in enumerate(splits):
+        progress(fold)
+        yield split
 
 
 def _error_left_out(model, samples, train, test) -> dict[str, float]:

@@ -14,6 +14,7 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, vali
 from threadpoolctl import threadpool_limits
 
 from .activations import ACTIVATIONS
+from .listening import tell
 from .marquardt import improved
 
 
@@ -156,7 +157,9 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         # One thread: matrices this small gain nothing from more, and the result does not depend on how many there are.
         with threadpool_limits(1, user_api="blas"):
             fitted, watched = _Part(X, Y, share, train), _Part(X, Y, share, validation)
-            trainings = [self._train(network, network.first_weights(random, fitted.mean), fitted, watched) for _ in range(self.n_init)]
+            trainings = [
+                self._train(network, network.first_weights(random, fitted.mean), fitted, watched, number) for number in range(self.n_init)
+            ]
         best, weights, self.n_iter_ = min(trainings, key=lambda training: training[0])
         self.coefs_, self.intercepts_ = network.layers(weights)
         self.loss_ = float(fitted.loss(network, weights))
@@ -177,8 +180,8 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         Y = values @ self.coefs_[-1] + self.intercepts_[-1]
         return Y[:, 0] if self._single_output else Y
 
-    def _train(self, network, weights, fitted, watched):
-        """One training; returns the least validation loss, the weights that had it, and the number of iterations."""
+    def _train(self, network, weights, fitted, watched, number):
+        """The training of a number; returns the least validation loss, the weights that had it, and the number of iterations."""
         damping = self.initial_damping
 
         def loss_of(weights):
@@ -194,6 +197,7 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
             if new_loss is None:
                 break  # no damping makes the step an improvement: the training error is at its least to rounding
             loss = new_loss
+            tell(number * self.max_iter + iterations, self.n_init * self.max_iter, loss)
             current = watched.loss(network, weights) if len(watched.X) else loss
             if current < best * (1 - self.tol):
                 best, best_weights, waited = current, weights, 0

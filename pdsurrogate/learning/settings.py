@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -127,11 +127,17 @@ class FitSettings:
             return energy_design(law, self.n_samples, box, random_state=self.seed, isochoric=True)
         return wide_design(law, self.n_samples, box, random_state=self.seed)
 
-    def cross_validate(self, pipeline: InputAwareTargetRegressor, design: BondSamples | EnergySamples) -> list[dict]:
+    def cross_validate(
+        self,
+        pipeline: InputAwareTargetRegressor,
+        design: BondSamples | EnergySamples,
+        progress: Callable[[int], None] = lambda fold: None,
+    ) -> list[dict]:
         """Relative errors of clones on the fold left out, fold by fold; none where no folds are asked for."""
         if not self.folds:
             return []
-        return (cross_validate_energy if self.energy else cross_validate)(pipeline, design, self.folds, self.seed)
+        validate = cross_validate_energy if self.energy else cross_validate
+        return validate(pipeline, design, self.folds, self.seed, progress=progress)
 
     def store(
         self,

@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from threadpoolctl import threadpool_limits
 
 from ..kernels.activations import ACTIVATIONS, SMOOTH
+from .listening import tell
 from .marquardt import improved
 
 
@@ -208,11 +209,11 @@ class SobolevRegressor(SobolevNetwork):
         self.random_state = random_state
 
     def _train(self, network, X, Y, weights, random):
-        trainings = [self._descend(network, network.first(random), X, Y, weights) for _ in range(self.n_init)]
+        trainings = [self._descend(network, network.first(random), X, Y, weights, number) for number in range(self.n_init)]
         _, theta, self.n_iter_ = min(trainings, key=lambda training: training[0])
         return theta
 
-    def _descend(self, network, theta, X, Y, weights):
+    def _descend(self, network, theta, X, Y, weights, number):
         columns = Y.shape[1]
 
         penalty = np.zeros(theta.size)
@@ -234,6 +235,7 @@ class SobolevRegressor(SobolevNetwork):
             loss = new_loss
             iterations += 1
             losses.append(loss)
+            tell(number * self.max_iter + iterations, self.n_init * self.max_iter, loss)
             if iterations > self.n_iter_no_change and loss > (1 - self.tol) * losses[-1 - self.n_iter_no_change]:
                 break
         return loss, theta, iterations

@@ -62,18 +62,28 @@ class Contents:
 
     def differences(self, now: Contents) -> str:
         """How a run that is to take the place of this one differs from it, in words; empty where it does not."""
-        there, here = dict(_leaves(self.scene)), dict(_leaves(now.scene))
-        found = [
-            f"{key} is {_told(there, key)} there and {_told(here, key)} here"
-            for key in dict.fromkeys([*there, *here])
-            if key != "title" and (key not in there or key not in here or there[key] != here[key])
-        ]
+        found = differences_of({**self.scene, "title": None}, {**now.scene, "title": None})
         if self.force != now.force:
             found.append(f"force is {self.force} there and {now.force} here")
         changed = [name for name in self.digests if name in now.digests and self.digests[name] != now.digests[name]]
         found += [f"the file of the {MESH} has changed" if name == MESH else f"{name} is another one by that name" for name in changed]
-        more = f", and {len(found) - MOST_TOLD} more" if len(found) > MOST_TOLD else ""
-        return "; ".join(found[:MOST_TOLD]) + more
+        return told(found)
+
+
+def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
+    """In words, what differs in plain values in mappings and lists, by dotted key."""
+    before, now = dict(_leaves(there)), dict(_leaves(here))
+    return [
+        f"{key} is {_value(before, key)} there and {_value(now, key)} here"
+        for key in dict.fromkeys([*before, *now])
+        if key not in before or key not in now or before[key] != now[key]
+    ]
+
+
+def told(differences: list[str]) -> str:
+    """The first few of them in one text; empty where there are none."""
+    more = f", and {len(differences) - MOST_TOLD} more" if len(differences) > MOST_TOLD else ""
+    return "; ".join(differences[:MOST_TOLD]) + more
 
 
 def digest_of_mesh(mesh: Mesh) -> str:
@@ -101,7 +111,7 @@ def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
         yield from _leaves(item, f"{key}.{name}" if key else name)
 
 
-def _told(leaves: dict[str, Any], key: str) -> str:
+def _value(leaves: dict[str, Any], key: str) -> str:
     if key not in leaves:
         return "not given"
     text = str(leaves[key])

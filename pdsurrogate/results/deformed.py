@@ -20,6 +20,6 @@ def deformed_cells(body: Body, fields: dict[str, np.ndarray]) -> tuple[CellMesh,
     F = fields["deformation_gradient"].reshape(-1, 3, 3)[:, :d, :d]
     state = body.points, fields["displacement"][:, :d], F
     # Only where bonds are cut or break can neighbours come apart.
-    if "damage" in fields or body.separates is not None:
+    if np.any(fields.get("damage", 0)) or body.separates is not None:
         cells = cells.torn(*state)
     return cells, cells.moved(*state)

@@ -21,7 +21,7 @@ from xml.etree import ElementTree
 
 from .checkpoint import NAME as CHECKPOINT
 from .checkpoint import identity_in
-from .contents import Contents
+from .contents import Contents, differences_of, told
 
 SUMMARY, HISTORY, CONVERGENCE = "summary.json", "history.csv", "convergence.csv"
 
@@ -153,6 +153,34 @@ def make_room(folder: Path, contents: Contents, overwrite: bool = False) -> None
             path.unlink()
     for kind in _SIGNATURES:
         (folder / kind).unlink(missing_ok=True)
+
+
+def check_report(path: Path, asked: dict, overwrite: bool = False) -> None:
+    """See whether a report may be written that tells under ``asked`` what it answers: one that answers the same is replaced.
+
+    Parameters
+    ----------
+    path : Path
+        Of a JSON file.
+    asked : dict
+        Plain values.
+    overwrite : bool
+        Also in the place of any other file.
+
+    Raises
+    ------
+    FolderTaken
+        If there is a report that answers something else, or a file that is none.
+    """
+    if overwrite or not path.exists():
+        return
+    try:
+        there = json.loads(path.read_text("utf-8"))["asked"]
+        differences = told(differences_of(there, json.loads(json.dumps(asked))))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise FolderTaken(f"{path} does not tell what it answers and would be replaced; {WAY_OUT}") from None
+    if differences:
+        raise FolderTaken(f"{path} answers something else: {differences}; {WAY_OUT}")
 
 
 def state_files(folder: Path, name: str) -> list[tuple[int, Path]]:

@@ -164,6 +164,7 @@ _PAGE = """<!doctype html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
+<meta name="generator" content="pdsurrogate show">
 <meta name="viewport" content="width=device-width">
 <title>{title}</title>
 <style>

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import warnings
 from pathlib import Path
 
@@ -29,6 +31,9 @@ def save(
         warnings.warn("pyvista is not installed, so matplotlib draws; pip install 'pdsurrogate[results]'", stacklevel=3)
         figures.save(views.contour_figure([(cells, moved)], [values], label, [title], scale), path)
         return
+    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+        # What VTK takes without a display, but only after it has tried to open one and said aloud that it failed.
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     axis, middle = views.cut_of(cells)
     kinds = {getattr(pyvista.CellType, CELL_TYPES[3, block.shape[1]].upper()): block for block in cells.blocks}
     # Cut before it is deformed, so that the cut is a plane of the undeformed body, as in the pictures by matplotlib.

@@ -219,7 +219,7 @@ class Result:
 
         # Once: a state may have to be read from its file.
         states = [self.states[number][1] for number in numbers]
-        values = [scalars_of(fields, field) if field != "damage" else fields.get(field, np.zeros(_size(fields))) for fields in states]
+        values = [scalars_of(fields, field) for fields in states]
         cells, titles = [self.cells(number) for number in numbers], [self.title(number) for number in numbers]
         label = self.label(field)
         if self.scene.dimension == 3:
@@ -432,10 +432,6 @@ def unit_of(field: str) -> str | None:
     """Which of a scene's units a field or a component of one has; None if it has none."""
     name = field if field in POINT_FIELDS else parts_of(field)[0]
     return POINT_FIELDS[name].unit if name in POINT_FIELDS else None
-
-
-def _size(fields: dict[str, np.ndarray]) -> int:
-    return len(next(iter(fields.values())))
 
 
 def column_unit(column: str, units: Units) -> str | None:

@@ -313,8 +313,9 @@ class Run:
         axis, side = EDGES[grip.edge]
         return float(side * forces[self.scene.grips.index(grip), axis] / self.grip_areas[grip.edge])
 
-    def record(self, damage: np.ndarray | None = None, time: float = 0.0) -> None:
+    def record(self, time: float = 0.0) -> None:
         """Record the present state: of the last equilibrium, or so long after the beginning of the stage in dynamics."""
+        damage = None if self.damage is None else self.damage.at_points()
         fields = measures.point_fields(measures.PointState(self.force, self.positions, damage))
         if not self._in_pieces:
             fields = {name: self.body.part.gather(values) for name, values in fields.items()}

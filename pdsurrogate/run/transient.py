@@ -493,7 +493,7 @@ class Transient:
             run.loaded(run.positions, np.empty_like(run.positions))
             row = output_row(run, run.elapsed + account.time)
             run.levels.append(row | {"kinetic_energy": self._kinetic_energy()})
-        run.record(None if self.damage is None else self.damage.at_points(), account.time)
+        run.record(account.time)
         account.outputs += 1
 
     def _connected(self, some: np.ndarray, others: np.ndarray) -> bool:

@@ -11,8 +11,9 @@ from typing import Any, Protocol
 
 from ..ranks import communicator
 from ..results import figures
+from ..results.contents import differences_of, told
 from ..results.files import check_writable, write_json, write_text
-from ..results.folder import SUMMARY, FolderTaken, occupied
+from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, occupied
 from ..scenes.problems import suggestion
 from .description import Study, load_study
 from .designs import parameters_of_runs
@@ -137,6 +138,7 @@ def study(
     jobs: int | None = None,
     threads: int | None = None,
     scheduler: str | None = None,
+    overwrite: bool = False,
     progress: StudyProgress | None = None,
 ) -> StudyResult:
     """Do what is left to do of a study, and put all that there is into one table.
@@ -156,6 +158,8 @@ def study(
         Of each run; by default the cores divided among the jobs.  Results do not depend on it.
     scheduler : str, optional
         Address of a Dask scheduler, whose workers do the runs then.
+    overwrite : bool
+        Replace the table of a study with other runs in `folder`, whose runs stay.
     progress : StudyProgress, optional
         Where to report progress.
 
@@ -170,7 +174,8 @@ def study(
     ValueError
         If it is started on several ranks.
     FolderTaken
-        If `folder` holds a table that no study wrote, or another study is writing there.
+        If `folder` holds a table that no study wrote, or that of a study with runs that this one has not, or another study is writing
+        there.
     StudyInterrupted
         After Ctrl-C; the table of what was reached is written.
 
@@ -197,8 +202,7 @@ def study(
     places = [task.digest[:DIGITS] for task in tasks]
     by_place = dict(zip(places, tasks, strict=True))
     workers = Workers.chosen(len(by_place), jobs, threads, scheduler)
-    if (folder / TABLE).exists() and not (folder / DESCRIPTION).exists():
-        raise FolderTaken(f"{folder / TABLE} was not written by a study and would be replaced; give another folder")
+    _check_table(folder, described, places, overwrite)
     check_writable(folder / RUNS)
     progress = progress or Quiet()
     with occupied(folder):
@@ -228,6 +232,25 @@ def study(
         reached = result()
         _write(reached)
     return reached
+
+
+def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool) -> None:
+    """Refuse a folder whose table is not of a study that this one goes on with, or adds runs to."""
+    if not (folder / DESCRIPTION).exists():
+        if (folder / TABLE).exists():
+            raise FolderTaken(f"{folder / TABLE} was not written by a study and would be replaced; give another folder")
+        return
+    if overwrite:
+        return
+    try:
+        written = json.loads((folder / DESCRIPTION).read_text("utf-8"))
+        there, lost = written["study"], set(written["runs"]) - set(places)
+        differences = told(differences_of(there, study.model_dump(mode="json")))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise FolderTaken(f"{folder / DESCRIPTION} does not tell its study and would be replaced; {WAY_OUT}") from None
+    if lost:
+        why = f": {differences}" if differences else ", as its force or mesh was another one"
+        raise FolderTaken(f"{folder} holds the table of a study with {len(lost)} runs that this one has not{why}; {WAY_OUT}")
 
 
 def _write(result: StudyResult) -> None:
