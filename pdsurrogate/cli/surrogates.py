@@ -105,7 +105,7 @@ def fit(
         print_json({"artefact": f"{name}@{version}", "path": str(path), "errors": card.errors, "training": card.training})
     (_print_energy_errors if energy else _print_errors)(card.errors["box"])
     for row in card.training["cross_validation"]:
-        out.print(f"fold {row['fold']}: relative RMS error {row['rms']:.2e} on samples left out")
+        out.print(f"fold {row['fold'] + 1}: relative RMS error {row['rms']:.2e} on samples left out")
     note(f"Wrote {path}")
 
 
