@@ -289,7 +289,7 @@ def test_a_killed_run_resumes_to_the_same_bits(torn, tmp_path, monkeypatch, when
 def test_checkpoints_that_cannot_be_resumed_from(torn, tmp_path):
     _, folder = torn
     for scene, force, message in (
-        (small(), "analytic", "belongs to another run: force is neo-hookean@1 there and analytic here; begin anew by --overwrite"),
+        (small(), "analytic", "belongs to another run: force is neo-hookean@2 there and analytic here; begin anew by --overwrite"),
         (small(spacing=0.05), "neo-hookean", "belongs to another run: spacing is 0.1 there and 0.05 here"),
     ):
         with pytest.raises(CheckpointError, match=message):

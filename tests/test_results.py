@@ -149,7 +149,7 @@ def test_results_of_another_run_of_the_scene_are_not_replaced_unasked(tmp_path):
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     for scene, force, difference in (
         (uniaxial(1.3), "analytic", r"stretches is \[1.1\] there and \[1.3\] here"),
-        (uniaxial(1.1), "neo-hookean", "force is analytic there and neo-hookean@1 here"),
+        (uniaxial(1.1), "neo-hookean", "force is analytic there and neo-hookean@2 here"),
         (uniaxial(1.1, **{"material.bulk_modulus": 50.0}), "analytic", "material.bulk_modulus is 100.0 there and 50.0 here"),
     ):
         refused = rf"holds the results of another run of uniaxial: {difference}; give another folder, or --overwrite"
