@@ -33,7 +33,9 @@ from sklearn.svm import SVR
 from skorch import NeuralNetRegressor
 
 import pdsurrogate as pd
+from pdsurrogate.identification import nominal_stress
 from pdsurrogate.kernels.threads import thread_count
+from pdsurrogate.learning.settings import FitSettings
 from pdsurrogate.learning.validation import stiffness_slopes
 from pdsurrogate.reports.speed import bench_positions, sheet
 
@@ -258,12 +260,71 @@ def of_data() -> str:
     return markdown_table(["fitted to", *parts], rows)
 
 
+def stress_by_stress() -> str:
+    """How far single stresses of Kawabata's grid are from what the free energy foretells, and the energy's least stiffness."""
+    data = pd.load_test_data("kawabata")
+    first, second = data.stretches.T
+    pulled = np.abs(data.nominal_stress) > 0
+    two_modes = pulled & ((np.abs(np.log(second * np.sqrt(first))) < 0.02) | (np.abs(second - 1) < 1e-9))
+    half = np.arange(len(data)) // 2 % 2 == 0
+    large = data.nominal_stress > 0.05 * data.nominal_stress.max()
+    rows = []
+    for name, known in (("uniaxial and pure shear", two_modes), ("half of the grid", half), ("all of it", np.ones(len(data), dtype=bool))):
+        model = pd.EnergyRegressor().fit(data.stretches[known], data.nominal_stress[known])
+        asked = large & (~known if not known.all() else known)
+        inside = asked & (model.beyond(data.stretches) <= 0)
+        off = np.sort(np.abs(model.predict(data.stretches) / np.where(large, data.nominal_stress, 1) - 1)[inside])
+        shares = [f"{100 * (off <= most).mean():.0f} %" for most in (0.03, 0.05)]
+        # W is a sum over the stretches: its curvatures by their logarithms are those of the summands.
+        stretch = np.geomspace(0.25, 4.0, 2001)
+        curvature = (model.weights_ * stretch[:, None] ** model.exponents_).sum(axis=1) / model.weights_.sum()
+        slope = stiffness_slopes(pd.AnalyticBondForce(model.law_).bond_force, pd.wide_design(model.law_, 10_000, off_surface=0).X).min()
+        greatest = f"{100 * np.median(off):.1f} %, {100 * off[-1]:.0f} %"
+        count = f"{inside.sum()} of {asked.sum()}"
+        rows.append([name, count, *shares, greatest, f"{curvature.min():.2f}", f"{slope:.3f}"])
+    header = ["fitted to", "within the hull", "met within 3 %", "within 5 %", "off: median, greatest", "least curvature", "least slope"]
+    return markdown_table(header, rows)
+
+
+NOISE, DRAWINGS, MEMBERS = 0.02, 5, 6
+
+
+def committees(folder: Path) -> str:
+    """A sheet with a hole by energies from noisy data of a known law, with the spread of each committee."""
+    law = pd.Ogden(moduli=(0.4, -0.02), exponents=(2.0, -2.0))
+    stretch = np.linspace(1.05, 2.5, 15)
+    X = np.concatenate([np.stack([stretch, lateral], axis=1) for lateral in (stretch**-0.5, np.ones(15), stretch)])
+    scene = {"spacing": 0.1, "stretches": 1.5}
+
+    def run(material, force) -> np.ndarray:
+        level = pd.simulate(pd.load_scene("hole", scene, material=material), force).levels[0]
+        return np.array([level["nominal_stress"], level["greatest_lateral_displacement"]])
+
+    right, rows = run(law, "analytic"), []
+    for drawing in range(DRAWINGS):
+        noisy = nominal_stress(law, X) * (1 + NOISE * np.random.default_rng(drawing).standard_normal(len(X)))
+        model = pd.EnergyRegressor().fit(X, noisy)
+        settings = FitSettings(folds=0, samples=2000).within(0.4, 2.5)
+        drawn = settings.committee([model.law_] + [one.law_ for one in pd.committee(model, X, noisy, MEMBERS)])
+        path = pd.store(*drawn[0], folder, "noisy", None, "an energy of noisy data", members=drawn[1:])
+        found, *others = (
+            run(one[2], f"{path}{which}")
+            for one, which in zip(drawn, ["", *(f"#{number}" for number in range(1, MEMBERS + 1))], strict=True)
+        )
+        spread = np.std(others, axis=0, ddof=1) / right
+        off = found / right - 1
+        rows.append([str(drawing), *(f"{100 * a:+.2f} %, {100 * 2 * b:.2f} %" for a, b in zip(off, spread, strict=True))])
+        console.print(rows[-1])
+    return markdown_table(["noise, seed", "pull: off, twice the spread", "narrowing: off, twice the spread"], rows)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--docs", action="store_true", help="put the tables into docs/validation/bring-your-own.md")
-    parser.add_argument("--table", choices=("regressors", "refused", "search", "data"), help="only this one")
+    parser.add_argument("--table", choices=("regressors", "refused", "search", "data", "stresses", "committee"), help="only this one")
     arguments = parser.parse_args()
     tables = {"regressors": of_ten, "refused": refused, "search": lambda folder: search(), "data": lambda folder: of_data()}
+    tables |= {"stresses": lambda folder: stress_by_stress(), "committee": committees}
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of trainings that stop before their end
         for name, make in tables.items():

@@ -1,9 +1,10 @@
 """Versioned artefacts: cards, digests, safe reading and atomic writing.
 
-An artefact is a folder ``NAME/VERSION/`` of up to three files:
+An artefact is a folder ``NAME/VERSION/`` of up to four files:
 
 * ``card.json`` says everything about it before anything else is opened, and states size and SHA-256 of the others;
 * ``surrogate.npz`` holds the surrogate's constants, all that a simulation needs: plain arrays, read by NumPy without pickle;
+* ``members.npz`` holds those of the members of its committee, if it has one;
 * ``pipeline.joblib`` is the fitted scikit-learn pipeline, for those who refine it: a pickle, which is a program, loaded only on trust.
 """
 
@@ -20,6 +21,7 @@ from .store import (
     new_artifact,
     next_version,
     own_folder,
+    parted,
     save_artifact,
     surrogate_for,
 )
@@ -37,6 +39,7 @@ __all__ = [
     "new_artifact",
     "next_version",
     "own_folder",
+    "parted",
     "save_artifact",
     "surrogate_for",
     "with_material",

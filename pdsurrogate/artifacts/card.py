@@ -18,6 +18,11 @@ SCHEMA_VERSION = 2
 NAME_PATTERN = r"^[a-z0-9][a-z0-9._-]{0,63}$"
 VERSION_PATTERN = r"^[0-9]{1,9}(\.[0-9]{1,9}){0,2}$"
 MOST_BYTES = 2**20
+MOST_PLANES = 1000
+"""Of the hull of test data."""
+
+MOST_MEMBERS = 999
+"""Of a committee."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -53,10 +58,19 @@ class DomainSpec(_Part):
     greatest_stretch: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     least_bulk: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     greatest_bulk: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    hull: Annotated[tuple[tuple[Finite, Finite, Finite], ...], Field(min_length=3, max_length=MOST_PLANES)] | None = None
 
     def build(self) -> Domain:
         """The domain that the solver tests."""
-        return Domain(self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk)
+        return Domain(self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk, self.hull)
+
+
+class MemberSpec(_Part):
+    """A member of a committee: a surrogate beside that which runs, of its own material."""
+
+    material: Material
+    domain: DomainSpec
+    errors: dict[str, Any]
 
 
 class Card(_Part):
@@ -77,10 +91,23 @@ class Card(_Part):
     errors: dict[str, Any]
     made_with: dict[str, str]
     payloads: dict[str, Payload]
+    members: Annotated[tuple[MemberSpec, ...], Field(max_length=MOST_MEMBERS)] = ()
 
     def to_json(self) -> str:
-        """The card as it is stored."""
-        return json.dumps(self.model_dump(), indent=2, allow_nan=False) + "\n"
+        """The card as it is stored; what most have none of, a hull of test data and a committee, is left out where there is none."""
+        content = self.model_dump()
+        for part in (content, *content["members"]):
+            if part["domain"]["hull"] is None:
+                del part["domain"]["hull"]
+        if not self.members:
+            del content["members"]
+        return json.dumps(content, indent=2, allow_nan=False) + "\n"
+
+    def of_member(self, number: int) -> Card:
+        """The card of a member of the committee, the first of which is 1."""
+        member = self.members[number - 1]
+        named = {"description": f"{self.description}; member {number} of {len(self.members)}", "members": ()}
+        return self.model_copy(update={**named, "material": member.material, "domain": member.domain, "errors": member.errors})
 
     def __repr__(self) -> str:
         return f"<Card of {self.name}@{self.version}: {self.kind} of {self.material.law}>"
@@ -96,6 +123,7 @@ class Card(_Part):
             "stretches": f"{self.domain.least_stretch:g} to {self.domain.greatest_stretch:g}",
             "features": self.features.get("set", ""),
             "RMS error": "not stated" if error is None else f"{error:.2g}",
+            **({"committee": f"{len(self.members)} members"} if self.members else {}),
         }
         return html_facts(f"Artefact {self.name}@{self.version}", facts)
 

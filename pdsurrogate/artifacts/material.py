@@ -9,7 +9,7 @@ from ..forces import FORCES, ForceModel
 from ..materials import Law
 from ..scenes import MaterialSpec, Scene, SceneError, load_scene, scene_names
 from .card import Card
-from .store import ArtifactError, load_card, load_surrogate
+from .store import law_of, load_card, load_surrogate
 
 DATA_OF_THE_PACKAGE = ("treloar", "kawabata")
 """Test data whose stresses are known to be in MPa."""
@@ -74,10 +74,7 @@ def material_on(card: Card, scene: Scene) -> Law:
     ArtifactError
         If the card names none.
     """
-    try:
-        law = MaterialSpec.model_validate(card.material.trained_with).build()
-    except ValueError as error:
-        raise ArtifactError(f"{card.name}@{card.version}: the card's material makes no sense: {error}") from None
+    law = law_of(card)
     if not _has_moduli(card):
         return law.scaled(scene.material.build().shear_modulus / law.shear_modulus)
     data = (card.training.get("identification") or {}).get("data")
@@ -91,7 +88,7 @@ def _has_moduli(card: Card) -> bool:
     if card.training.get("identification"):
         return True
     try:
-        given = MaterialSpec.model_validate(card.material.trained_with).build()
+        given = law_of(card)
     except ValueError:
         return False
     return abs(given.shear_modulus - type(given)().shear_modulus) > 1e-9

@@ -9,7 +9,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -25,15 +25,21 @@ from ..forces import (
     IsochoricNetwork,
     LearntBondForce,
     LearntEnergy,
+    Member,
     NetworkForce,
     PolynomialForce,
     SplineForce,
 )
 from ..materials import Law
-from ..scenes import Scene
+from ..scenes import MaterialSpec, Scene
 from .card import FORMAT, NAME_PATTERN, SCHEMA_VERSION, VERSION_PATTERN, Card, CardError, read_card
 
-CARD, SURROGATE, PIPELINE = "card.json", "surrogate.npz", "pipeline.joblib"
+CARD, SURROGATE, MEMBERS, PIPELINE = "card.json", "surrogate.npz", "members.npz", "pipeline.joblib"
+
+WHICH_MEMBER = re.compile(r"(.+)#(all|[1-9][0-9]{0,2})")
+"""An artefact, and which of its committee is meant: a member by its number, or all beside what runs."""
+
+ALL = "all"
 
 MOST_BYTES = 64 * 2**20
 """Size of the largest payload that is read without trust."""
@@ -126,13 +132,15 @@ def find_artifact(reference: str | Path) -> Path:
     reference : str or path
         ``NAME`` (its highest version) or ``NAME@VERSION``, looked up on the search path; or the path of an artefact's folder or of a folder
         of its versions.  Text is a path if it has a separator or begins with a dot, or if it is a folder that holds a card; other folders
-        of the same name, such as one of results, are none of its meanings.
+        of the same name, such as one of results, are none of its meanings.  Which member of a committee is meant (`parted`) is not
+        looked at.
 
     Raises
     ------
     ArtifactError
         If there is none, and lists what there is; or if the text means an artefact by name and another one as a folder.
     """
+    reference, _ = parted(reference)
     text = str(reference)
     if isinstance(reference, Path) or text.startswith(".") or os.sep in text or (os.altsep or os.sep) in text:
         folder = _in_folder(Path(reference))
@@ -146,6 +154,16 @@ def find_artifact(reference: str | Path) -> Path:
         known = ", ".join(f"{folder.parent.name}@{folder.name}" for folder in list_artifacts()) or "none"
         raise ArtifactError(f"unknown force {text!r}: force models are {', '.join(FORCES)}; artefacts are {known}")
     return here or named
+
+
+def parted(reference: str | Path) -> tuple[str | Path, str | None]:
+    """An artefact's reference, and which of its committee is meant by ``#3`` or ``#all`` behind it; None where nothing is."""
+    found = WHICH_MEMBER.fullmatch(str(reference))
+    if found is None or Path(reference).exists():
+        return reference, None
+    if found[1] in FORCES:
+        raise ArtifactError(f"{found[1]} has learnt nothing and has no committee: leave out #{found[2]}")
+    return type(reference)(found[1]), found[2]
 
 
 def _in_folder(path: Path) -> Path | None:
@@ -182,7 +200,7 @@ def _subfolders(folder: Path) -> list[Path]:
 
 
 def load_card(reference: str | Path) -> Card:
-    """The card of an artefact; nothing else is read.
+    """The card of an artefact, or of a member of its committee (``NAME#3``); nothing else is read.
 
     Examples
     --------
@@ -191,7 +209,25 @@ def load_card(reference: str | Path) -> Card:
     >>> card
     <Card of neo-hookean@1: bond-force-network of neo-hookean>
     """
-    return _card_of(find_artifact(reference))
+    card, which = _card_of(find_artifact(reference)), parted(reference)[1]
+    return card if which in (None, ALL) else card.of_member(_number(card, which))
+
+
+def _number(card: Card, which: str) -> int:
+    """Number of a member of a committee.
+
+    Raises
+    ------
+    ArtifactError
+        If there is none of it.
+    """
+    if int(which) > len(card.members):
+        has = f"members #1 to #{len(card.members)}" if card.members else NO_COMMITTEE
+        raise ArtifactError(f"{card.name}@{card.version} has no member #{which}: it has {has}")
+    return int(which)
+
+
+NO_COMMITTEE = "no committee; pdsurrogate fit --committee, or the members of pd.store, make one"
 
 
 def _card_of(folder: Path) -> Card:
@@ -207,7 +243,7 @@ def _card_of(folder: Path) -> Card:
 
 
 def load_surrogate(reference: str | Path) -> ForceModel:
-    """A force model by name, or the surrogate of an artefact.
+    """A force model by name, or the surrogate of an artefact or of a member of its committee.
 
     The card is read first; the payload is compared with its digest there, and then read as plain arrays, so that loading runs no code that
     the file brings along.
@@ -215,7 +251,8 @@ def load_surrogate(reference: str | Path) -> ForceModel:
     Parameters
     ----------
     reference : str or path
-        ``analytic``, ``nosb`` …, or an artefact as for `find_artifact`.
+        ``analytic``, ``nosb`` …, or an artefact as for `find_artifact`; with ``#3`` behind it the third member of its committee, with
+        ``#all`` what runs by default and all members beside it, whose deviation a run then tells (the field ``member_deviation``).
 
     Raises
     ------
@@ -232,25 +269,62 @@ def load_surrogate(reference: str | Path) -> ForceModel:
     """
     if isinstance(reference, str) and reference in FORCES:
         return FORCES[reference]()
-    return _surrogate_in(find_artifact(reference))
+    return _surrogate_in(find_artifact(reference), parted(reference)[1])
 
 
-def _surrogate_in(folder: Path) -> ForceModel:
+def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
     card = _card_of(folder)
     if card.kind not in KINDS:
         raise ArtifactError(f"{card.name}@{card.version}: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
-    data = _checked_payload(folder, card, SURROGATE, MOST_BYTES)
+    name = f"{card.name}@{card.version}"
+    if which not in (None, ALL):
+        return _member(folder, card, _number(card, which))
+    model = _built(name, card, SURROGATE, _checked_payload(folder, card, SURROGATE, MOST_BYTES))
+    if which is None:
+        return model
+    if not card.members:
+        raise ArtifactError(f"{name}#{ALL}: it has {NO_COMMITTEE}")
+    members = tuple(
+        Member(_member(folder, card, number), law_of(of_member := card.of_member(number)), _modulus(of_member) / _modulus(card))
+        for number in range(1, len(card.members) + 1)
+    )
+    return replace(model, name=f"{name}#{ALL}", members=members)
+
+
+def _member(folder: Path, card: Card, number: int) -> ForceModel:
+    data = _checked_payload(folder, card, MEMBERS, MOST_BYTES)
+    return _built(f"{card.name}@{card.version}#{number}", card.of_member(number), MEMBERS, data, f"{number}.")
+
+
+def _built(name: str, card: Card, file: str, data: bytes, before: str = "") -> ForceModel:
+    """The model in the bytes of a payload, of the arrays whose names begin so, with what its card states."""
     try:
-        payload = payload_of(data)
-        model = KINDS[card.kind].from_payload(
-            f"{card.name}@{card.version}", payload, card.domain.build(), card.material.law, card.material.shape
-        )
+        payload = {key.removeprefix(before): value for key, value in payload_of(data).items() if key.startswith(before)}
+        model = KINDS[card.kind].from_payload(name, payload, card.domain.build(), card.material.law, card.material.shape)
     except (ValueError, TypeError, OverflowError) as error:
-        raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE}: {error}") from None
+        raise ArtifactError(f"{name}: {file}: {error}") from None
     stated = card.features.get("set")
     if model.feature_set != stated:
-        raise ArtifactError(f"{card.name}@{card.version}: {SURROGATE} has {model.feature_set} features, the card states {stated}")
+        raise ArtifactError(f"{name}: {file} has {model.feature_set} features, the card states {stated}")
     return replace(model, stated=_stated(card))
+
+
+def law_of(card: Card) -> Law:
+    """The law that a card names, with the parameters that were trained with.
+
+    Raises
+    ------
+    ArtifactError
+        If it makes no sense.
+    """
+    try:
+        return MaterialSpec.model_validate(card.material.trained_with).build()
+    except ValueError as error:
+        raise ArtifactError(f"{card.name}@{card.version}: the card's material makes no sense: {error}") from None
+
+
+def _modulus(card: Card) -> float:
+    return law_of(card).shear_modulus
 
 
 def _stated(card: Card) -> dict[str, float] | None:
@@ -367,7 +441,13 @@ def new_artifact(folder: str | Path, name: str, version: str) -> Path:
     return target
 
 
-def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce | LearntEnergy, pipeline=None) -> Path:
+def save_artifact(
+    folder: str | Path,
+    card: dict,
+    surrogate: LearntBondForce | LearntEnergy,
+    pipeline=None,
+    members: Sequence[LearntBondForce | LearntEnergy] = (),
+) -> Path:
     """Write an artefact, whole or not at all.
 
     Parameters
@@ -379,6 +459,8 @@ def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce | L
     surrogate : LearntBondForce or LearntEnergy
     pipeline : estimator, optional
         The fitted pipeline.
+    members : sequence of LearntBondForce or LearntEnergy, optional
+        Of its committee, of the same kind, as `Card.members` describes them.
 
     Returns
     -------
@@ -397,13 +479,17 @@ def save_artifact(folder: str | Path, card: dict, surrogate: LearntBondForce | L
     try:
         np.savez(temporary / SURROGATE, **surrogate.payload())
         contents = {SURROGATE: "the surrogate's constants: plain arrays, all that a simulation needs"}
+        if members:
+            arrays = {f"{number}.{key}": value for number, one in enumerate(members, 1) for key, value in one.payload().items()}
+            np.savez(temporary / MEMBERS, **arrays)
+            contents[MEMBERS] = "the same of every member of the committee, by its number"
         if pipeline is not None:
             joblib.dump(pipeline, temporary / PIPELINE, compress=0, protocol=4)
             contents[PIPELINE] = "fitted scikit-learn pipeline: a pickle of Python objects, loaded only on explicit trust"
         payloads = {name: _describe(temporary / name, what) for name, what in contents.items()}
         full = Card(format=FORMAT, schema_version=SCHEMA_VERSION, **card, payloads=payloads)
         (temporary / CARD).write_text(full.to_json(), encoding="utf-8")
-        _surrogate_in(temporary)
+        _surrogate_in(temporary, ALL if members else None)
         temporary.chmod(0o755)
         target.parent.mkdir(exist_ok=True)
         try:

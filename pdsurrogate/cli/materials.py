@@ -61,6 +61,14 @@ def free_energy(data: Path):
     return EnergyRegressor().fit(rows.stretches, rows.nominal_stress, rows.balanced_weights()), rows
 
 
+def members_of(model, rows, count: int, seed: int) -> list:
+    """Laws of the same regressor fitted to drawings from the test data."""
+    from ..identification import committee
+
+    drawn = committee(model, rows.stretches, rows.nominal_stress, count, rows.tests, seed, 1, rows.balanced_weights())
+    return [member.law_ for member in drawn]
+
+
 def print_identified(found: dict) -> None:
     """Parameters with their standard errors, and R^2 by mode."""
     form = found.get("form", found["law"]["law"])

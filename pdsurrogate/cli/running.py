@@ -141,12 +141,28 @@ def run(
         err.print(
             f"[yellow]{100 * outside:.2g} % of the bond evaluations were outside the surrogate's domain; {what} there.[/]", soft_wrap=True
         )
+    _print_beyond_data(result.summary)
     if isinstance(failure, SimulationInterrupted):
         err.print(f"[yellow]pdsurrogate:[/] {escape(str(failure))}; {how_to_resume(folder)}", soft_wrap=True)
         raise typer.Exit(INTERRUPTED)
     if failure is not None:
         err.print(f"[red]pdsurrogate: the run failed:[/] {escape(str(failure))}", soft_wrap=True)
         raise typer.Exit(1)
+
+
+def _print_beyond_data(summary: dict) -> None:
+    """Say at which output most of the body was beyond the test data that its energy was fitted to."""
+    rows = summary.get("beyond_data", [])
+    worst = max(rows, key=lambda row: row["share"], default=None)
+    if worst is None or worst["share"] == 0:
+        return
+    farthest = max(row["log_stretch"] for row in rows)
+    at = f"stretch {worst['stretch']:.4g}" if "stretch" in worst else f"t = {worst['t']:.4g}"
+    err.print(
+        f"[yellow]{100 * worst['share']:.2g} % of the bonds were beyond the test data of {escape(summary['force'])} at {at}, where most "
+        f"were; the farthest of all outputs by {farthest:.2g} in log-stretch. There the energy goes on as its powers do.[/]",
+        soft_wrap=True,
+    )
 
 
 class _Bar:

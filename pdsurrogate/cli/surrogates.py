@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +14,7 @@ from rich.table import Table
 
 from .application import bad_input, described_law, err, law_of, note, out, print_json, progress_bar, show, status, writing
 from .common import AsJson, command
-from .materials import DATA_HELP, free_energy, identified, print_identified
+from .materials import DATA_HELP, free_energy, identified, members_of, print_identified
 
 Reference = Annotated[str, typer.Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")]
 
@@ -29,6 +30,12 @@ def fit(
     free: Annotated[
         bool, typer.Option("--free", help="No law: with --data, the energy that fits the data best among those that physics allows.")
     ] = False,
+    committee: Annotated[
+        int | None,
+        typer.Option(
+            help="So many members beside it in the artefact, fitted to drawings from the data, or without data from other seeds.", min=2
+        ),
+    ] = None,
     energy: Annotated[
         bool,
         typer.Option("--energy", help="Its isochoric energy instead, for plane strain, space and every bulk modulus: a network."),
@@ -67,7 +74,7 @@ def fit(
         new_artifact(folder, name, next_version(folder, name) if version is None else version)
         settings = FitSettings(energy, features, degree, units, activation, samples, least, greatest, iterations, folds, seed)
         check_writable(folder)
-        found = None
+        found, laws = None, []
         if free and data is None:
             raise ValueError("--free is of an energy from test data: give them by --data")
         if data is not None:
@@ -80,6 +87,10 @@ def fit(
                 settings = settings.within(*model.stretch_range_)
                 found |= {"form": "separable and polyconvex energy", "cross_validation": model.cross_validation_}
                 law = "energy"
+            if committee:
+                with status(f"Fitting {committee} drawings from {data}"):
+                    laws = members_of(model, rows, committee, seed)
+                found["committee"] = f"bootstrap over {len(set(rows.tests))} tests, seed {seed}"
             print_identified(found)
             if found["r_squared"] and max(found["r_squared"].values()) <= 0:
                 raise ValueError(
@@ -87,16 +98,21 @@ def fit(
                 )
         else:
             material = law_of(law, change)
+            laws = [material] * (committee or 0)
         design, (pipeline, _) = settings.design(material), settings.pipeline()
+        if free:
+            design = replace(design, design={**design.design, "hull": model.domain_hull()})
         with _TrainingBar("Fitting", 1):
             pipeline.fit(design.X, design.y)
+        with _TrainingBar("Fitting members", max(len(laws), 1)) as bar:
+            members = settings.committee(laws, bar.fold)
         with _TrainingBar("Cross-validating", folds) as bar:
             table = settings.cross_validate(pipeline, design, bar.fold)
         try:
             with writing(folder):
                 # Now: another fit of that name may have ended in the meantime.
                 version = next_version(folder, name) if version is None else version
-                path = settings.store(pipeline, design, material, folder, name, version, table, found)
+                path = settings.store(pipeline, design, material, folder, name, version, table, found, members)
         except TooInexact as error:
             err.print(f"[red]pdsurrogate:[/] {escape(str(error))}", soft_wrap=True)
             raise typer.Exit(1) from None
@@ -106,6 +122,9 @@ def fit(
     (_print_energy_errors if energy else _print_errors)(card.errors["box"])
     for row in card.training["cross_validation"]:
         out.print(f"fold {row['fold'] + 1}: relative RMS error {row['rms']:.2e} on samples left out")
+    for number, member in enumerate(card.members, 1):
+        modulus = member.material.trained_with["shear_modulus"]
+        out.print(f"member {number}: shear modulus {modulus:.5g}, RMS error {member.errors['box']['on_surface']['rms']:.1e}")
     note(f"Wrote {path}")
 
 

@@ -11,7 +11,7 @@ from .nosb import NOSBForce
 from .own import OwnBondForce, OwnForceFailed, is_own_force
 from .polynomial import PolynomialForce
 from .portions import bind_portions
-from .protocol import Domain, ForceModel, InternalForce, InvalidState, OutsideDomain, OutsideDomainWarning, Portion
+from .protocol import Domain, ForceModel, InternalForce, InvalidState, Member, OutsideDomain, OutsideDomainWarning, Portion
 from .settings import ForceSettings
 from .spline import SplineForce
 
@@ -34,6 +34,7 @@ __all__ = [
     "IsochoricNetwork",
     "LearntBondForce",
     "LearntEnergy",
+    "Member",
     "NOSBForce",
     "NetworkForce",
     "OutsideDomain",

@@ -5,6 +5,7 @@ Name and parameters of a law do not say it all: an expression of a user's own la
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,9 @@ The card's is the greatest of thousands of states over the whole box, edges incl
 
 MOST_UNSTATED = 0.05
 """The same in parts of the greatest force, for a model without a card."""
+
+NOTED = 0.01
+"""The same beyond which it is said."""
 
 ROUNDING = 1e-6
 """A card that states less than this states how its own machine rounded."""
@@ -120,7 +124,12 @@ def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
     Raises
     ------
     ValueError
-        If it is further off than its card states.
+        If it is further off than its card states, or without a card than `MOST_UNSTATED`.
+
+    Warns
+    -----
+    UserWarning
+        If it has no card, and is further off than `NOTED`.
     """
     advice = (
         "the law has changed since, or the model is of another material, or its fit is too coarse; "
@@ -143,3 +152,10 @@ def check_agreement(model, law: Law, exact, answer, serves: str) -> None:
         said = f"their root mean square, where its card states {100 * model.stated['max']:.2g} % at the most"
     if not error <= most * reference:
         raise ValueError(f"{model.name} differs from the forces of {law.name} by {100 * error / reference:.3g} % of {said}: {advice}")
+    if model.stated is None and error > NOTED * reference:
+        shape = "".join(f", {key} = {value:g}" for key, value in law.shape.items())
+        warnings.warn(
+            f"{model.name} differs from the forces of {law.name}{shape}, which the scene asks for, by "
+            f"{100 * error / reference:.2g} % of the greatest: was it fitted to another material, or too coarsely?",
+            stacklevel=3,
+        )

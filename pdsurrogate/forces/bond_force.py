@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from ..body import Body
 from ..kernels import bond_force, reference_state
 from ..kernels.analytic import analytic_bond_force
 from ..kernels.block_arrays import BLOCK, aligned_rows
+from ..kernels.bond_state import LEAST_NORMAL_STRETCH, lateral_stretch
 from ..kernels.passes import Chain
 from ..kernels.sums import sum_pair_forces
 from ..kernels.threads import Chunks
@@ -91,6 +94,37 @@ class ForceSurrogate(ForceModel):
     @abstractmethod
     def compiled(self, dtype) -> CompiledBondForce:
         """The same for the bond pass, in the given precision."""
+
+
+@dataclass(frozen=True)
+class BondStates:
+    """States of bonds, vectors of one length: U_nn and U_nm of theory (10), l/horizon, C33 and J."""
+
+    a: np.ndarray
+    b: np.ndarray
+    length: np.ndarray
+    C33: np.ndarray
+    J: np.ndarray
+
+    @property
+    def has_stretch_tensor(self) -> np.ndarray:
+        """Which of them are not turned by a right angle or more, bool."""
+        return self.a > LEAST_NORMAL_STRETCH
+
+    @cached_property
+    def stretches(self) -> np.ndarray:
+        """Principal stretches in the plane, shape (n, 2)."""
+        trace = self.a**2 + 2 * self.b**2 + lateral_stretch(self.a, self.b, self.J) ** 2
+        total, difference = np.sqrt(trace + 2 * self.J), np.sqrt(np.maximum(trace - 2 * self.J, 0))
+        return np.stack([total + difference, total - difference], axis=1) / 2
+
+    def chosen(self, which) -> BondStates:
+        """Some of them."""
+        return BondStates(*(getattr(self, part.name)[which] for part in fields(self)))
+
+    def quantities(self) -> tuple[np.ndarray, ...]:
+        """What `ForceSurrogate.bond_force` takes."""
+        return np.hypot(self.a, self.b), np.arctan2(self.b, self.a), self.length, self.C33, self.J
 
 
 class PairForces:
@@ -194,6 +228,8 @@ class BondForceEvaluation(Evaluation):
 
     def __init__(self, model: ForceSurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
         correction = settings.correction or ("tensor" if model.gives_transverse else "scalar")
+        if model.members and settings.plane == "strain":
+            raise ValueError(f"{model.name} tells the deviation of its members under plane stress; fit it with --energy for other planes")
         super().__init__(body, law, usual_precision(model, settings), correction, settings)
         self.model, self.outside = model, settings.outside or OUTSIDE
         bonds, kinematics = body.bonds, self._kinematics
@@ -253,6 +289,43 @@ class BondForceEvaluation(Evaluation):
 
     def domain_deviation(self) -> np.ndarray | None:
         return None if self.model.domain is None else self.model.domain.deviation(self.principal_stretches(), self.volume_ratios() ** 2)
+
+    def bonds(self) -> tuple[np.ndarray, BondStates]:
+        """Numbers of the pairs that carry a force, and their states at the positions last given, as the pass over them finds them."""
+        kinematics, bonds, points = self._kinematics, self.body.bonds, self.body.all_points
+        kinematics.find_states()
+        pairs = np.flatnonzero(self.geometry[:, 2].ravel()[: self._n_pairs] > 0)
+        first, second = bonds.first[pairs], bonds.second[pairs]
+        vectors, between = points[second] - points[first], kinematics.positions[second] - kinematics.positions[first]
+        length = np.linalg.norm(vectors, axis=1)
+        cos, sin, J, C33 = (kinematics.records[first].astype(float) + kinematics.records[second]).T
+        turn = np.hypot(cos, sin)
+        n1 = (cos * vectors[:, 0] - sin * vectors[:, 1]) / turn
+        n2 = (sin * vectors[:, 0] + cos * vectors[:, 1]) / turn
+        a = (n1 * between[:, 0] + n2 * between[:, 1]) / length**2
+        b = (n1 * between[:, 1] - n2 * between[:, 0]) / length**2
+        return pairs, BondStates(a, b, length / self.body.horizon, C33 / 2, J / 2)
+
+    def beyond_data(self) -> np.ndarray | None:
+        if self.model.domain is None or self.model.domain.hull is None:
+            return None
+        pairs, states = self.bonds()
+        counted = self.body.part.counted_pairs(self.body.bonds.first)
+        # One turned past a right angle has no stretch tensor, and is not told.
+        chosen = states.has_stretch_tensor if counted is None else states.has_stretch_tensor & counted[pairs]
+        return self.model.domain.beyond_data(states.stretches[chosen])
+
+    def member_deviation(self) -> np.ndarray | None:
+        if not self.model.members:
+            return None
+        from .members import bond_deviations  # of which a run without a committee has no need
+
+        pairs, states = self.bonds()
+        found, of_points = bond_deviations(self.model, self.law, states), np.zeros(len(self.body))
+        for ends in (self.body.bonds.first[pairs], self.body.bonds.second[pairs]):
+            own = ends < len(self.body)
+            np.maximum.at(of_points, ends[own], found[own])
+        return self.law.shear_modulus * of_points
 
     def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
         return self.law.shear_modulus * self._forces[slice(self._n_pairs) if pairs is None else pairs].astype(float)

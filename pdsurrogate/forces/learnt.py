@@ -17,7 +17,7 @@ from ..materials import Law
 from .agreement import bond_states, check_agreement
 from .analytic import bond_arrays
 from .bond_force import ForceSurrogate
-from .protocol import CompiledBondForce, Domain
+from .protocol import CompiledBondForce, Domain, Member
 
 N_OUTPUTS = 2
 """Outputs of every learnt bond force; its feature set says what they mean."""
@@ -43,6 +43,8 @@ class LearntBondForce(ForceSurrogate):
     stated : mapping, optional
         Relative errors on the plane-stress surface, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
         of the training states; None without a card.
+    members : tuple of Member, optional
+        Of its committee, where a run is to tell their deviation.
     """
 
     name: str
@@ -52,6 +54,7 @@ class LearntBondForce(ForceSurrogate):
     law: str
     shape: Mapping[str, float]
     stated: Mapping[str, float] | None = field(default=None, kw_only=True)
+    members: tuple[Member, ...] = field(default=(), kw_only=True)
 
     kind: ClassVar[str]
     default_precision: ClassVar[str] = "float32"

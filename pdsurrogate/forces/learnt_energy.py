@@ -26,7 +26,7 @@ from .agreement import check_agreement, invariant_states, isochoric_states, isoc
 from .bond_energy import EnergySurrogate
 from .energy_density import BLEND, EnergyDerivatives
 from .learnt import check_described, checked_array, evaluate_block
-from .protocol import CompiledBondForce, Domain, ForceModel, InternalForce, Portion
+from .protocol import CompiledBondForce, Domain, ForceModel, InternalForce, Member, Portion
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ForceSettings
 
 if TYPE_CHECKING:
@@ -70,6 +70,8 @@ class LearntEnergy(ForceModel):
     stated : mapping, optional
         Relative errors of the stress, ``rms`` and ``max``, that its card states, and ``bulk_ratio``, K/mu
         of the training states; None without a card.
+    members : tuple of Member, optional
+        Of its committee, where a run is to tell their deviation.
     """
 
     name: str
@@ -81,6 +83,7 @@ class LearntEnergy(ForceModel):
     law: str
     shape: Mapping[str, float]
     stated: Mapping[str, float] | None = field(default=None, kw_only=True)
+    members: tuple[Member, ...] = field(default=(), kw_only=True)
 
     kind: ClassVar[str]
     feature_set: ClassVar[str]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import warnings
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -22,6 +23,16 @@ _CALLED = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctype
 
 TRIAL = ([1.0, 1.3, 0.8, 1.1], [0.0, 0.2, -0.1, 0.05], [1.0, 0.5, 0.7, 0.2], [1.0, 0.7, 1.4, 0.9], [1.0, 1.2, 0.85, 1.05])
 """Bonds by which a force is tried before a run."""
+
+INVARIANTS = ([3.2, 3.6, 4.5, 6.0], [3.25, 3.4, 5.0, 4.5])
+"""I1bar and I2bar at which the derivatives of an energy are tried."""
+
+DIFFERENCE = 1e-3
+"""Relative step of the difference quotients there: their own error is some 1e-6 of a derivative, in single precision 1e-3."""
+
+MOST_OFF, NOTED = 1e-2, 1e-4
+"""Of the greatest derivative or force that a trial gives (at rest of the shear modulus): by more than the first a derivative is not one,
+and a force is none of isotropic rubber, and is refused; by more than the second it is said."""
 
 
 class OwnForceFailed(RuntimeError):
@@ -85,7 +96,7 @@ class OwnBondForce(ForceSurrogate):
         return self._force(*bond_arrays(stretch, rotation, length, C33, J))
 
     def _force(self, stretch, rotation, length, C33, J) -> np.ndarray:
-        if callable(getattr(self.thing, "bond_force", None)):
+        if self._gives_force:
             return self._checked("bond_force", self.thing.bond_force(stretch, rotation, length, C33, J), (len(stretch), 2))
         a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
         T_nn, T_nm, _ = plane_stress.bond_traction(_LawOf(self), a, b, J, C33)
@@ -133,16 +144,94 @@ class OwnBondForce(ForceSurrogate):
         Raises
         ------
         ValueError
-            If it fails, or is not finite.
+            If it fails, or is not finite; if a derivative is not that of the energy, or a force is not zero at rest or not isotropic.
+
+        Warns
+        -----
+        UserWarning
+            If it is slightly so.
         """
         try:
             found = self.bond_force(*TRIAL)
+            quotients = None if self._gives_force else self._difference_quotients()
         except OwnForceFailed as error:
             raise ValueError(str(error)) from error
         except Exception as error:
             raise ValueError(f"{self.name} fails on bonds of stretches {TRIAL[0]}: {type(error).__name__}: {error}") from error
         if not np.isfinite(found).all():
             raise ValueError(f"{self.name} has no finite force on bonds of stretches {TRIAL[0]}, rotations {TRIAL[1]}")
+        if quotients is None:
+            self._check_rest()
+            self._check_isotropy(found)
+        else:
+            self._check_derivatives(*quotients)
+
+    @property
+    def _gives_force(self) -> bool:
+        """Whether the object has a ``bond_force``, which counts before an ``energy``."""
+        return callable(getattr(self.thing, "bond_force", None))
+
+    def _difference_quotients(self) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives of an energy by I1bar and I2bar, as it gives them and as its values say, shape (2, n) each."""
+        at, quotients = np.array(INVARIANTS), []
+        for number in range(2):
+            step = np.zeros_like(at)
+            step[number] = DIFFERENCE * at[number]
+            quotients.append((self.energy(*(at + step))[0] - self.energy(*(at - step))[0]) / (2 * step[number]))
+        return np.stack(self.energy(*at)[1:]), np.stack(quotients)
+
+    def _check_derivatives(self, derivatives: np.ndarray, quotients: np.ndarray) -> None:
+        off = np.abs(derivatives - quotients)
+        if not off.max() <= MOST_OFF * np.abs(derivatives).max():
+            number, worst = np.unravel_index(off.argmax(), off.shape)
+            I1, I2 = np.array(INVARIANTS)[:, worst]
+            raise ValueError(
+                f"{self.name}: dW/dI{number + 1}bar is not the derivative of its W: at I1bar = {I1:g}, I2bar = {I2:g} it is "
+                f"{derivatives[number, worst]:.6g}, and a difference quotient of W is {quotients[number, worst]:.6g}"
+            )
+
+    def _check_rest(self) -> None:
+        lengths = np.array(TRIAL[2])
+        force = self.bond_force(1.0, 0.0, lengths, 1.0, 1.0)
+        worst = np.linalg.norm(force, axis=1).argmax()
+        t_n, t_tau = force[worst]
+        self._judge(
+            np.hypot(t_n, t_tau),
+            f"{self.name} is not zero at rest: bond_force(stretch=1, rotation=0, length={lengths[worst]:g}, C33=1, J=1) is ({t_n:.3g}, "
+            f"{t_tau:.3g}) in units of the shear modulus; take off what it gives there",
+        )
+
+    def _check_isotropy(self, found: np.ndarray) -> None:
+        """A bond turned the other way has the force mirrored; the stress by bonds along and across has the axes of the stretch."""
+        stretch, rotation, length, C33, J = (np.array(quantity) for quantity in TRIAL)
+        size = np.linalg.norm(found, axis=1).max()
+        mirrored = self.bond_force(stretch, -rotation, length, C33, J) * [1, -1]
+        off = np.linalg.norm(mirrored - found, axis=1)
+        worst = off.argmax()
+        self._judge(
+            off[worst] / size,
+            f"{self.name} tells one way of turning from the other: at stretch {stretch[worst]:g} it is ({found[worst, 0]:.4g}, "
+            f"{found[worst, 1]:.4g}) for a rotation of {rotation[worst]:g}, and of {-rotation[worst]:g} not that with the second turned "
+            f"round, but ({mirrored[worst, 0]:.4g}, {-mirrored[worst, 1]:.4g}); isotropic rubber does not",
+        )
+        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+        U_mm = (J + b * b) / a
+        T_nn, T_nm, T_mm = self._tractions(a, b, U_mm, J, C33, length)
+        off = np.abs(T_nm * (a - U_mm) - b * (T_nn - T_mm))
+        worst = off.argmax()
+        self._judge(
+            off[worst] / size,
+            f"{self.name} is not isotropic: the stress by the bond of stretch {stretch[worst]:g} and rotation {rotation[worst]:g} and that "
+            f"across it has not the axes of their stretch tensor (off by {off[worst] / size:.2g} of the force); the part of the force "
+            "across a bond follows from those along it and along the bond across it",
+        )
+
+    def _judge(self, off: float, what: str) -> None:
+        """Refuse what is off by much, and say what is by little."""
+        if off > MOST_OFF:
+            raise ValueError(what)
+        if off > NOTED:
+            warnings.warn(what, stacklevel=4)
 
     def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
         # Python runs on one thread, that which calls.

@@ -48,6 +48,8 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     if settings.breakable:
         raise ValueError("bonds that break (fracture) are taken in a body of one material only: leave out fracture or materials")
     merged = _merged(portions)
+    if len(merged) > 1 and (asked := [portion.model.name for portion in merged if portion.model.members]):
+        raise ValueError(f"{asked[0]}: the deviation of members is told of bodies of one material; leave out #all")
     if len(merged) == 1:
         return merged[0].model.bind(body, merged[0].law, settings)
     honoured = {key for portion in merged for key in portion.model.honoured(settings.plane)}

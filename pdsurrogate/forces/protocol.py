@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -39,12 +39,16 @@ class Domain:
         Bounds of both principal stretches in the plane, of the stretch tensor that (lambda_b, dtheta, J) define (theory (10)).
     least_bulk, greatest_bulk : float
         Bounds of J3^2 = J^2 C33.
+    hull : tuple of tuple of float, optional
+        Of an energy from test data, where those are: half-planes (n1, n2, d) in the logarithms of the two greater of three principal
+        stretches of product 1, the greatest first, n1 log l1 + n2 log l2 <= d.
     """
 
     least_stretch: float
     greatest_stretch: float
     least_bulk: float
     greatest_bulk: float
+    hull: tuple[tuple[float, float, float], ...] | None = field(default=None, repr=False)
 
     @property
     def interior(self) -> Domain:
@@ -60,6 +64,8 @@ class Domain:
     def deviation(self, stretches: np.ndarray, bulk: np.ndarray | None = None) -> np.ndarray:
         """Greatest logarithm by which states pass a bound, negative by the distance to the nearest one within the domain, shape (n,).
 
+        The edge of the hull of test data is one of the bounds, where there is one.
+
         Parameters
         ----------
         stretches : ndarray, shape (n, k)
@@ -67,6 +73,18 @@ class Domain:
         bulk : ndarray, shape (n,), optional
             J3^2, of a model that sees it.
         """
+        passed = self.beyond_bounds(stretches, bulk)
+        return passed if self.hull is None else np.maximum(passed, self.beyond_data(stretches))
+
+    def beyond_data(self, stretches: np.ndarray) -> np.ndarray:
+        """The same of the hull of test data alone; of stretches in the plane, shape (n, 2), the third follows without change of volume."""
+        logs = np.log(stretches)
+        logs = np.column_stack([logs, -logs.sum(axis=1)]) if logs.shape[1] == 2 else logs - logs.mean(axis=1, keepdims=True)
+        planes = np.array(self.hull)
+        return (-np.sort(-logs, axis=1)[:, :2] @ planes[:, :2].T - planes[:, 2]).max(axis=1)
+
+    def beyond_bounds(self, stretches: np.ndarray, bulk: np.ndarray | None = None) -> np.ndarray:
+        """The same of the bounds of stretches and J3^2 alone, within which the model itself counts in a run."""
         with np.errstate(divide="ignore"):
             stretch = np.log(stretches)
             least, greatest, low, high = np.log([self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk])
@@ -142,6 +160,25 @@ class Portion:
     law: Law
     model: ForceModel
     points: np.ndarray
+
+
+@dataclass(frozen=True)
+class Member:
+    """A member of the committee of a learnt model.
+
+    Attributes
+    ----------
+    model : ForceModel
+        Of the member, in units of its own shear modulus.
+    law : Law
+        That it describes.
+    ratio : float
+        Its shear modulus over that of the model whose committee it is in.
+    """
+
+    model: ForceModel
+    law: Law
+    ratio: float
 
 
 class InternalForce(ABC):
@@ -283,6 +320,20 @@ class InternalForce(ABC):
         """How far the points are beyond the domain of a learnt model (`Domain.deviation`), shape (n,); None of a model that has none."""
         return None
 
+    def beyond_data(self) -> np.ndarray | None:
+        """How far bonds, or of an energy points, are beyond the test data (`Domain.beyond_data`), at the positions last given.
+
+        Each of those counted here once; None of a model that does not know where its data are.
+        """
+        return None
+
+    def member_deviation(self) -> np.ndarray | None:
+        """Greatest deviation of a committee's members from the model, of the bonds of every point or of the point, shape (n,).
+
+        In the unit of the shear modulus, at the positions last given (`pdsurrogate.forces.members`); None where no members were asked for.
+        """
+        return None
+
     @property
     @abstractmethod
     def supported(self) -> np.ndarray:
@@ -408,6 +459,8 @@ class ForceModel(ABC):
         The values that it can honour of every field of `ForceSettings` that it has a use for.
     stated : mapping, optional
         Errors that the card of a learnt model states, see `pdsurrogate.forces.agreement`.
+    members : tuple of Member
+        Of its committee, where their deviation is asked for.
 
     Examples
     --------
@@ -421,6 +474,7 @@ class ForceModel(ABC):
     family: str
     honours: Mapping[str, tuple]
     stated: Mapping[str, float] | None = None
+    members: tuple[Member, ...] = ()
 
     def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
         """Prepare the evaluation of this model on a body of a material.

@@ -164,14 +164,29 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         found = self._isochoric.evaluate(*plane.isochoric_state(F))
         return plane.stress_and_energy(self.law, F, self.volume_ratios(), self.bulk_stresses(), found)
 
-    def domain_deviation(self) -> np.ndarray | None:
-        if self.model.domain is None:
-            return None
+    def _isochoric_stretches(self) -> np.ndarray:
+        """Three principal stretches of the points, over the cube root of their product, shape (n, 3)."""
         stretches = self.principal_stretches()
         J = stretches.prod(axis=1, keepdims=True)
         # In the plane the third one is held at 1.
         full = np.hstack([stretches, np.ones((len(J), 3 - self.body.dimension))])
-        return self.model.domain.deviation(full / np.cbrt(J))
+        return full / np.cbrt(J)
+
+    def domain_deviation(self) -> np.ndarray | None:
+        return None if self.model.domain is None else self.model.domain.deviation(self._isochoric_stretches())
+
+    def beyond_data(self) -> np.ndarray | None:
+        if self.model.domain is None or self.model.domain.hull is None:
+            return None
+        counted = self.body.part.counted(np.ones(len(self.body))) > 0
+        return self.model.domain.beyond_data(self._isochoric_stretches()[counted])
+
+    def member_deviation(self) -> np.ndarray | None:
+        if not self.model.members:
+            return None
+        from .members import point_deviations  # of which a run without a committee has no need
+
+        return self.law.shear_modulus * point_deviations(self.model, self.law, self._isochoric_stretches())
 
     def collapsed_pairs(self) -> np.ndarray:
         volumes = self._pair_volumes[: self._n_pairs]

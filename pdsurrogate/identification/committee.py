@@ -7,7 +7,9 @@ from joblib import Parallel, delayed
 from sklearn.base import clone
 
 
-def committee(regressor, X, y, n_members: int = 8, tests=None, random_state: int = 0, n_jobs: int = 1) -> list:
+def committee(
+    regressor, X, y, n_members: int = 8, tests=None, random_state: int = 0, n_jobs: int = 1, sample_weight: np.ndarray | None = None
+) -> list:
     """Clones of a regressor, each fitted to test data drawn with replacement (bootstrap).
 
     What is asked of the members, a stress or the result of a run with the ``law_`` of each, differs among them by as much as the data leave
@@ -28,6 +30,8 @@ def committee(regressor, X, y, n_members: int = 8, tests=None, random_state: int
         Seed.
     n_jobs : int
         Of joblib.
+    sample_weight : ndarray, shape (n_samples,), optional
+        Of every row, however often it is drawn.
 
     Returns
     -------
@@ -62,8 +66,10 @@ def committee(regressor, X, y, n_members: int = 8, tests=None, random_state: int
     for _ in range(n_members):
         drawn = np.concatenate([np.flatnonzero(tests == kind) for kind in random.choice(kinds, len(kinds))])
         members.append(drawn)
-    return Parallel(n_jobs)(delayed(_fitted)(clone(regressor), X[drawn], y[drawn]) for drawn in members)
+    weights = [None if sample_weight is None else np.asarray(sample_weight)[drawn] for drawn in members]
+    rows = zip(members, weights, strict=True)
+    return Parallel(n_jobs)(delayed(_fitted)(clone(regressor), X[drawn], y[drawn], weight) for drawn, weight in rows)
 
 
-def _fitted(regressor, X, y):
-    return regressor.fit(X, y)
+def _fitted(regressor, X, y, sample_weight):
+    return regressor.fit(X, y, sample_weight)

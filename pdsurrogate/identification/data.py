@@ -56,6 +56,13 @@ class TestData:
         """Modes that occur, in the order of their first rows."""
         return list(dict.fromkeys(self.mode.tolist()))
 
+    @property
+    def tests(self) -> np.ndarray:
+        """Which test a row is of, shape (n,): the two stresses of a biaxial state are of one, every other row of its own."""
+        states = np.round(np.sort(np.log(self.stretches), axis=1), 9)
+        _, tests = np.unique(states, axis=0, return_inverse=True)
+        return np.where(self.mode == BIAXIAL, tests.ravel(), len(self) + np.arange(len(self)))
+
     def of(self, *modes: str) -> TestData:
         """The rows of some modes alone."""
         chosen = np.isin(self.mode, modes)

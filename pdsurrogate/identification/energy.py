@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import nnls
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
@@ -69,7 +69,8 @@ class EnergyRegressor(RegressorMixin, BaseEstimator):
     cross_validation_ : list of dict
         ``greatest``, ``least`` exponent, and the relative RMS error of what was left out.
     hull_ : ndarray, shape (n, 3)
-        Half-planes (n1, n2, -d) of the convex hull of the data in log-stretch, either stretch first: n . x <= d.
+        Half-planes (n1, n2, -d) of the convex hull of the data and of rest, n . x <= d, with x the logarithms of the two greater of the
+        three stretches of a state, the greatest first: an isotropic energy does not know which way they point.
     stretch_range_ : tuple of float
         Least and greatest stretch of the data.
     n_features_in_ : int
@@ -132,7 +133,7 @@ class EnergyRegressor(RegressorMixin, BaseEstimator):
         Warns
         -----
         UserWarning
-            If the stresses are those of no rubber.
+            If the stresses are those of no rubber, or the data of one state or one mode of loading, which do not tell an energy.
         """
         self._validate_params()
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
@@ -142,6 +143,7 @@ class EnergyRegressor(RegressorMixin, BaseEstimator):
         X = self._stretches(X)
         used = root > 0
         X, y, root = X[used], y[used], root[used]
+        _tell_what_is_open(X)
         groups = groups_of(X) if groups is None else np.asarray(groups)[used]
         self.cross_validation_ = self._cross_validated(X, y, root, groups)
         most = (1 + AS_GOOD) * min(row["relative_rms"] for row in self.cross_validation_) + 1e-9
@@ -161,8 +163,13 @@ class EnergyRegressor(RegressorMixin, BaseEstimator):
     def beyond(self, X) -> np.ndarray:
         """How far states are beyond the hull of the data, in log-stretch, shape (n_samples,); 0 and less within it and its margin."""
         check_is_fitted(self)
-        logs = np.log(self._stretches(np.asarray(X, dtype=float)))
+        logs = ordered_logs(self._stretches(np.asarray(X, dtype=float)))
         return (logs @ self.hull_[:, :2].T + self.hull_[:, 2]).max(axis=1) - self.margin
+
+    def domain_hull(self) -> list[list[float]]:
+        """Half-planes (n1, n2, d) of the hull with its margin, as `pdsurrogate.forces.Domain` has them."""
+        check_is_fitted(self)
+        return [[n1, n2, self.margin - offset] for n1, n2, offset in self.hull_.tolist()]
 
     def _stretches(self, X):
         return checked_stretches(self, X)
@@ -210,12 +217,55 @@ class EnergyRegressor(RegressorMixin, BaseEstimator):
         else:
             self.standard_errors_ = np.full(len(weights), np.inf)
         self.stretch_range_ = float(X.min()), float(X.max())
-        logs = np.log(np.concatenate([X, X[:, ::-1], np.ones((1, 2))]))
-        try:
-            self.hull_ = ConvexHull(logs).equations
-        except QhullError:  # of one mode in a line: a box about it
-            low, high = logs.min(axis=0), logs.max(axis=0)
-            self.hull_ = np.array([[1, 0, -high[0]], [-1, 0, low[0]], [0, 1, -high[1]], [0, -1, low[1]]], dtype=float)
+        self.hull_ = half_planes(X)
+
+
+def ordered_logs(X: np.ndarray) -> np.ndarray:
+    """Logarithms of the two greater of the three stretches of incompressible states, the greatest first, shape (n, 2)."""
+    logs = np.log(X)
+    return -np.sort(-np.column_stack([logs, -logs.sum(axis=1)]), axis=1)[:, :2]
+
+
+def _tell_what_is_open(X: np.ndarray) -> None:
+    """Warn of data that leave most of an energy open."""
+    logs = ordered_logs(X)
+    states = np.unique(logs[np.abs(logs).max(axis=1) > SAME_MODE].round(3), axis=0)
+    if len(states) <= 1:
+        warnings.warn(
+            "the data are of one state: they tell one number, some shear modulus; how the stress rises with the stretch, and what it is "
+            "in other modes of loading, is the guess of the sum of powers",
+            stacklevel=3,
+        )
+    elif np.abs(logs @ line_through_rest(logs)[0]).max() < SAME_MODE:
+        first, second = states[-1]
+        mode = next((name for name, lateral in MODES.items() if abs(second - _second_of(first, lateral)) < SAME_MODE), "one mode")
+        warnings.warn(
+            f"the data are of one mode of loading ({mode}): what the stress is in others is not determined by them, as the share of the "
+            "second invariant is not; add another mode, such as pure shear or equibiaxial tension",
+            stacklevel=3,
+        )
+
+
+def _second_of(first: float, lateral) -> float:
+    """Logarithm of the second of the ordered stretches where the first is pulled in a mode."""
+    return float(ordered_logs(np.array([[np.exp(first), lateral(np.exp(first))]]))[0, 1])
+
+
+def half_planes(X: np.ndarray) -> np.ndarray:
+    """`EnergyRegressor.hull_` of stretches; of one mode of loading the line of it from rest."""
+    logs = ordered_logs(X)
+    off, along = line_through_rest(logs)
+    if np.abs(logs @ off).max() < SAME_MODE:
+        reach = np.append(logs @ along, 0.0)
+        thick = np.abs(logs @ off).max()
+        return np.array([[*off, -thick], [*-off, -thick], [*along, -reach.max()], [*-along, reach.min()]])
+    return ConvexHull(np.vstack([logs, np.zeros(2)])).equations
+
+
+def line_through_rest(logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors across and along the line through rest that states are nearest to."""
+    along, off = np.linalg.svd(np.vstack([logs, np.zeros((2, 2))]), full_matrices=False)[2]
+    return off, along
 
 
 def dictionary(greatest: float, least: float) -> np.ndarray:

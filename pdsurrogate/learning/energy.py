@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +21,9 @@ from ..materials import Law, plane_stress
 from ..materials.law import checked_law
 from .energy_form import EnergyForm, EnergySamples, checked_derivatives, checked_invariants
 from .export import best_of
-from .fitting import check_worth_storing, versions
+from .fitting import MEMBER_STATES, check_worth_storing, member_cards, versions
 from .isochoric import ISOCHORIC
-from .sampling import checked_count, checked_range, log_stretches, stretches_of_strain
+from .sampling import checked_count, checked_range, hull_of, log_stretches, stretches_of_strain
 from .sobolev import SobolevNetwork, SobolevRegressor
 from .target import InputAwareTargetRegressor
 from .validation import strain_bins
@@ -272,7 +272,9 @@ def energy_surrogate_of(model: InputAwareTargetRegressor, law: Law, samples: Ene
     network_of(model)
     if form_of(model) is not samples.form:
         raise ValueError(f"the pipeline is of an {form_of(model).name} and the samples are of an {samples.form.name}")
-    return energy_network(model, law, samples.design["stretch_range"], samples.X, name)
+    found = energy_network(model, law, samples.design["stretch_range"], samples.X, name)
+    hull = hull_of(samples.design)
+    return found if hull is None else replace(found, domain=replace(found.domain, hull=hull))
 
 
 def energy_network(model: InputAwareTargetRegressor, law: Law, stretch_range, X: np.ndarray, name: str = "unsaved") -> LearntEnergy:
@@ -441,6 +443,7 @@ def store_energy(
     cross_validation: list[dict] | None = None,
     search: list[dict] | None = None,
     identification: dict | None = None,
+    members: Sequence[tuple] = (),
 ) -> Path:
     """Write the artefact of a fitted energy pipeline with a full card; the arguments are those of `pdsurrogate.store`.
 
@@ -460,8 +463,17 @@ def store_energy(
     model = best_of(model)
     surrogate = energy_surrogate_of(model, checked_law(law), samples, f"{name}@{version}")
     errors = evaluate_energy(surrogate, law)
-    check_worth_storing(errors, f"{name}@{version}")
+    check_worth_storing(errors, f"{name}@{version}", law)
     regressor, form = model.regressor_[-1], samples.form
+    if members and form is SHEET:
+        raise ValueError("a committee is of bond forces, or of isochoric energies; the energy of a sheet has none")
+    committee = []
+    for number, (one, drawn, described) in enumerate(members, 1):
+        which = f"{name}@{version}#{number}"
+        found = energy_surrogate_of(best_of(one), checked_law(described), drawn, which)
+        report = evaluate_energy(found, described, n_samples=MEMBER_STATES)
+        check_worth_storing(report, which, described)
+        committee.append((found, report, described))
     parameters = {
         key: list(value) if isinstance(value, tuple) else getattr(value, "__name__", value) for key, value in regressor.get_params().items()
     }
@@ -493,5 +505,6 @@ def store_energy(
         # Of a sheet the box's corners are states of little use that its errors are of.
         "errors": {"box": errors} | ({"stretches 0.8 to 4": evaluate_energy(surrogate, law, (0.8, 4.0))} if form is SHEET else {}),
         "made_with": versions(),
+        "members": member_cards(committee, [form.shape(described) for *_, described in committee]),
     }
-    return save_artifact(folder, card, surrogate, model)
+    return save_artifact(folder, card, surrogate, model, [found for found, *_ in committee])

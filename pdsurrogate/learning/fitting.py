@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Iterable, Iterator
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
@@ -20,13 +21,19 @@ from ..materials import Law
 from ..materials.law import checked_law
 from .export import best_of, regressor_of, shift_and_scale, taken_over, title_of
 from .pipeline import feature_set_of, parts_of
-from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples, reachable_stretches
+from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples, hull_of, reachable_stretches
 from .target import InputAwareTargetRegressor
 from .validation import force_report, relative_errors
 
 MOST_STORED = 0.1
 """RMS error on the plane-stress surface, relative to the force, beyond which a surrogate describes nothing and is not stored."""
 
+
+NOTED = 0.01
+"""The same beyond which it is said, as `pdsurrogate run` does of a stored one."""
+
+MEMBER_STATES = 5_000
+"""Of each set by which the members of a committee are compared with their laws."""
 
 MOST_WORDS = 200
 """Characters of a parameter on a card."""
@@ -36,9 +43,16 @@ class TooInexact(ValueError):
     """A fitted model that is too far from its law to be of use."""
 
 
-def check_worth_storing(errors: dict, what: str) -> None:
-    """Raise `TooInexact` if the report of a model (`force_report`, `evaluate_energy`) says that it is too far from its law."""
+def check_worth_storing(errors: dict, what: str, law: Law) -> None:
+    """Raise `TooInexact` if the report of a model (`force_report`, `evaluate_energy`) says that it is too far from its law; warn if far."""
     rms = errors["on_surface"]["rms"]
+    if NOTED < rms <= MOST_STORED:
+        shape = "".join(f", {key} = {value:g}" for key, value in law.shape.items())
+        warnings.warn(
+            f"{what} is off by {100 * rms:.2g} % RMS from {law.name}{shape}, the law that it was compared with and is stored as: was it "
+            "fitted to samples of another one, or too coarsely?",
+            stacklevel=4,
+        )
     if not rms <= MOST_STORED:
         low, high = errors["stretch_range"]
         raise TooInexact(
@@ -50,12 +64,13 @@ def check_worth_storing(errors: dict, what: str) -> None:
 def domain_of(samples: BondSamples) -> Domain:
     """Domain of the samples' design: its box of principal stretches, and the J3^2 of its states."""
     low, high = samples.design["stretch_range"]
+    hull = hull_of(samples.design)
     bulk = samples.X[:, 4] ** 2 * samples.X[:, 3]
     if samples.design.get("off_surface"):
         # The perturbation's own bounds, which the samples nearly fill.
         reach = np.exp(PERTURBATION["log_C33"])
-        return Domain(low, high, float(1 / reach), float(reach))
-    return Domain(low, high, float(bulk.min()), float(bulk.max()))
+        return Domain(low, high, float(1 / reach), float(reach), hull)
+    return Domain(low, high, float(bulk.min()), float(bulk.max()), hull)
 
 
 def cross_validate(
@@ -106,17 +121,25 @@ def store_bond_force(
     cross_validation: list[dict] | None = None,
     search: list[dict] | None = None,
     identification: dict | None = None,
+    members: Sequence[tuple] = (),
 ) -> Path:
     """Write the artefact of a model of a bond force with a full card; see `pdsurrogate.store`."""
     new_artifact(folder, name, version)
     checked_law(law)
+    committee = []
+    for number, (one, drawn, described) in enumerate(members, 1):
+        which = f"{name}@{version}#{number}"
+        found, _ = taken_over(one, checked_law(described), domain_of(drawn), which, drawn.X)
+        report = force_report(found.bond_force, described, tuple(drawn.design["stretch_range"]), MEMBER_STATES)
+        check_worth_storing(report, which, described)
+        committee.append((found, report, described))
     if search is None and hasattr(model, "cv_results_"):
         search = search_table(model)
     model = best_of(model)
     surrogate, resampling = taken_over(model, law, domain_of(samples), f"{name}@{version}", samples.X)
     low, high = samples.design["stretch_range"]
     errors = {"box": force_report(surrogate.bond_force, law, (low, high))}
-    check_worth_storing(errors["box"], f"{name}@{version}")
+    check_worth_storing(errors["box"], f"{name}@{version}", law)
     if low > 0.5 and reachable_stretches(law) == (0.5, 4.0):
         errors["outside_box"] = force_report(surrogate.bond_force, law, (0.5, 4.0))
     regressor = regressor_of(model) if isinstance(model, InputAwareTargetRegressor) else model
@@ -152,8 +175,22 @@ def store_bond_force(
         "domain": asdict(surrogate.domain),
         "errors": errors,
         "made_with": versions(),
+        "members": member_cards(committee, [described.shape for *_, described in committee]),
     }
-    return save_artifact(folder, card, surrogate, model if isinstance(model, BaseEstimator) else None)
+    kept = model if isinstance(model, BaseEstimator) else None
+    return save_artifact(folder, card, surrogate, kept, [found for found, *_ in committee])
+
+
+def member_cards(committee: list[tuple], shapes: list[dict]) -> list[dict]:
+    """What a card says of the members of a committee: surrogates, reports and laws, and the shape of each law."""
+    return [
+        {
+            "material": {"law": law.name, "trained_with": law.describe(), "shape": shape},
+            "domain": asdict(found.domain),
+            "errors": {"box": {key: report[key] for key in ("stretch_range", "n_samples", "on_surface")}},
+        }
+        for (found, report, law), shape in zip(committee, shapes, strict=True)
+    ]
 
 
 def _scaling(model) -> dict:

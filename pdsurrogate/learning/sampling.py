@@ -48,6 +48,11 @@ class BondSamples:
         return len(self.X)
 
 
+def hull_of(design: dict) -> tuple[tuple[float, float, float], ...] | None:
+    """Where the test data of an energy without a law are (`Domain.hull`), of a design that says so."""
+    return None if design.get("hull") is None else tuple(tuple(map(float, plane)) for plane in design["hull"])
+
+
 def wide_design(
     law: Law,
     n_samples: int = 8_000,

@@ -149,10 +149,21 @@ class FitSettings:
         version: str,
         cross_validation: list[dict],
         identification: dict | None = None,
+        members: Sequence[tuple] = (),
     ) -> Path:
         """Write the artefact of a fitted pipeline; see `pdsurrogate.store` for the arguments and errors."""
         description = f"{'Isochoric energy' if self.energy else 'Bond force'} of {law.name}, {self.pipeline()[1]}"
-        return store(pipeline, design, law, folder, name, version, description, cross_validation, identification=identification)
+        return store(pipeline, design, law, folder, name, version, description, cross_validation, None, identification, members)
+
+    def committee(self, laws: Sequence[Law], progress: Callable[[int], None] = lambda member: None) -> list[tuple]:
+        """Members of a committee for `store`: a fit to every law, each from a seed of its own; `progress` is told each, from 0."""
+        members = []
+        for number, law in enumerate(laws):
+            progress(number)
+            settings = replace(self, seed=self.seed + number + 1)
+            design = settings.design(law)
+            members.append((settings.pipeline()[0].fit(design.X, design.y), design, law))
+        return members
 
 
 def _numbers(value: int | Sequence[int] | str, key: str) -> tuple[int, ...]:

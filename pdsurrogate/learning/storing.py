@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..artifacts import next_version, own_folder
@@ -23,6 +24,7 @@ def store(
     cross_validation: list[dict] | None = None,
     search: list[dict] | None = None,
     identification: dict | None = None,
+    members: Sequence[tuple] = (),
 ) -> Path:
     """Write the artefact of a fitted model with a full card.
 
@@ -47,6 +49,9 @@ def store(
         Tables for the card; by default that of the search, if the model is one.
     identification : dict, optional
         How the law's parameters were found, for the card (`pdsurrogate.identification.report`).
+    members : sequence of tuple, optional
+        Of a committee in the same artefact: of each a fitted model, the samples that it was fitted to, and its law.  What runs is `model`;
+        ``NAME#3`` is the third member, and ``NAME#all`` what runs with the members' deviation told beside it.
 
     Returns
     -------
@@ -76,4 +81,4 @@ def store(
     folder = own_folder() if folder is None else folder
     version = next_version(folder, name) if version is None else version
     keep = store_energy if isinstance(samples, EnergySamples) else store_bond_force
-    return keep(model, samples, law, folder, name, version, description, cross_validation, search, identification)
+    return keep(model, samples, law, folder, name, version, description, cross_validation, search, identification, members)

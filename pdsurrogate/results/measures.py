@@ -98,6 +98,8 @@ class PointState:
         Per volume of the undeformed body.
     deviation : ndarray, shape (n,), or None
         See `InternalForce.domain_deviation`.
+    member_deviation : ndarray, shape (n,), or None
+        See `InternalForce.member_deviation`.
     """
 
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
@@ -106,7 +108,7 @@ class PointState:
         self.position = force.body.points
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
         self.stress, self.energy_density = force.stress_and_energy()
-        self.deviation = force.domain_deviation()
+        self.deviation, self.member_deviation = force.domain_deviation(), force.member_deviation()
 
     @cached_property
     def deformation_gradient(self) -> np.ndarray:
@@ -191,6 +193,7 @@ POINT_FIELDS = {
     "energy_density": PointField(lambda state: state.energy_density, unit="stress"),
     "deformation_gradient": PointField(lambda state: state.deformation_gradient, 9),
     "domain_deviation": PointField(lambda state: state.deviation),
+    "member_deviation": PointField(lambda state: state.member_deviation, unit="stress"),
     "damage": PointField(lambda state: state.damage),
 }
 """All fields on the points, by their names in result files: a new one is one line."""

@@ -133,6 +133,8 @@ class Run:
         Latest of the equilibrium iteration.
     crack : dict or None
         What the dynamics tell about a crack.
+    beyond_data : list of dict
+        Of every recorded state of an energy from test data, which share of the bonds is beyond them, and how far the farthest.
     interruption : Interruption
         Whether somebody wants it to stop.
     reductions : LocalReductions
@@ -155,6 +157,7 @@ class Run:
     convergence: list[dict] = field(default_factory=list)
     residual: float | None = None
     crack: dict | None = None
+    beyond_data: list[dict] = field(default_factory=list)
     interruption: Interruption = field(default_factory=Interruption)
     reductions: LocalReductions = LOCAL
     ranks: Alone | Communicator = ALONE
@@ -321,7 +324,18 @@ class Run:
             fields = {name: self.body.part.gather(values) for name, values in fields.items()}
         equilibria, since = sum("time" not in level for level in self.levels), self.elapsed + time
         moment = Moment(equilibria + since, self.parameter, since)
+        self._tell_beyond_data(moment)
         self.states.append(moment if self.scene.stretched else Moment(moment.run_time, None, since, self.parameter), fields)
+
+    def _tell_beyond_data(self, moment: Moment) -> None:
+        """Count the bonds, or of an energy the points, that are beyond the test data that the force was learnt from."""
+        beyond = self.force.beyond_data()
+        if beyond is None:
+            return
+        total, outside = (self.reductions.total_of_parts(int(count)) for count in (len(beyond), np.count_nonzero(beyond > 0)))
+        farthest = self.reductions.greatest_of_parts(float(beyond.max(initial=0.0)))
+        row = {"run_time": moment.run_time, self.loading.parameter: self.parameter}
+        self.beyond_data.append(row | {"share": outside / max(total, 1), "log_stretch": farthest})
 
     @property
     def identity(self) -> dict:
@@ -361,6 +375,7 @@ class Run:
             "levels": self.levels,
             "history": self.history,
             "convergence": self.convergence,
+            "beyond_data": self.beyond_data,
             "moments": [astuple(moment) for moment in self.states.moments],
             "evaluations": self.force.evaluations,
             "outside": self.reductions.total_of_parts(self.force.pairs_outside),
@@ -384,7 +399,7 @@ class Run:
         for key, array in held.items():
             array[:] = found.arrays[key]
         self.parameter, self.levels = progress["parameter"], progress["levels"]
-        self.history, self.convergence = progress["history"], progress["convergence"]
+        self.history, self.convergence, self.beyond_data = progress["history"], progress["convergence"], progress["beyond_data"]
         self.stage, self.outputs = progress["stage"], progress["outputs"]
         self.begin, self.elapsed, self.crack = progress["begin"], progress["elapsed"], progress["crack"]
         if progress["earlier"] is not None:

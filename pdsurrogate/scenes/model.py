@@ -55,6 +55,8 @@ class MaterialSpec(StrictModel):
     @model_validator(mode="before")
     @classmethod
     def _from_name(cls, value: Any) -> Any:
+        if isinstance(value, Law):  # in Python: as a regressor has found it
+            return value.describe()
         return {"law": value} if isinstance(value, str) else value
 
     @model_validator(mode="after")

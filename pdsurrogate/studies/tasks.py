@@ -165,11 +165,15 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any]) -> Scene
     force = parameters.get(FORCE, study.force)
     if force is not None and not isinstance(force, str):
         raise SceneError(f"force: must be the name or path of one, not {force!r}")
-    model = _model(force, scene)
+    if force is None:
+        model = artifacts.default_force(scene)
+    else:
+        scene, model = artifacts.with_material(scene, force)
     if force is not None and force not in FORCES:
         # The version by which it is known now; an artefact that no name leads to, by its whole path.
-        named = artifacts.find_artifact(force)
+        named, which = artifacts.find_artifact(force), artifacts.parted(force)[1]
         force = f"{named.parent.name}@{named.name}" if _found_by_name(named) else str(named.resolve())
+        force += "" if which is None else f"#{which}"
     return SceneTask(scene, force, _scene_digest(scene, model))
 
 
