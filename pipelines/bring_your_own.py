@@ -311,7 +311,7 @@ def committees(folder: Path) -> str:
             run(one[2], f"{path}{which}")
             for one, which in zip(drawn, ["", *(f"#{number}" for number in range(1, MEMBERS + 1))], strict=True)
         )
-        spread = np.std(others, axis=0, ddof=1) / right
+        spread = np.sqrt(((np.array(others) - found) ** 2).mean(axis=0)) / right
         off = found / right - 1
         rows.append([str(drawing), *(f"{100 * a:+.2f} %, {100 * 2 * b:.2f} %" for a, b in zip(off, spread, strict=True))])
         console.print(rows[-1])

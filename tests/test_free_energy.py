@@ -146,3 +146,47 @@ def test_two_commands_from_data_to_a_run(tmp_path):
     assert 'Material of mine@1: {law="ogden", shear_modulus=39' in done.output  # kPa
     refused = CliRunner().invoke(app, ["fit", "mine", "--free", "--out", str(folder)])
     assert refused.exit_code == 2
+
+
+def test_one_mode_or_state_is_told():
+    treloar = pd.load_test_data("treloar")
+    for mode in ("uniaxial", "equibiaxial", "pure-shear"):
+        data = treloar.of(mode)
+        with pytest.warns(
+            UserWarning, match=rf"the data are of one mode of loading \({mode}\): what the stress is in others is not determined"
+        ):
+            model = pd.EnergyRegressor().fit(data.stretches, data.nominal_stress)
+        beyond = dict(zip(("uniaxial", "pure-shear", "equibiaxial"), model.beyond([[2, 2**-0.5], [2, 1], [2, 2]]), strict=True))
+        assert [name for name, distance in beyond.items() if distance <= 0] == [mode]
+    with pytest.warns(UserWarning, match="the data are of one state: they tell one number"):
+        pd.EnergyRegressor().fit([[2.0, 1.0]], [1.0])
+
+
+def test_a_law_that_was_found_goes_into_a_scene():
+    data = pd.load_test_data("treloar").up_to(3.0)
+    law = pd.LawRegressor("gent").fit(data.stretches, data.nominal_stress).law_
+    assert pd.load_scene("uniaxial", material=law).material.build() == law
+    assert pd.load_scene("uniaxial", {"material": law}).material.build() == law
+
+
+def test_a_run_counts_the_bonds_beyond_the_data(tmp_path):
+    """An energy of uniaxial data: of a sheet that is pulled all bonds are within them, of one in pure shear none."""
+    data = pd.load_test_data("treloar").of("uniaxial").up_to(3.0)
+    with pytest.warns(UserWarning, match="one mode of loading"):
+        model = pd.EnergyRegressor().fit(data.stretches, data.nominal_stress)
+    law = model.law_
+    samples = pd.wide_design(law, 1500, (0.5, 3.0), random_state=0)
+    samples.design["hull"] = model.domain_hull()
+    pipeline = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y)
+    path = pd.store(pipeline, samples, law, tmp_path, "mine", "1", "a test")
+    assert pd.load_surrogate(path).domain.hull is not None
+    shares = {}
+    for name in ("uniaxial", "pure-shear"):
+        result = pd.simulate(pd.load_scene(name, spacing=0.25, stretches=2.0, material=law), path)
+        (row,) = result.summary["beyond_data"]
+        shares[name] = row["share"]
+        assert (result.field("domain_deviation") <= 0).mean() == pytest.approx(1 - row["share"], abs=0.2)
+    assert shares["uniaxial"] == 0
+    assert shares["pure-shear"] > 0.8
+    # At the middle 0.31 from the line of uniaxial tension less the margin of 0.05; the corners at the grips are farther.
+    assert 0.26 < row["log_stretch"] < 0.6

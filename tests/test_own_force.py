@@ -110,3 +110,45 @@ def test_what_it_does_not_take_is_said():
     for wrong in (MyRubber, 3, object()):
         with pytest.raises(TypeError, match="or an object with a bond_force or an energy"):
             pd.simulate("uniaxial", wrong)
+
+
+class Off(MyRubber):
+    """The same with a mistake."""
+
+    def __init__(self, mistake):
+        self.mistake = mistake
+
+    def bond_force(self, stretch, rotation, length, C33, J):
+        return self.mistake(super().bond_force(stretch, rotation, length, C33, J), rotation)
+
+
+@pytest.mark.parametrize(
+    ("mistake", "message"),
+    [
+        (lambda force, rotation: np.add(force, [0.05, 0]), r"Off is not zero at rest: bond_force\(stretch=1, .*\) is \(0\.05, 0\)"),
+        (lambda force, rotation: force * [1, 0], "Off is not isotropic: the stress by the bond of stretch .* has not the axes"),
+        (lambda force, rotation: force * (1 + 0.2 * rotation)[:, None], "Off tells one way of turning from the other: at stretch 1.3"),
+    ],
+)
+def test_a_force_of_no_rubber_is_refused_before_the_run(mistake, message):
+    with pytest.raises(SceneError, match=message):
+        pd.simulate(pd.load_scene("uniaxial", spacing=0.2, stretches=1.2), Off(mistake))
+
+
+def test_what_is_slightly_so_is_said():
+    with pytest.warns(UserWarning, match="Off is not zero at rest"):
+        OwnBondForce(Off(lambda force, rotation: np.add(force, [5e-4, 0]))).check_material(pd.NeoHookean())
+
+
+@pytest.mark.parametrize(("slopes", "name"), [((0.44, 0.1), "dW/dI1bar"), ((0.4, 0.12), "dW/dI2bar")])
+def test_a_derivative_that_is_none_is_refused(slopes, name):
+    """With the place and both values."""
+
+    class Slip(MyEnergy):
+        def energy(self, I1bar, I2bar):
+            return super().energy(I1bar, I2bar)[0], *slopes
+
+    given, right = (slopes[0], 0.4) if name.endswith("1bar") else (slopes[1], 0.1)
+    said = rf"Slip: {name} is not the derivative of its W: at I1bar = .*, I2bar = .* it is {given}, and a difference quotient .* is {right}"
+    with pytest.raises(SceneError, match=said):
+        pd.simulate(pd.load_scene("uniaxial", spacing=0.2, stretches=1.2), Slip())

@@ -33,7 +33,7 @@ def fit(
     committee: Annotated[
         int | None,
         typer.Option(
-            help="So many members beside it in the artefact, fitted to drawings from the data, or without data from other seeds.", min=2
+            help="So many members beside it in the artefact, each fitted to half of the tests, or without data from other seeds.", min=2
         ),
     ] = None,
     energy: Annotated[
@@ -90,7 +90,7 @@ def fit(
             if committee:
                 with status(f"Fitting {committee} drawings from {data}"):
                     laws = members_of(model, rows, committee, seed)
-                found["committee"] = f"bootstrap over {len(set(rows.tests))} tests, seed {seed}"
+                found["committee"] = f"each fitted to half of {len(set(rows.tests))} tests, seed {seed}"
             print_identified(found)
             if found["r_squared"] and max(found["r_squared"].values()) <= 0:
                 raise ValueError(
