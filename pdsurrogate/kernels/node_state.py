@@ -14,18 +14,17 @@ SWELLING = 0.02
 
 
 @inline
-def solve_volume_ratios(n, states, result, settled, response, parameters, last_step=1e-8):
+def solve_volume_ratios(n, states, result, last, response, parameters, last_step=1e-8):
     """Newton's iteration for J3 in ``states[2]`` from the values there, over a block whose first n states count.
 
     Returns the number of states without a solution.  Each ends with a relative step below `last_step`; convergence is quadratic, so the
-    error after it is about the square of that.  It then stays, however long others of the block go on: what is found of a state depends on
-    nothing but itself, to the last bit.  `settled` is a row of working memory.
+    error after it is about the square of that.  `result` is the response before that step.  A state waits with it until all others of the
+    block have come as far: what is found of one, response and J3, depends on nothing but itself, to the last bit.  `last` is a row of
+    working memory.
 
     The residual is J3 dPsi/dJ3, whose slope is about the bulk modulus: from J3 of the last evaluation one step reaches rounding, and the
     second confirms it.
     """
-    for k in range(n):
-        settled[k] = 0.0
     for _ in range(MOST_ITERATIONS):
         call_block(response, states, parameters, result)
         beyond = -np.inf
@@ -37,13 +36,14 @@ def solve_volume_ratios(n, states, result, settled, response, parameters, last_s
             step = min(max(step, -J3), 0.5 * J3)
             # Past the law's limit at this J3, which a state with more volume may keep: swell, until there is one.
             step = step if result[2, k] == result[2, k] else -SWELLING * J3
-            step = step if settled[k] == 0.0 else 0.0
-            states[2, k] = J3 - step
             left = abs(step) - last_step * J3
-            settled[k] = 1.0 if left < 0.0 else 0.0
+            last[k] = step if left < 0.0 else 0.0
+            states[2, k] = J3 - (0.0 if left < 0.0 else step)
             beyond = max(beyond, left)
         if beyond < 0.0:
             break
+    for k in range(n):
+        states[2, k] -= last[k]
     unsolved = 0
     for k in range(n):
         # NaN fails both comparisons.
