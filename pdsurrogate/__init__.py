@@ -102,10 +102,14 @@ _HOMES = {
     "wide_design": "learning",
 }
 
+_ROOMS = {"ranks", *(home.split(".")[0] for home in _HOMES.values())}
+
 __all__ = sorted(_HOMES)
 
 
 def __getattr__(name: str):
+    if name in _ROOMS:
+        return import_module(f".{name}", __name__)
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f".{_HOMES[name]}", __name__), name)

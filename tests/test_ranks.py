@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -55,13 +56,16 @@ travel = 1.0
 """
 
 
-def run(ranks, *arguments, mpi4py=True, expected=0):
+def environment():
+    return {**os.environ, "NUMBA_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(map(str, (HERE.parent, HERE)))}
+
+
+def run(ranks, *arguments, mpi4py=True, expected=0, cwd=None):
     """Output of a Python command on some ranks."""
-    environment = {**os.environ, "NUMBA_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(map(str, (HERE.parent, HERE)))}
     command = [sys.executable, *(["-m", "mpi4py"] if mpi4py else []), *map(str, arguments)]
     if ranks > 1:
         command = [str(MPIEXEC), "-n", str(ranks), *command]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, env=environment, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, env=environment(), cwd=cwd, check=False)
     assert (done.returncode == 0) == (expected == 0), done.stdout + done.stderr
     return done.stdout + done.stderr
 
@@ -141,6 +145,53 @@ def test_a_run_writes_what_one_process_writes(tmp_path):
     for key in ("n_points", "n_bonds", "n_directed_bonds", "n_ghost_points", "n_force_evaluations", "n_steps", "converged"):
         assert shared[key] == alone[key], key
     assert shared["peak_nominal_stress"] == pytest.approx(alone["peak_nominal_stress"], rel=1e-12)
+
+
+SAID = re.compile(r"[\d.]+ ns per|[\d.]+ s(?= in all| compiling)")
+"""Times, in what a run says."""
+
+CASES = {
+    "good": ([], 0),
+    "setting that the scene does not take": (["--set", "spacing=-1"], 2),
+    "body that cannot be made": (["--set", "body.size=[0.3,0.3]"], 2),
+    "solver that fails": (["--set", "solver.method=relaxation", "--set", "solver.most_evaluations=60"], 1),
+}
+
+
+@several
+@pytest.mark.parametrize("case", CASES)
+def test_three_ranks_say_what_one_says(case, tmp_path):
+    """Line by line on either stream but for times, with one exit status, and with the same files left behind."""
+    settings, expected = CASES[case]
+    command = [sys.executable, "-m", "pdsurrogate", "run", "hole", "--force", "analytic", "--out", "out/hole", "--threads", "1"]
+    command += ["--set", "spacing=0.25", "--set", "stretches=1.05", *settings]
+    several = [str(MPIEXEC), "-n", "3", sys.executable, "-m", "mpi4py", *command[1:]]
+    said = []
+    for name, line in (("one", command), ("three", several)):
+        home = tmp_path / name
+        home.mkdir()
+        done = subprocess.run(line, cwd=home, capture_output=True, text=True, timeout=TIMEOUT, env=environment(), check=False)
+        assert done.returncode == expected, done.stderr
+        streams = [SAID.sub("*", stream).splitlines() for stream in (done.stdout, done.stderr)]
+        # What one rank has no reason to say, and three only on fewer cores.
+        streams[1] = [text for text in streams[1] if "take as many ranks as cores" not in text]
+        said.append((streams, sorted(str(path.relative_to(home)) for path in home.rglob("*") if path.name != "checkpoint.npz")))
+    assert said[0] == said[1]
+    assert bool(said[0][1]) == (expected < 2), "a run that is refused leaves nothing"
+
+
+def test_a_script_asks_who_takes_part(tmp_path):
+    """The guide's own script, which in one process loads nothing of MPI."""
+    block = re.search(r"^```python\n(.*?)^```", (HERE.parent / "docs" / "guide" / "ranks.md").read_text(), re.MULTILINE | re.DOTALL)[1]
+    (tmp_path / "script.py").write_text(block + "import sys\nassert ranks.size > 1 or 'mpi4py' not in sys.modules\n")
+    both = [1, 2] if several.args[0] is False else [1]
+    stresses = []
+    for ranks in both:
+        printed = run(ranks, "script.py", mpi4py=ranks > 1, cwd=tmp_path)
+        (found,) = re.findall(rf"^([\d.]+) on {ranks} ranks$", printed, re.MULTILINE)
+        stresses.append(float(found))
+        assert (tmp_path / "stress.png").stat().st_size > 5000
+    assert stresses[-1] == pytest.approx(stresses[0], rel=1e-5)
 
 
 @several

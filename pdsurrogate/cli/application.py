@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,7 +17,7 @@ from rich.measure import Measurement
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from ..ranks import communicator
+from ..ranks import ALONE, communicator
 
 app = typer.Typer(
     name="pdsurrogate",
@@ -27,7 +26,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 SECONDS_BEFORE_THE_OTHERS = 5.0
-"""Time that the first rank has to speak for all and end the run."""
+"""Time that ranks have to come to the same end; then one that did not ends with those that did."""
 
 BAR = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"), TimeElapsedColumn(), TimeRemainingColumn())
 """Columns of all bars: what, how far, rate and residual or energy, time gone by and left."""
@@ -37,6 +36,8 @@ MOST_COLUMNS = 10_000
 
 out = Console()
 err = Console(stderr=True)
+_ranks = ALONE
+"""Those that share the command, if it is one that ranks can share."""
 
 
 @dataclass
@@ -118,15 +119,22 @@ def only_the_first_speaks() -> None:
     NotUnderMPI
         If several processes were started that know nothing of each other.
     """
-    err.quiet = communicator().rank > 0
+    global _ranks
+    _ranks = communicator()
+    err.quiet = _ranks.rank > 0
     out.quiet = out.quiet or err.quiet  # it may be JSON alone that is wanted
+    _ranks.barrier()  # how long each took to start says nothing of how they end
 
 
-def say_alone() -> None:
-    """Let a rank that has failed speak, unless the first one, with the same error, has ended all by then."""
-    if err.quiet:
-        time.sleep(SECONDS_BEFORE_THE_OTHERS)
-        out.quiet = err.quiet = False
+def ended(status: int, *told: str) -> typer.Exit:
+    """What to raise to end the command on all ranks, after one of them, the first if it comes to the same end, has told why."""
+    lines = [escape(text) if n else text for n, text in enumerate(told)]
+    if not _ranks.rank:
+        err.print(*lines, soft_wrap=True)
+    if not _ranks.leave(SECONDS_BEFORE_THE_OTHERS) and _ranks.rank:
+        err.quiet = False
+        err.print(*lines, soft_wrap=True)
+    return typer.Exit(status)
 
 
 @contextmanager
@@ -135,10 +143,8 @@ def bad_input(*kinds: type[Exception]) -> Iterator[None]:
     try:
         yield
     except kinds as error:
-        say_alone()
         text = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
-        err.print(f"[red]pdsurrogate:[/] {escape(' '.join(text.split()))}", soft_wrap=True)
-        raise typer.Exit(2) from None
+        raise ended(2, "[red]pdsurrogate:[/]", " ".join(text.split())) from None
 
 
 @contextmanager
@@ -147,10 +153,8 @@ def writing(folder) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        say_alone()
-        where = escape(str(folder or error.filename))
-        err.print(f"[red]pdsurrogate:[/] could not write {where}: {error.strerror or error}", soft_wrap=True)
-        raise typer.Exit(1) from None
+        what = f"could not write {folder or error.filename}: {error.strerror or error}"
+        raise ended(1, "[red]pdsurrogate:[/]", what) from None
 
 
 @contextmanager

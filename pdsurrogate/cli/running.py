@@ -16,7 +16,7 @@ from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
-from .application import BAR, bad_input, err, note, only_the_first_speaks, out, print_json, settings, show, writing
+from .application import BAR, bad_input, ended, err, note, only_the_first_speaks, out, print_json, settings, show, writing
 from .common import AsJson, command
 
 INTERRUPTED = 130
@@ -41,7 +41,7 @@ def how_to_resume(folder: Path | None) -> str:
         return "nothing was kept: give --out to be able to resume"
     if not (folder / NAME).is_file():
         return "it had not come to its first checkpoint"
-    return f"the checkpoint is in {escape(str(folder))}: the same command with --resume goes on from it"
+    return f"the checkpoint is in {folder}: the same command with --resume goes on from it"
 
 
 @command()
@@ -87,8 +87,7 @@ def run(
         err.print(f"Material of {escape(model.name)}: {escape(in_words(described.material.build()))}", soft_wrap=True)
     folder = None if out_folder is None else Path(out_folder)
     if out_folder == "":
-        err.print("[red]pdsurrogate:[/] --out needs the name of a folder, and it is empty")
-        raise typer.Exit(2)
+        raise ended(2, "[red]pdsurrogate:[/]", "--out needs the name of a folder, and it is empty")
     if model.stated and model.stated["rms"] > CAUTION:
         err.print(
             f"[yellow]The card of {escape(model.name)} states an RMS error of {100 * model.stated['rms']:.2g} %: "
@@ -96,8 +95,7 @@ def run(
             soft_wrap=True,
         )
     if resume and folder is None:
-        err.print("[red]pdsurrogate:[/] --resume needs --out, the folder with the checkpoint")
-        raise typer.Exit(2)
+        raise ended(2, "[red]pdsurrogate:[/]", "--resume needs --out, the folder with the checkpoint")
     if folder is not None and first:
         with bad_input(OSError):
             check_writable(folder)
@@ -121,7 +119,7 @@ def run(
             note(f"Results in {folder}")
             if result.in_pieces:
                 note(f"The body is in pieces, and no picture of it is drawn: open {described.name}.pvd in ParaView")
-        communicator().barrier()  # whoever ends with an error ends the others
+        communicator().barrier()  # whoever is alone with an error ends the others
     if any(level.get("stability") == "not checked" for level in result.levels):
         pushed = "The grips push" if described.stretched else "Parts of the body are compressed"
         if model.family == "bond energy":
@@ -143,11 +141,9 @@ def run(
         )
     _print_beyond_data(result.summary)
     if isinstance(failure, SimulationInterrupted):
-        err.print(f"[yellow]pdsurrogate:[/] {escape(str(failure))}; {how_to_resume(folder)}", soft_wrap=True)
-        raise typer.Exit(INTERRUPTED)
+        raise ended(INTERRUPTED, "[yellow]pdsurrogate:[/]", f"{failure}; {how_to_resume(folder)}")
     if failure is not None:
-        err.print(f"[red]pdsurrogate: the run failed:[/] {escape(str(failure))}", soft_wrap=True)
-        raise typer.Exit(1)
+        raise ended(1, "[red]pdsurrogate: the run failed:[/]", str(failure))
 
 
 def _print_beyond_data(summary: dict) -> None:

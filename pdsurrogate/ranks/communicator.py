@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Sequence
 
 import numpy as np
 
 LAUNCHED = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "PMIX_SIZE")
 """Variables by which launchers of MPI say how many processes they have started."""
+
+
+_LEAVES, _ALL_LEAVE = 5, 6
+"""Tags of messages about the end of a rank, and of all."""
+
+_PAUSE = 0.01
+"""Seconds between looks for them."""
 
 
 class NotUnderMPI(RuntimeError):
@@ -27,6 +35,10 @@ class Alone:
     def to_all(self, value):
         """What the first rank has, on every rank."""
         return value
+
+    def leave(self, seconds: float) -> bool:
+        """Whether all ranks have come to their end."""
+        return True
 
 
 class Communicator:
@@ -111,6 +123,37 @@ class Communicator:
         requests = [self._world.Irecv([array.reshape(-1).view(np.uint8), byte], source=rank) for rank, array in incoming.items()]
         requests += [self._world.Isend([array.reshape(-1).view(np.uint8), byte], dest=rank) for rank, array in outgoing.items()]
         self._mpi.Request.Waitall(requests)
+
+    def leave(self, seconds: float) -> bool:
+        """Whether all ranks have come to their end, each within some seconds of the first.
+
+        If so MPI is at an end as well, and the exit status of each is its own; else one that ends with a status other than 0 aborts the
+        others, of which MPI speaks.
+        """
+        others, arrived = range(1, self.size), 0
+        until = time.monotonic() + seconds
+        if self.rank:
+            self._world.send(None, dest=0, tag=_LEAVES)
+            while not self._world.iprobe(source=0, tag=_LEAVES):
+                if time.monotonic() > until:
+                    return False
+                time.sleep(_PAUSE)
+            self._world.recv(source=0, tag=_LEAVES)
+            self._world.recv(source=0, tag=_ALL_LEAVE)  # which the first ends as well if it has waited in vain
+        else:
+            for rank in others:
+                self._world.send(None, dest=rank, tag=_LEAVES)
+            while arrived < len(others):
+                while self._world.iprobe(tag=_LEAVES):
+                    self._world.recv(tag=_LEAVES)
+                    arrived += 1
+                if time.monotonic() > until and arrived < len(others):
+                    return False
+                time.sleep(_PAUSE)
+            for rank in others:
+                self._world.send(None, dest=rank, tag=_ALL_LEAVE)
+        self._mpi.Finalize()
+        return True
 
     def abort(self, status: int) -> None:
         """End all ranks at once."""

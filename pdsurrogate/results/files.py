@@ -7,7 +7,7 @@ import json
 import os
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -48,16 +48,29 @@ def write_with(path: Path, writer: Callable[[Path], None]) -> None:
         writer(temporary)
 
 
+@contextmanager
+def made(folder: Path) -> Iterator[None]:
+    """Context in which a folder is there; of the folders that were made for it those go again that are empty at the end."""
+    new = [place for place in (folder, *folder.parents) if not place.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # the first that is not empty
+            for place in new:
+                place.rmdir()
+
+
 def check_writable(folder: Path) -> None:
-    """Make a folder and a file in it, before any work is done.
+    """See, before any work is done, whether files can be made in a folder; of one that is not there yet, in the folder that it will be in.
 
     Raises
     ------
     OSError
         If that is not possible.
     """
-    if folder.exists() and not folder.is_dir():
-        raise NotADirectoryError(errno.ENOTDIR, "a folder is needed, and this is a file", str(folder))
-    folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=folder):
+    place = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not place.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, "a folder is needed, and this is a file", str(place))
+    with tempfile.NamedTemporaryFile(dir=place):
         pass

@@ -22,6 +22,7 @@ from xml.etree import ElementTree
 from .checkpoint import NAME as CHECKPOINT
 from .checkpoint import identity_in
 from .contents import Contents, differences_of, told
+from .files import made
 
 SUMMARY, HISTORY, CONVERGENCE = "summary.json", "history.csv", "convergence.csv"
 
@@ -38,7 +39,9 @@ _occupied: dict[Path, int] = {}
 
 @contextmanager
 def occupied(folder: Path) -> Iterator[None]:
-    """Context in which no other run writes to a folder, which is made if need be; the same thread may enter it again.
+    """Context in which no other run writes to a folder, which is made if need be, and goes again if nothing was put into it.
+
+    The same thread may enter it again.
 
     A file that is created exclusively holds the number of the process and its host; that of a process that no longer lives on this host is
     taken over.
@@ -48,8 +51,12 @@ def occupied(folder: Path) -> Iterator[None]:
     FolderTaken
         If another run writes there.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    place = folder.resolve()
+    with made(folder), _held(folder.resolve()):
+        yield
+
+
+@contextmanager
+def _held(place: Path) -> Iterator[None]:
     if _occupied.get(place) == threading.get_ident():
         yield
         return

@@ -51,7 +51,7 @@ def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = asked or max(1, min(paying, cores // here))
     if here * threads > cores and ranks.rank == 0:
-        what = f"{here} ranks with {threads} threads each share {cores} cores"
+        what = f"{here} ranks of {threads} thread{'s' * (threads > 1)} each share {cores} cores"
         warnings.warn(f"{what}: each keeps the others waiting; take as many ranks as cores", Oversubscribed, stacklevel=3)
     return threads
 

@@ -206,6 +206,7 @@ def study(
     check_writable(folder / RUNS)
     progress = progress or Quiet()
     with occupied(folder):
+        (folder / RUNS).mkdir(exist_ok=True)  # which all workers must see
         ended = {place: found for place, task in by_place.items() if (found := _outcome(folder / RUNS / place, task.digest))}
         left = {place: task for place, task in by_place.items() if place not in ended}
         write_json(folder / DESCRIPTION, {"study": described.model_dump(mode="json"), "runs": places})
