@@ -1,5 +1,7 @@
 """Bodies of scenes: shapes, holes, precuts and meshes, and what is said about those that make no sense."""
 
+import math
+
 import meshio
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from scipy.spatial import cKDTree
 
 import pdsurrogate as pd
 from pdsurrogate.body import Cells
-from pdsurrogate.discretisation import discretise, grip_areas
+from pdsurrogate.discretisation import check_size, discretise, grip_areas, memory_here
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.scenes import Circle, Ellipse, Polygon, Precut, Rectangle, SceneError, load_scene
 from pdsurrogate.scenes.references import finite_element_level, reference_level
@@ -377,3 +379,35 @@ def test_scenes_composed_in_python():
     result = pd.simulate(scene)
     assert result.summary["converged"]
     assert result.summary["force"] == "neo-hookean@2"
+
+
+@pytest.mark.parametrize(
+    ("scene", "spacing", "memory", "told"),
+    [
+        (
+            "uniaxial",
+            1e-9,
+            1e12,
+            "makes 3e+18 points; they take at least 4.53e+12 GB of memory, and there are 1e+03: take a spacing above 0.00039",
+        ),
+        (
+            "uniaxial",
+            3e-4,
+            1e10,
+            "makes 3.33e+07 points; they take at least 50.3 GB of memory, and there are 10: take a spacing above 0.00067",
+        ),
+        ("uniaxial", 3e-4, math.inf, "makes 3.33e+07 points; at most 2e+07 are taken: take a spacing above 0.00039"),
+        ("inflation", 1e-3, 1e12, " points; at most 2e+07 are taken: take a spacing above "),
+    ],
+)
+def test_bodies_that_memory_does_not_hold_are_refused_before_they_are_made(scene, spacing, memory, told):
+    with pytest.raises(pd.SceneError) as caught:
+        check_size(pd.load_scene(scene, spacing=spacing), memory)
+    assert told in str(caught.value)
+    least = float(str(caught.value).rsplit(" ", 1)[1])
+    check_size(pd.load_scene(scene, spacing=1.1 * least), memory)
+
+
+def test_a_machine_has_memory_for_every_scene_that_comes_with_the_package():
+    for name in pd.scene_names():
+        check_size(pd.load_scene(name), memory_here())

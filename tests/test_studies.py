@@ -1,6 +1,8 @@
 """Studies: designs, bad input, runs in parallel that fail or are killed, and their table."""
 
 import csv
+import json
+import math
 import os
 import signal
 import subprocess
@@ -21,7 +23,7 @@ from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.studies.description import load_study
 from pdsurrogate.studies.designs import parameters_of_runs
 from pdsurrogate.studies.parallel import Workers
-from pdsurrogate.studies.table import quantities_in
+from pdsurrogate.studies.table import KEYS_OF_CRACKS, KEYS_OF_FITS, KEYS_OF_LEVELS, KEYS_OF_RUNS, quantities_in
 from pdsurrogate.studies.tasks import tasks_of
 
 TINY = {"scene": "uniaxial", "force": "analytic", "set": {"stretches": 1.2, "spacing": 0.5}}
@@ -103,6 +105,16 @@ def test_random_samples_follow_their_distribution():
         ({"parameters": {"a": {"distribution": "norm", "scale": "x"}}}, "parameters.a: scale must be a finite number, not 'x'"),
         ({"parameters": {"a": list(range(400)), "b": list(range(400))}}, "a grid of 160000 runs; at most 100000"),
         ({"quantities": []}, "quantities: needs at least 1 entries"),
+        ({"quantities": ["converged", "nominal_stres"]}, "quantities: no run has 'nominal_stres'; did you mean nominal_stress?"),
+        ({"quantities": ["crack.broken_bond"]}, "quantities: no run has 'crack.broken_bond'; did you mean broken_bonds?"),
+        (
+            {"scene": None, "force": None, "set": {}, "fit": {}, "parameters": {"degree": [3]}, "quantities": ["nominal_stress"]},
+            "quantities: no run has 'nominal_stress'; there are material",
+        ),
+        (
+            {"set": {}, "parameters": {"spacing": [0.5, 1e-9]}},
+            "run 2 of 2 (spacing=1e-09): scene uniaxial: spacing 1e-09 makes 3e+18 points; ",
+        ),
         (
             {"scene": None, "force": None, "set": {}, "fit": {}, "parameters": {"degre": [3]}},
             "fit: degre: unknown key; did you mean degree?",
@@ -177,11 +189,25 @@ def test_a_study_with_more_runs_does_those_that_are_new(tmp_path):
 
 
 def test_quantities_that_no_run_has_are_told(tmp_path):
-    done = pd.study(
-        {**TINY, "parameters": {"material.shear_modulus": [1.0]}, "quantities": ["nominal_stres", "n_points"]}, tmp_path, jobs=1
-    )
-    assert done.cautions() == ["quantities: no run has 'nominal_stres'; did you mean nominal_stress?"]
+    given = {"parameters": {"material.shear_modulus": [1.0]}, "quantities": ["forces.rigth", "n_points"]}
+    done = pd.study({**TINY, **given}, tmp_path, jobs=1)
+    assert done.cautions() == ["quantities: no run has 'forces.rigth'"]
     assert done.rows[0]["n_points"] == 12
+
+
+SHORT_TEAR = {"spacing": 0.25, "stretches": [1.1], "body.size": [4.0, 3.0], "precuts": [{"start": [0.0, 1.5], "end": [1.5, 1.5]}]}
+SHORT_TEAR |= {"fracture.critical_stretch": 1.2, "dynamics": {"stretch": 1.15, "outputs": 1, "stretch_rate": 40.0, "density": 1e-6}}
+
+
+@pytest.mark.parametrize(
+    ("scene", "changes"),
+    [("uniaxial", {"spacing": 0.5, "stretches": 1.2}), ("hanging", {"spacing": 0.25, "steps": [0.1]}), ("tear", SHORT_TEAR)],
+)
+def test_a_run_has_no_quantities_that_are_not_known_before(scene, changes):
+    summary = pd.simulate(pd.load_scene(scene, changes), "bond-energy").summary
+    assert set(summary) <= set(KEYS_OF_RUNS)
+    assert {key for level in summary["levels"] for key in level} <= set(KEYS_OF_LEVELS)
+    assert set(summary.get("crack", KEYS_OF_CRACKS)) == set(KEYS_OF_CRACKS)
 
 
 def test_a_table_that_no_study_wrote_is_not_replaced(tmp_path):
@@ -210,7 +236,7 @@ def test_a_run_is_told_by_what_its_mesh_holds_and_not_by_where_it_lies(tmp_path)
         file.parent.mkdir(exist_ok=True)
         write_plate(file, count)
         study, _, home = load_study({**TINY, "parameters": {"body": [{"shape": "mesh", "file": str(file)}]}})
-        digests.append(tasks_of(study, home, parameters_of_runs(study))[0].digest)
+        digests.append(tasks_of(study, home, parameters_of_runs(study), math.inf)[0].digest)
     assert digests[0] == digests[1] != digests[2]
 
 
@@ -225,6 +251,7 @@ def test_a_study_of_fits_has_their_scores(tmp_path):
         place = tmp_path / "runs" / row["run"] / "fitted" / "1"
         assert pd.load_card(place).errors["box"]["on_surface"]["rms"] == row["on_surface.rms"]
         assert row["on_surface.rms"] < row["cross_validated_rms"] * 3
+        assert set(json.loads((tmp_path / "runs" / row["run"] / "summary.json").read_text())) <= set(KEYS_OF_FITS)
     assert pd.simulate(pd.load_scene("uniaxial", {"spacing": 0.5, "stretches": 1.1}), place).summary["converged"]
 
 

@@ -208,12 +208,13 @@ class Cells:
         """
         if not (np.isfinite(spacing) and spacing > 0):
             raise ValueError(f"the spacing must be positive and finite, not {spacing}")
+        number = math.prod(float(high - low) / spacing for low, high in zip(lower, upper, strict=True))
+        if not number <= MOST_POINTS:
+            raise ValueError(f"spacing {spacing:g} makes {number:.3g} points; at most {MOST_POINTS:.3g} are taken")
         counts, sides = [], []
         for low, high, axis in zip(lower, upper, (f"x{number + 1}" for number in range(len(lower))), strict=True):
             length = float(high - low)
             cells = length / spacing
-            if not cells <= MOST_POINTS:
-                raise ValueError(f"spacing {spacing:g} makes {cells:.3g} points along {axis}; at most {MOST_POINTS:.3g} are taken")
             count = max(1, round(cells))
             if abs(cells / count - 1) > MOST_MISFIT:
                 if cells < 1:
@@ -225,8 +226,6 @@ class Cells:
                 )
             counts.append(count)
             sides.append(spacing if abs(cells - count) <= 1e-9 * count else length / count)
-        if math.prod(counts) > MOST_POINTS:
-            raise ValueError(f"spacing {spacing:g} makes {math.prod(counts):.3g} points; at most {MOST_POINTS:.3g} are taken")
         return cls(tuple(lower), tuple(counts), tuple(sides))
 
     @property

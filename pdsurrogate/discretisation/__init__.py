@@ -1,6 +1,7 @@
 """From the description of a scene to the points of its body, and to its boundary."""
 
 from .points import discretise, grip_areas
+from .size import check_size, memory_here
 from .surfaces import surface_of
 
-__all__ = ["discretise", "grip_areas", "surface_of"]
+__all__ = ["check_size", "discretise", "grip_areas", "memory_here", "surface_of"]

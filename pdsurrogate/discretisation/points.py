@@ -135,7 +135,7 @@ def _section_inside(scene: Scene, axis: int, position: float, lower: np.ndarray,
         def inside(along: np.ndarray, line: np.ndarray) -> np.ndarray:
             places = np.empty((len(along), scene.dimension))
             places[:, axis], places[:, others[0]], places[:, others[1:]] = position, along, strips[line]
-            return _material(scene, places)
+            return material_at(scene, places)
 
         return _lengths_inside(inside, low, high, count, len(strips))
 
@@ -219,7 +219,7 @@ def _points_of(scene: Scene):
     if isinstance(scene.body, Rectangle | Box) and not scene.holes:
         return points, np.full(len(points), cells.volume), cells.spacing, cells.sides, lower, upper, {}
     kept = _in_material(scene, points, _within_outline(scene, points))
-    return *_material_of_cells(points, kept, cells, partial(_material, scene)), cells.spacing, cells.sides, lower, upper, {}
+    return *_material_of_cells(points, kept, cells, partial(material_at, scene)), cells.spacing, cells.sides, lower, upper, {}
 
 
 def _mesh_cells(scene: Scene) -> CellMesh | None:
@@ -243,7 +243,7 @@ def _outside_holes(scene: Scene, places: np.ndarray) -> np.ndarray:
     return outside
 
 
-def _material(scene: Scene, places: np.ndarray) -> np.ndarray:
+def material_at(scene: Scene, places: np.ndarray) -> np.ndarray:
     """Which places there is material at."""
     return _within_outline(scene, places) & _outside_holes(scene, places)
 
@@ -345,7 +345,7 @@ def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: n
     pitch = cell / 2
     counts = np.ceil((upper - lower) / pitch).astype(int) + 1
     lattice = lower + pitch * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, len(counts))
-    there = _material(scene, lattice).reshape(counts)
+    there = material_at(scene, lattice).reshape(counts)
     if there.all():
         return lambda starts, ends: np.zeros(len(starts), dtype=bool)
     near = distance_transform_edt(there, sampling=pitch) <= REACH * horizon / 2 + cell.max()  # of the middle of a bond, or of a fit

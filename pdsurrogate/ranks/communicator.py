@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import sys
 import time
 from collections.abc import Sequence
@@ -28,6 +29,10 @@ class Alone:
     """One process with nobody to talk to; nothing of MPI is loaded."""
 
     rank, size = 0, 1
+
+    def here(self) -> int:
+        """How many of all ranks are on this machine."""
+        return 1
 
     def barrier(self) -> None:
         """Wait for all ranks."""
@@ -57,6 +62,10 @@ class Communicator:
     def __init__(self, mpi) -> None:
         self._mpi, self._world = mpi, mpi.COMM_WORLD
         self.rank, self.size = self._world.rank, self._world.size
+
+    def here(self) -> int:
+        """How many of all ranks are on this machine."""
+        return self.everywhere(socket.gethostname()).count(socket.gethostname())
 
     def barrier(self) -> None:
         """Wait for all ranks."""

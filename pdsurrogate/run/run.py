@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from ..body import Body, Surface
-from ..discretisation import discretise, grip_areas, surface_of
+from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
 from ..forces import ForceModel, InternalForce, bind_portions
 from ..kernels.threads import threads_for
 from ..materials import Law
@@ -175,6 +175,7 @@ class Run:
         self.contents = Contents.of(scene, self.models)
         self.body: Body
         self.whole: Body | None
+        check_size(scene, memory_here() * self.ranks.size / self.ranks.here())
         self.body, lower, upper = discretise(scene, self._part_of)
         self.regions = BodyRegions(scene, self.body, lower, upper, lambda: self._surface(lower, upper))
         paying = threads_for(len(self.body.bonds.first))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import warnings
 from pathlib import Path
 
@@ -47,7 +46,7 @@ def refuse(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | P
 
 def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
     """Threads of this rank: as asked for, or else as many as pay for its part, at most the cores of its machine over the ranks there."""
-    here = ranks.everywhere(socket.gethostname()).count(socket.gethostname())
+    here = ranks.here()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = asked or max(1, min(paying, cores // here))
     if here * threads > cores and ranks.rank == 0:

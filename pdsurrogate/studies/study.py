@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from ..discretisation import memory_here
 from ..ranks import communicator
 from ..results import figures
 from ..results.contents import differences_of, told
 from ..results.files import check_writable, write_json, write_text
 from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, occupied
-from ..scenes.problems import suggestion
 from .description import Study, load_study
 from .designs import parameters_of_runs
 from .parallel import OUTCOME, Outcome, Workers
-from .table import FAILURE, RUN, as_csv, columns_of, quantities_in, study_figure
+from .table import FAILURE, RUN, as_csv, check_quantities, columns_of, quantities_in, study_figure
 from .tasks import tasks_of
 
 TABLE, FIGURE, DESCRIPTION, RUNS = "study.csv", "study.png", "study.json", "runs"
@@ -104,8 +105,7 @@ class StudyResult:
         for name in self.study.quantities or ():
             summaries = [summary for row in done if (summary := _summary(self.folder / RUNS / row[RUN]))]
             if summaries and not any(quantities_in(summary, [name]) for summary in summaries):
-                known = list(dict.fromkeys(key for part in (summaries[0], *summaries[0].get("levels", [])[-1:]) for key in part))
-                found.append(f"quantities: no run has {name!r}; {suggestion(name, known)}")
+                found.append(f"quantities: no run has {name!r}")
         outside = [row[RUN] for row in done if (_summary(self.folder / RUNS / row[RUN]) or {}).get("fraction_outside_domain")]
         if outside:
             found.append(f"{len(outside)} runs, the first {outside[0]}, met states outside the surrogate's domain: fraction_outside_domain")
@@ -192,8 +192,10 @@ def study(
         raise ValueError("a study divides its runs among jobs or a Dask scheduler's workers, not among ranks: start it without mpiexec")
     described, source, home = load_study(description)
     try:
+        check_quantities(described)
         runs = parameters_of_runs(described)
-        tasks = tasks_of(described, home.resolve(), runs)
+        # Of the machines of a scheduler's workers nothing is known yet.
+        tasks = tasks_of(described, home.resolve(), runs, memory_here() if scheduler is None else math.inf)
     except ValueError as error:
         raise type(error)(f"{source}: {error}") from None
     if not str(folder):

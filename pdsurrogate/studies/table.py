@@ -13,6 +13,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..results.figures import STYLE
+from ..scenes import SceneError
+from ..scenes.problems import suggestion
+from .description import Study
 
 _ALL = ("fraction_outside_domain", "n_force_evaluations", "seconds_total")
 OF_GRIPS = ("converged", "stretch", "nominal_stress", "peak_nominal_stress", "crack.broken_bonds", "crack.through", *_ALL)
@@ -20,11 +23,51 @@ OF_STEPS = ("converged", "t", "forces", "moments", "probes.*.displacement", "cra
 OF_FITS = ("on_surface.rms", "on_surface.max", "cross_validated_rms", "outcome.n_iter", "seconds_total")
 """Columns where none are asked for, of scenes with grips, of scenes with steps, and of fits: of these, what a run has."""
 
+COMPARED = ("nominal_stress", "lateral_displacement", "greatest_lateral_displacement", "roughness")
+"""Of a level, what a reference may say as well."""
+
+KEYS_OF_RUNS = (
+    *("scene", "force", "material", "materials", "plane", "thickness", "n_points", "n_bonds", "n_directed_bonds", "n_ghost_points"),
+    *("spacing", "cell_size", "horizon", "precision", "correction", "support", "ranks", "threads", "converged", "failure", "residual"),
+    *("n_force_evaluations", "seconds_total", "seconds_compile", "ns_per_directed_bond", "fallback_fraction", "fraction_outside_domain"),
+    *("unsupported_points", "units", "grip_areas", "levels", "digests", "scene_as_run", "provenance", "peak_nominal_stress", "n_steps"),
+    *("critical_stretch", "crack"),
+)
+KEYS_OF_LEVELS = (
+    *("stretch", "t", "step", "time", "forces", "moments", "displacements", "energy", "kinetic_energy", "stability", "probes"),
+    *(f"{key}{ending}" for key in COMPARED for ending in ("", "_reference", "_error")),
+    *("nominal_stress_grip", "nominal_stress_area", "nominal_stress_work_conjugate", "residual", "evaluations", "method"),
+)
+KEYS_OF_CRACKS = ("start", "tips", "broken_bonds", "failed_points", "through")
+KEYS_OF_FITS = (
+    *("material", "artefact", "stretch_range", "n_samples", "random_state", "on_surface", "off_surface", "by_strain", "at_rest"),
+    *("least_slope", "least_slope_exact", "least_acoustic", "least_acoustic_exact", "least_curvature", "least_curvature_exact"),
+    *("shear_modulus", "outcome", "cross_validation", "cross_validated_rms", "seconds_total"),
+)
+"""All that there may be in the summary of a run, its levels and its crack, and in that of a fit; tests hold them to what is written."""
+
 RUN, FAILURE = "run", "failure"
 """First and last column: the folder of the run, and why it failed."""
 
 MOST_DRAWN = 6
 """Quantities and parameters in a figure, each."""
+
+
+def check_quantities(study: Study) -> None:
+    """Refuse quantities that no run can have.
+
+    Raises
+    ------
+    SceneError
+        Names the nearest that there is.
+    """
+    known = KEYS_OF_FITS if study.fit is not None else dict.fromkeys((*KEYS_OF_LEVELS, *KEYS_OF_RUNS))
+    for name in study.quantities or ():
+        first, *others = name.split(".")
+        if first not in (*known, "*"):
+            raise SceneError(f"quantities: no run has {name!r}; {suggestion(first, known)}")
+        if first == "crack" and others and others[0] not in (*KEYS_OF_CRACKS, "*"):
+            raise SceneError(f"quantities: no run has {name!r}; {suggestion(others[0], KEYS_OF_CRACKS)}")
 
 
 def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str, Any]:

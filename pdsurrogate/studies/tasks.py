@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from pydantic import ValidationError
 
 from .. import artifacts
+from ..discretisation import check_size
 from ..forces import FORCES, ForceModel
 from ..forces.identity import digest_of, identity_of
 from ..results.checkpoint import NAME as CHECKPOINT
@@ -131,7 +132,7 @@ def settings_of(fit: Fit):
     return FitSettings(**{key: value for key, value in fit if key != "material"})
 
 
-def tasks_of(study: Study, folder: Path, runs: list[dict[str, Any]]) -> list[Task]:
+def tasks_of(study: Study, folder: Path, runs: list[dict[str, Any]], memory: float) -> list[Task]:
     """All runs of a study, checked as far as that goes without a body.
 
     Parameters
@@ -141,6 +142,8 @@ def tasks_of(study: Study, folder: Path, runs: list[dict[str, Any]]) -> list[Tas
         From which it names a scene file.
     runs : list of dict
         Parameters of each.
+    memory : float
+        Bytes that a run may take.
 
     Raises
     ------
@@ -152,16 +155,17 @@ def tasks_of(study: Study, folder: Path, runs: list[dict[str, Any]]) -> list[Tas
     tasks: list[Task] = []
     for number, parameters in enumerate(runs, 1):
         try:
-            tasks.append(_fit_task(study, parameters) if study.fit is not None else _scene_task(study, folder, parameters))
+            tasks.append(_fit_task(study, parameters) if study.fit is not None else _scene_task(study, folder, parameters, memory))
         except (SceneError, artifacts.ArtifactError) as error:
             told = ", ".join(f"{key}={value}" for key, value in parameters.items())
             raise SceneError(f"run {number} of {len(runs)} ({told}): {error}") from None
     return tasks
 
 
-def _scene_task(study: Study, folder: Path, parameters: dict[str, Any]) -> SceneTask:
+def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: float) -> SceneTask:
     changes = {key: value for key, value in parameters.items() if key != FORCE}
     scene = load_scene(scene_of(study, folder), {**study.set, **changes})
+    check_size(scene, memory)
     force = parameters.get(FORCE, study.force)
     if force is not None and not isinstance(force, str):
         raise SceneError(f"force: must be the name or path of one, not {force!r}")

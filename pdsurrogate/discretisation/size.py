@@ -1,0 +1,72 @@
+"""Whether the body of a scene can be held at all, before anything of it is made."""
+
+from __future__ import annotations
+
+import math
+import os
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from ..body import MOST_POINTS
+from ..scenes import Mesh, Scene, SceneError
+from .points import material_at
+
+BYTES_PER_BOND = 50
+"""Memory that every directed bond of a body takes at least, with its share of points, forces and equilibrium.
+
+A million points of a sheet held 1.4 GB (docs/validation/ranks.md), which have 28 bonds each.  It is a bound from below: what is refused by
+it would not have fitted.
+"""
+
+SAMPLED = 32
+"""Places along each side of the box around a body at which it is asked whether there is material."""
+
+
+def memory_here() -> float:
+    """Bytes of memory of this machine, or of the group of processes that this one is in if it may have less; infinite where nobody says."""
+    found = [math.inf]
+    with suppress(AttributeError, OSError, ValueError):
+        found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    with suppress(OSError, ValueError):  # "max" where there is no bound
+        found.append(float(Path("/sys/fs/cgroup/memory.max").read_text()))
+    return min(found)
+
+
+def check_size(scene: Scene, memory: float) -> None:
+    """Refuse a body of more points than are taken, or than memory holds.
+
+    Parameters
+    ----------
+    scene : Scene
+    memory : float
+        Bytes that it may take.
+
+    Raises
+    ------
+    SceneError
+        Says how many points there would be, and the least spacing that would do.
+    """
+    if isinstance(scene.body, Mesh):  # its points are the cells of a file, which somebody has had in memory
+        return
+    lower, upper = (np.array(corner, dtype=float) for corner in scene.body.bounds())
+    dimension = len(lower)
+    cells = float(np.prod((upper - lower) / scene.spacing))
+    ball = math.pi if dimension == 2 else 4 / 3 * math.pi
+    bytes_per_point = (ball * scene.horizon_ratio**dimension - 1) * BYTES_PER_BOND
+    if cells <= MOST_POINTS and cells * bytes_per_point <= memory:
+        return
+    axis = (np.arange(SAMPLED) + 0.5) / SAMPLED
+    places = np.stack(np.meshgrid(*[axis] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+    points = cells * float(material_at(scene, lower + places * (upper - lower)).mean())
+    needed = points * bytes_per_point
+    # Every cell of the box is asked whether it is in the body, so that their number is bounded as well.
+    excess = max(cells / MOST_POINTS, needed / memory)
+    if excess <= 1:
+        return
+    why = f"at most {MOST_POINTS:.3g} are taken"
+    if needed > memory:
+        why = f"they take at least {needed / 1e9:.3g} GB of memory, and there are {memory / 1e9:.3g}"
+    least = scene.spacing * excess ** (1 / dimension)
+    raise SceneError(f"scene {scene.name}: spacing {scene.spacing:g} makes {points:.3g} points; {why}: take a spacing above {least:.2g}")
