@@ -1,8 +1,10 @@
-"""What ranks cost and save: processor time and memory of each, its exchanges, and how evenly parts are cut, into the documentation.
+"""What ranks cost and save, into the documentation: all tables, or those that are named.
 
-    python pipelines/ranks.py [--points 100000 1000000] [--ranks 1 2 4]
+    python pipelines/ranks.py [ranks] [parts] [weak] [threads] [--points 100000 1000000] [--ranks 1 2 4]
 
-Processor time, not time on the wall: it may be measured beside other work, where ranks that wait for one another tell nothing.
+`ranks`: processor time and memory of each, and its exchanges.  Not time on the wall: it may be measured beside other work, where ranks that
+wait for one another tell nothing.  `parts`, `weak`: how evenly parts are cut.  `threads`: two ranks against two threads by the clock, and
+the share of exchanges in it, which wants two cores that nobody else uses, for some four minutes.
 """
 
 import argparse
@@ -29,9 +31,19 @@ EVALUATIONS = 20
 PARTS = 2, 4, 8, 16, 32, 64
 
 
-def scene_of(points: int):
-    """The hole scene with about so many points."""
-    return load_scene("hole", [f"spacing={(12 - np.pi * 0.16) ** 0.5 / points**0.5:.5g}"])
+TURNS = 3
+"""Processes of each kind, one after the other, so that what else the machine does meets all alike."""
+
+POINTS_PER_PART = 4096
+BODIES = "hole", "bonded-block"
+
+
+def scene_of(points: int, name: str = "hole"):
+    """A scene with about so many points."""
+    scene = load_scene(name)
+    lower, upper = map(np.array, scene.body.bounds())
+    size = np.prod(upper - lower) - sum(np.pi * hole.radius**2 for hole in scene.holes)
+    return load_scene(name, [f"spacing={(size / points) ** (1 / len(lower)):.5g}"])
 
 
 def resident() -> float:
@@ -40,46 +52,64 @@ def resident() -> float:
 
 
 class Timed:
-    """Exchanges of a part, with the processor time and the bytes that they take."""
+    """What ranks say to each other during evaluations: the time it takes, on the wall and of the processor, and the bytes that come in."""
+
+    SAYING = "fill", "fill_bonds", "fold", "agree", "any"
 
     def __init__(self, part) -> None:
-        self.processor, self.bytes, self.times, self._fill = 0.0, 0, 0, part.fill
-        self._rows = sum(map(len, getattr(part, "_receive", {}).values()))
+        self.processor = self.wall = 0.0
+        self.bytes = self.times = 0
+        if part.divided:
+            for name in self.SAYING:
+                setattr(part, name, self._timed(getattr(part, name)))
+            self._exchange, part.ranks.exchange = part.ranks.exchange, self._counted
 
-    def __call__(self, values) -> None:
-        began = time.thread_time()
-        self._fill(values)
-        self.processor += time.thread_time() - began
-        self.bytes += self._rows * values[:1].nbytes
+    def _timed(self, say):
+        def timed(*arguments):
+            processor, wall = time.thread_time(), time.perf_counter()
+            try:
+                return say(*arguments)
+            finally:
+                self.processor += time.thread_time() - processor
+                self.wall += time.perf_counter() - wall
+
+        return timed
+
+    def _counted(self, outgoing, incoming) -> None:
+        self._exchange(outgoing, incoming)
+        self.bytes += sum(rows.nbytes for rows in incoming.values())
         self.times += 1
 
 
-def measure(points: int, threads: int) -> None:
+def measure(name: str, points: int, threads: int) -> None:
     """One rank's figures, all of them printed by the first."""
-    ranks, scene = communicator(), scene_of(points)
+    ranks, scene = communicator(), scene_of(points, name)
     model = default_force(scene)
     with thread_count(threads):
         bare, began = resident(), time.process_time()
         run = Run(scene, model, Silent(), None, threads)
         set_up, held, part = time.process_time() - began, resident() - bare, run.body.part
         positions, forces = run.body.points.copy(), np.empty_like(run.body.points)
-        run.loading.apply(1.05, run.force, positions)
+        if scene.stretched:
+            run.loading.apply(1.05, run.force, positions)
         for _ in range(3):
             run.force(positions, forces)
-        timed = Timed(part)
-        if part.divided:
-            part.fill = timed
-        began, clock = time.process_time(), time.perf_counter()
+        timed, walls = Timed(part), []
+        began = time.process_time()
         for _ in range(EVALUATIONS):
+            ranks.barrier()
+            clock = time.perf_counter()
             run.force(positions, forces)
-        seconds, wall = time.process_time() - began - timed.processor, time.perf_counter() - clock
+            walls.append(time.perf_counter() - clock)
+        seconds = time.process_time() - began - timed.processor
     own = int(part.own.sum()) if part.divided else len(run.body)
     row = {
         "own": own,
         "halo": len(run.body) - own,
         "bonds": run.directed_bonds(),
         "ms": 1e3 * seconds / EVALUATIONS,
-        "wall_ms": 1e3 * wall / EVALUATIONS,
+        "wall_ms": 1e3 * float(np.median(walls)),
+        "share": timed.wall / sum(walls),
         "exchange_kB": timed.bytes / EVALUATIONS / 1e3,
         "exchanges": timed.times / EVALUATIONS,
         "set_up_s": set_up,
@@ -88,25 +118,28 @@ def measure(points: int, threads: int) -> None:
     }
     rows = ranks.everywhere(row) if ranks.size > 1 else [row]
     if ranks.rank == 0:
-        print(
-            "FOUND "
-            + json.dumps({"ranks": ranks.size, "points": run.reductions.total_size(len(run.body)), "model": model.name, "of": rows})
-        )
+        found = {"ranks": ranks.size, "points": run.reductions.total_size(len(run.body)), "model": model.name, "of": rows}
+        print("FOUND " + json.dumps(found))
 
 
-def measured(points: int, ranks: int, threads: int = 1) -> dict:
+def measured(points: int, ranks: int, threads: int = 1, name: str = "hole") -> dict:
     """The figures of a run on some ranks."""
-    command = [sys.executable, "-m", "mpi4py", __file__, "--measure", str(points), "--threads", str(threads)]
+    command = [sys.executable, "-m", "mpi4py", __file__, "--measure", name, "--points", str(points), "--threads", str(threads)]
     if ranks > 1:
         command = [str(Path(sys.executable).with_name("mpiexec")), "-n", str(ranks), *command]
-    environment = {**os.environ, "NUMBA_NUM_THREADS": str(threads), "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    environment = {**os.environ, "NUMBA_NUM_THREADS": str(threads), "OMP_NUM_THREADS": str(threads)}
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, env=environment)
     return json.loads(next(line for line in done.stdout.splitlines() if line.startswith("FOUND")).removeprefix("FOUND "))
 
 
-def row_of(run: dict) -> list[str]:
+def greatest_of(run: dict) -> dict:
     """The figures of a run, of its ranks the greatest."""
-    greatest = {key: max(row[key] for row in run["of"]) for key in run["of"][0]}
+    return {key: max(row[key] for row in run["of"]) for key in run["of"][0]}
+
+
+def row_of(run: dict) -> list[str]:
+    """The figures of a run, as a line of the table of ranks."""
+    greatest = greatest_of(run)
     return [
         f"{run['points']:,}",
         f"{run['ranks']}",
@@ -118,49 +151,109 @@ def row_of(run: dict) -> list[str]:
     ]
 
 
-def rows_of_parts(name: str, points: np.ndarray, horizon: float) -> list[list[str]]:
+def cut(points: np.ndarray, horizon: float, parts: int, weights: np.ndarray) -> list[str]:
     """How evenly bisection cuts a body, and how large the halos are."""
-    weights, rows = bond_counts(points, horizon), []
-    for parts in PARTS:
-        owners = bisected(points, weights, parts)
-        bonds, own, halo = np.bincount(owners, weights), np.bincount(owners), []
-        for part in range(parts):
-            distance, _ = cKDTree(points[owners == part]).query(points, distance_upper_bound=horizon * (1 + 1e-9))
-            halo.append(np.count_nonzero(np.isfinite(distance)) - own[part])
-        halo = np.array(halo)
-        share = halo.max() / own.mean()
-        rows.append(
-            [name, f"{parts}", f"{own.mean():,.0f}", f"{bonds.max() / bonds.mean():.3f}", f"{halo.max() / halo.mean():.2f}", f"{share:.3f}"]
-        )
-    return rows
+    owners, reach = bisected(points, weights, parts), horizon * (1 + 1e-9)
+    bonds, own, halo = np.bincount(owners, weights), np.bincount(owners), []
+    for part in range(parts):
+        mine = points[owners == part]
+        near = points[((points >= mine.min(axis=0) - reach) & (points <= mine.max(axis=0) + reach)).all(axis=1)]
+        distance, _ = cKDTree(mine).query(near, distance_upper_bound=reach)
+        halo.append(np.count_nonzero(np.isfinite(distance)) - own[part])
+    halo = np.array(halo)
+    return [
+        *(f"{parts}", f"{own.mean():,.0f}", f"{bonds.max() / bonds.mean():.3f}"),
+        *(f"{halo.max() / halo.mean():.2f}", f"{halo.max() / own.mean():.3f}"),
+    ]
 
 
-def main(points: list[int], ranks: list[int]) -> None:
-    """Measure all, and put it into the documentation."""
+CUT = ["parts", "own points, mean", "most bonds / mean", "largest halo / mean", "largest halo / own points"]
+
+
+def lattice(sides: int, dimension: int) -> np.ndarray:
+    """Points of a square or a cube, a spacing of 1 apart."""
+    axes = np.arange(sides) + 0.5
+    return np.stack(np.meshgrid(*[axes] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+
+
+def table_of_parts(points: list[int]) -> list[list[str]]:
+    """A body of one size in more and more parts."""
+    sheet, cube = discretise(scene_of(min(points)))[0], lattice(50, 3)
+    rows = []
+    for name, body, horizon in (("sheet with a hole", sheet.points, sheet.horizon), ("cube", cube, 1.75)):
+        weights = bond_counts(body, horizon)
+        rows += [[f"{name}, {len(body):,} points", *cut(body, horizon, parts, weights)] for parts in PARTS]
+    return [["body", *CUT], *rows]
+
+
+def table_of_weak(points: list[int]) -> list[list[str]]:
+    """Bodies that grow with the parts."""
+    rows = []
+    for name, dimension, horizon in (("sheet", 2, 3.15), ("cube", 3, 1.75)):
+        for parts in PARTS:
+            body = lattice(round((parts * POINTS_PER_PART) ** (1 / dimension)), dimension)
+            rows.append([name, f"{len(body):,}", *cut(body, horizon, parts, bond_counts(body, horizon))])
+    return [["body", "points", *CUT], *rows]
+
+
+def table_of_ranks(points: list[int], ranks: list[int]) -> list[list[str]]:
+    """Bodies of some sizes on some ranks."""
     rows = []
     for size in points:
         for number in ranks:
             rows.append(row_of(measured(size, number)))
             print(*rows[-1], flush=True)
-    header = ["points", "ranks", "own points", "halo", "processor, ms", "exchanges", "kB", "set-up, s", "held, MB", "at most, MB"]
-    replace_block("ranks", markdown_table(header, rows))
-    sheet = discretise(scene_of(min(points)))[0]
-    axes = np.arange(50) + 0.5
-    cube = np.stack(np.meshgrid(axes, axes, axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    header = ["body", "parts", "own points, mean", "most bonds / mean", "largest halo / mean", "largest halo / own points"]
-    rows = rows_of_parts(f"sheet with a hole, {len(sheet):,} points", sheet.points, sheet.horizon)
-    rows += rows_of_parts(f"cube, {len(cube):,} points", cube, 1.75)
-    replace_block("parts", markdown_table(header, rows))
+    return [["points", "ranks", "own points", "halo", "processor, ms", "exchanges", "kB", "set-up, s", "held, MB", "at most, MB"], *rows]
 
+
+def table_of_threads(points: list[int]) -> list[list[str]]:
+    """One process of two threads against two ranks of one."""
+    rows = []
+    for name in BODIES:
+        found = [[measured(min(points), *kind, name=name) for kind in ((1, 2), (2, 1))] for _ in range(TURNS)]
+        (threads, ranks), shares = (
+            [float(np.median([greatest_of(run)["wall_ms"] for run in kind])) for kind in zip(*found, strict=True)],
+            [greatest_of(run)["share"] for _, run in found],
+        )
+        first = found[0][0]
+        figures = f"{first['points']:,}", f"{threads:.1f}", f"{ranks:.1f}", f"{ranks / threads:.2f}", f"{np.median(shares):.1%}"
+        rows.append([f"`{name}`, {first['model']}", *figures])
+        print(*rows[-1], flush=True)
+    return [
+        ["scene and force", "points", "1 rank of 2 threads, ms", "2 ranks of 1 thread, ms", "ranks / threads", "share of exchange"],
+        *rows,
+    ]
+
+
+def main(tables: list[str], points: list[int], ranks: list[int], shown: bool) -> None:
+    """Make tables, and put them into the documentation or only print them."""
+    for name in tables:
+        header, *rows = TABLES[name](points, ranks)
+        table = markdown_table(header, rows)
+        print(table, flush=True)
+        if not shown:
+            replace_block(name, table)
+
+
+TABLES = {
+    "ranks": table_of_ranks,
+    "parts": lambda points, ranks: table_of_parts(points),
+    "weak": lambda points, ranks: table_of_weak(points),
+    "threads": lambda points, ranks: table_of_threads(points),
+}
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tables", nargs="*", default=[], metavar="TABLE", help=f"of {', '.join(TABLES)}; by default all")
     parser.add_argument("--points", type=int, nargs="+", default=[100_000, 1_000_000])
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2, 4])
-    parser.add_argument("--measure", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--shown", action="store_true", help="print the tables and leave the documentation as it is")
+    parser.add_argument("--measure", help=argparse.SUPPRESS)
     parser.add_argument("--threads", type=int, default=1, help=argparse.SUPPRESS)
     given = parser.parse_args()
+    if unknown := set(given.tables) - set(TABLES):
+        parser.error(f"there is no table {', '.join(unknown)}; there are {', '.join(TABLES)}")
     if given.measure:
-        measure(given.measure, given.threads)
+        measure(given.measure, given.points[0], given.threads)
     else:
-        main(given.points, given.ranks)
+        main(given.tables or list(TABLES), given.points, given.ranks, given.shown)
