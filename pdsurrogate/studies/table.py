@@ -28,10 +28,10 @@ COMPARED = ("nominal_stress", "lateral_displacement", "greatest_lateral_displace
 
 KEYS_OF_RUNS = (
     *("scene", "force", "material", "materials", "plane", "thickness", "n_points", "n_bonds", "n_directed_bonds", "n_ghost_points"),
-    *("spacing", "cell_size", "horizon", "precision", "correction", "support", "ranks", "threads", "converged", "failure", "residual"),
-    *("n_force_evaluations", "seconds_total", "seconds_compile", "ns_per_directed_bond", "fallback_fraction", "fraction_outside_domain"),
-    *("unsupported_points", "units", "grip_areas", "levels", "digests", "scene_as_run", "provenance", "peak_nominal_stress", "n_steps"),
-    *("critical_stretch", "crack"),
+    *("spacing", "cell_size", "horizon", "precision", "correction", "support", "ranks", "threads", "converged", "failure", "interrupted"),
+    *("residual", "n_force_evaluations", "seconds_total", "seconds_compile", "ns_per_directed_bond", "fallback_fraction"),
+    *("fraction_outside_domain", "unsupported_points", "units", "grip_areas", "levels", "digests", "scene_as_run", "provenance"),
+    *("peak_nominal_stress", "n_steps", "critical_stretch", "crack"),
 )
 KEYS_OF_LEVELS = (
     *("stretch", "t", "step", "time", "forces", "moments", "displacements", "energy", "kinetic_energy", "stability", "probes"),
