@@ -21,7 +21,7 @@ from rich.console import Console
 
 import pdsurrogate as pd
 from pdsurrogate.reports.speed import TimedModel, measure_speed, sheet
-from pdsurrogate.results.figures import STYLE, deformed_cells, draw_cells, save
+from pdsurrogate.results.figures import STYLE, draw_cells, polygons_of, save
 from pdsurrogate.results.files import write_json
 from pdsurrogate.results.measures import edge_displacements
 
@@ -79,8 +79,7 @@ def fields_figure(panels, component: str, titles: list[str]) -> Figure:
             if isinstance(panel, dict):
                 draw_field(axis, panel, component, clim)
             else:
-                drawn = draw_cells(axis, deformed_cells(panel.body.points, panel.states[-1][1], panel.body.cell), limits[0] * 0, clim=clim)
-                drawn.set_array(panel.displacement()[:, index])
+                drawn = draw_cells(axis, polygons_of(*panel.cells()), panel.displacement()[:, index], clim=clim)
             axis.set_title(title)
         figure.colorbar(drawn, ax=axes, label=f"{component} (cm)", fraction=0.02)
         return figure
@@ -92,9 +91,8 @@ def uniaxial() -> list[dict]:
     with matplotlib.rc_context(STYLE):
         figure, axes = figure_of(7.2, 4.6, 3, 2)
         for column, (run, title) in enumerate(((result, "surrogate"), (rival, "BA-NOSB"))):
-            for axis, (moment, fields) in zip(axes[:, column], run.states, strict=True):
-                corners = deformed_cells(run.body.points, fields, run.body.cell)
-                drawn = draw_cells(axis, corners, fields["displacement"][:, 1], clim=(-0.19, 0.19))
+            for number, (axis, (moment, fields)) in enumerate(zip(axes[:, column], run.states, strict=True)):
+                drawn = draw_cells(axis, polygons_of(*run.cells(number)), fields["displacement"][:, 1], clim=(-0.19, 0.19))
                 axis.set_title(f"{title}, stretch {moment.stretch:g}")
         figure.colorbar(drawn, ax=axes, label="u2 (cm)", fraction=0.02)
     save(figure, FIGURES / "figure-06.png")

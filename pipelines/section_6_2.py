@@ -14,7 +14,7 @@ from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pd
-from pdsurrogate.results.figures import STYLE, deformed_cells, draw_cells, save
+from pdsurrogate.results.figures import STYLE, draw_cells, polygons_of, save
 
 console = Console()
 
@@ -64,9 +64,7 @@ def zero_energy_figure(smooth, rough) -> Figure:
         for column, (result, title) in enumerate(((rough, "NOSB"), (smooth, "surrogate"))):
             points, moved = result.body.points, result.displacement(0)
             sheet, line = axes[:, column]
-            drawn = draw_cells(
-                sheet, deformed_cells(points, result.states[0][1], result.body.cell), moved[:, 1], clim=(-greatest, greatest)
-            )
+            drawn = draw_cells(sheet, polygons_of(*result.cells(0)), moved[:, 1], clim=(-greatest, greatest))
             sheet.set_title(f"{title}, stretch 1.5: roughness {result.levels[0]['roughness']:.1e}")
             upper = points[:, 1] > points[:, 1].max() - 1e-9
             line.plot(points[upper, 0], moved[upper, 1], lw=0.8)
