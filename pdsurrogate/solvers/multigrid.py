@@ -7,7 +7,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from ..kernels.multigrid import passes_of
-from ..kernels.passes import BoundPass, Chain
+from ..kernels.passes import Chain
 from ..kernels.threads import chunks_of
 
 COARSENING = 3
@@ -18,10 +18,11 @@ FEW = 1_500
 
 
 class Multigrid:
-    """Smoothed aggregation over boxes of points.
+    """Smoothed aggregation over boxes of points, coarser levels visited twice (a W cycle).
 
     One cycle is a symmetric positive definite operator near the inverse of the matrix, a fixed one: what a preconditioner asks for.  It is
-    done in single precision.
+    done in single precision.  Boxes divide the points evenly: a last layer of boxes that is one point thick lets errors stand beside it,
+    of which the energy tells little and the strain much.
 
     Parameters
     ----------
@@ -43,62 +44,97 @@ class Multigrid:
     def __init__(self, matrix: sparse.csr_array, points: np.ndarray, spacing: float, free: np.ndarray, width: int = 1) -> None:
         # Rows of three are read as four.
         self._width, held = width, {3: 4}.get(width, width)
-        self._right = [np.zeros((matrix.shape[0], held), dtype=np.float32)]
-        self._found = [np.zeros_like(self._right[0])]
-        down, up = [], []
+        self._levels = [_Level(matrix.shape[0], held)]
         while matrix.shape[0] > FEW:
             diagonal = matrix.diagonal()
             # Gershgorin's bound of the spectrum of D^-1 A.
             greatest = float((abs(matrix).sum(axis=1) / diagonal).max())
             relaxation = 4 / (3 * greatest) / diagonal
-            numbers = np.floor((points - points.min(axis=0)) / (COARSENING * spacing)).astype(np.int64)
             rows = np.flatnonzero(free)
-            boxes = np.ravel_multi_index(tuple(numbers[rows].T), tuple(numbers.max(axis=0) + 1))
-            kept, box = np.unique(boxes, return_inverse=True)
+            kept, box = np.unique(_boxes(points[rows], spacing), return_inverse=True)
             if 2 * len(kept) > len(rows):
                 break
             constant = sparse.csr_array((np.ones(len(rows)), (rows, box)), shape=(len(points), len(kept)))
             prolongation = (constant - sparse.diags_array(relaxation) @ (matrix @ constant)).tocsr()
-            before, after = self._bind(matrix, relaxation, prolongation)
-            down, up = [*down, *before], [*after, *up]
+            self._levels.append(_Level(prolongation.shape[1], held))
+            self._levels[-2].bind(matrix, relaxation, prolongation, self._levels[-1])
             matrix = (prolongation.T @ (matrix @ prolongation)).tocsr()
             counts = np.bincount(box)
             points = np.stack([np.bincount(box, column) / counts for column in points[rows].T], axis=1)
             spacing, free = spacing * COARSENING, np.ones(len(kept), dtype=bool)
-        self._down, self._up = (Chain(*passes) if passes else None for passes in (down, up))
         self._factor = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-    def _bind(self, matrix, relaxation, prolongation) -> tuple[list[BoundPass], list[BoundPass]]:
-        """What is done on a level before and after the next coarser one, whose vectors it adds to those that there are."""
-        rows, restriction = _rows(matrix), _rows(prolongation.T.tocsr())
-        relaxation, right, found = relaxation.astype(np.float32), self._right[-1], self._found[-1]
-        passes, rest, width = passes_of(right.shape[1]), np.zeros_like(right), right.shape[1]
-        coarse_right, coarse_found = np.zeros((2, prolongation.shape[1], width), dtype=np.float32)
-        self._right.append(coarse_right)
-        self._found.append(coarse_found)
-        chunks = chunks_of(matrix.nnz)
-        before = [
-            passes.scale.bind(relaxation, right, rest, chunks=chunks),
-            passes.relax.bind(*rows, relaxation, right, rest, found, chunks=chunks),
-            passes.residual.bind(*rows, right, found, rest, chunks=chunks),
-            passes.add_product.bind(*restriction, rest, 0.0, coarse_found, coarse_right, chunks=chunks),
-        ]
-        after = [
-            passes.add_product.bind(*_rows(prolongation), coarse_found, 1.0, rest, found, chunks=chunks),
-            passes.relax.bind(*rows, relaxation, right, found, rest, chunks=chunks),
-            passes.relax.bind(*rows, relaxation, right, rest, found, chunks=chunks),
-        ]
-        return before, after
 
     def cycle(self, right: np.ndarray) -> np.ndarray:
         """Nearly the solution for a right hand side, shape (n,), or as many as there are columns in (n, width)."""
-        if self._down is None:
+        if len(self._levels) == 1:
             return self._factor.solve(right)
-        self._right[0][:, : self._width] = right.reshape(-1, self._width)
-        self._down()
-        self._found[-1][:, : self._width] = self._factor.solve(self._right[-1][:, : self._width].astype(float))
-        self._up()
-        return self._found[0][:, : self._width].astype(float).reshape(right.shape)
+        finest = self._levels[0]
+        finest.right[:, : self._width] = right.reshape(-1, self._width)
+        self._visit(0)
+        return finest.found[:, : self._width].astype(float).reshape(right.shape)
+
+    def _visit(self, number: int) -> None:
+        """Solve nearly on a level, from its right hand side."""
+        level = self._levels[number]
+        if level.down is None:
+            level.found[:, : self._width] = self._factor.solve(level.right[:, : self._width].astype(float))
+            return
+        level.down()
+        coarser = self._levels[number + 1]
+        self._visit(number + 1)
+        if coarser.down is not None:
+            coarser.first[:] = coarser.found
+            coarser.take_rest()
+            coarser.right[:] = coarser.rest
+            self._visit(number + 1)
+            coarser.found += coarser.first
+        level.up()
+
+
+class _Level:
+    """What a level works with.
+
+    Attributes
+    ----------
+    right, found, rest, first : ndarray of float32, shape (n, held)
+        Right hand side, solution, what is left of the one or another solution on the way, and the solution of a first visit.
+    down, up : Chain or None
+        What is done before and after the next coarser level, to whose right hand side and from whose solution; None on the coarsest.
+    take_rest : Chain or None
+        Finds what the solution leaves of the right hand side.
+    """
+
+    def __init__(self, count: int, held: int) -> None:
+        self.right, self.found, self.rest, self.first = np.zeros((4, count, held), dtype=np.float32)
+        self.down = self.up = self.take_rest = None
+
+    def bind(self, matrix: sparse.csr_array, relaxation: np.ndarray, prolongation: sparse.csr_array, coarser: _Level) -> None:
+        """Make the passes between this level and the next coarser one."""
+        rows, restriction = _rows(matrix), _rows(prolongation.T.tocsr())
+        relaxation, right, found, rest = relaxation.astype(np.float32), self.right, self.found, self.rest
+        passes, chunks = passes_of(right.shape[1]), chunks_of(matrix.nnz)
+        self.down = Chain(
+            passes.scale.bind(relaxation, right, rest, chunks=chunks),
+            passes.relax.bind(*rows, relaxation, right, rest, found, chunks=chunks),
+            passes.residual.bind(*rows, right, found, rest, chunks=chunks),
+            passes.add_product.bind(*restriction, rest, 0.0, coarser.found, coarser.right, chunks=chunks),
+        )
+        self.up = Chain(
+            passes.add_product.bind(*_rows(prolongation), coarser.found, 1.0, rest, found, chunks=chunks),
+            passes.relax.bind(*rows, relaxation, right, found, rest, chunks=chunks),
+            passes.relax.bind(*rows, relaxation, right, rest, found, chunks=chunks),
+        )
+        self.take_rest = Chain(passes.residual.bind(*rows, right, found, rest, chunks=chunks))
+
+
+def _boxes(points: np.ndarray, spacing: float) -> np.ndarray:
+    """Numbers of the boxes that points lie in, shape (n,): along each axis as many of the same width as come nearest to `COARSENING`."""
+    least = points.min(axis=0) - spacing / 2
+    extent = points.max(axis=0) + spacing / 2 - least
+    counts = np.maximum(1, np.rint(extent / (COARSENING * spacing))).astype(np.int64)
+    # Points between two boxes fall to the same side whatever their last digit.
+    cells = np.floor((points - least) / extent * counts + 1e-9).astype(np.int64)
+    return np.ravel_multi_index(tuple(cells.T), tuple(counts))
 
 
 def _rows(matrix: sparse.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

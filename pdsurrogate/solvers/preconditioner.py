@@ -39,7 +39,7 @@ EXPONENT_ERROR = 0.5
 """Greatest relative error of the polynomial that the pressures' system is preconditioned with."""
 
 
-EXTENDED = 1e-3
+EXTENDED = 3e-4
 """What may be left of the forces of what is held, in the energy's own measure, in a first guess."""
 
 
