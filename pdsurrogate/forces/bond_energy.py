@@ -404,7 +404,7 @@ class EnergyOfPairs(Evaluation):
         forces : ndarray, shape (n + m, d)
         """
         body, bonds, ghosts, kinematics = self.body, self.body.bonds, self.body.ghosts, self._kinematics
-        d, chunks = body.dimension, kinematics.chunks
+        n, d, chunks = len(body), body.dimension, kinematics.chunks
         directed = bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
         outer = self._ghost_pointers, self._ghost_neighbours, self._ghost_weighted_bonds, body.all_volumes
         passes = [
@@ -417,6 +417,7 @@ class EnergyOfPairs(Evaluation):
 
         def to_points() -> None:
             kinematics.gradient_ghosts.fold_moments(moments)
+            body.part.fill(moments[:n])
             weigh_and_add()
             ghosts.fold_forces(forces)
 

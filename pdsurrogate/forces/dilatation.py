@@ -12,6 +12,11 @@ from ..kernels.ghosts import place_points
 from ..kernels.passes import Chain
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from ..body import Body
+    from ..body.part import Whole
+    from ..kernels.passes import BoundPass
     from ..kernels.threads import Chunks
     from .kinematics import Kinematics
     from .selective_energy import SelectiveEnergyEvaluation, SelectivePairs, SinglePrecisionSmoothing, Smoothing
@@ -63,20 +68,26 @@ class LinearisedDilatation:
         images = ghosts.source, ghosts.parity, np.zeros_like(ghosts.parity)
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, displacements, chunks=chunks)
         of_gradients = gradient_ghosts.source, gradient_ghosts.gradient_parity, gradient_ghosts.gradient_reflection
-        self._find_changes = Chain(
+        self._find_changes = _in_turn(
+            body.part,
             self._place,
             kinematics.gradient_pass(displacements, gradients, 0.0),
+            gradients[:n],
             dilatation.displacement_records.bind(displacements, gradients, *of_gradients, records, chunks=chunks),
             dilatation.volume_changes[d].bind(derivatives, records, bonds.pair_pointers, second, by_pair, chunks=chunks),
             selective_energy.means_over_bonds.bind(bonds.pointers, bonds.pair_of, force.bond_shares, by_pair, 0.0, means, chunks=chunks),
+            means,
             self._smoothing.bind(means, self._changes, chunks),
         )
 
         self._values, pressures = means, np.zeros(total, dtype=np.float32)
         self._forces = np.zeros((total, d))
         # The gradients are done with when forces are found.
-        self._find_forces = Chain(
+        self._find_forces = _in_turn(
+            body.part,
+            means,
             self._smoothing.bind(means, pressures, chunks),
+            pressures[:n],
             dilatation.pair_pressures.bind(pressures, first, second, pairs.end_shares, by_pair, chunks=chunks),
             dilatation.sum_pressures[d].bind(derivatives, by_pair, *force.pairs_of_points(), self._forces, gradients, chunks=chunks),
         )
@@ -92,8 +103,11 @@ class LinearisedDilatation:
 
     def changes(self, displacements: np.ndarray) -> np.ndarray:
         """D u, shape (n,), of displacements (n, d)."""
-        self._place.give("given", np.ascontiguousarray(displacements))
+        displacements = np.ascontiguousarray(displacements)
+        self._body.part.fill(displacements)
+        self._place.give("given", displacements)
         self._find_changes()
+        self._body.part.clear(self._changes)
         return self._changes.astype(float)
 
     def forces(self, values: np.ndarray) -> np.ndarray:
@@ -106,7 +120,7 @@ class LinearisedDilatation:
 
     def polynomial(self, coefficients: np.ndarray) -> SmoothingPolynomial:
         """A polynomial of the smoothing W, to be applied to values at the points: the sum of c_k T_k(2 W^2 - I)."""
-        return SmoothingPolynomial(self._smoothing, coefficients, len(self._body), self._chunks)
+        return SmoothingPolynomial(self._smoothing, coefficients, self._body, self._chunks)
 
 
 class SmoothingPolynomial:
@@ -116,29 +130,45 @@ class SmoothingPolynomial:
     ----------
     smoothing : SinglePrecisionSmoothing
     coefficients : ndarray
-    n : int
-        Points.
+    body : Body
     chunks : Chunks
     """
 
-    def __init__(self, smoothing: SinglePrecisionSmoothing, coefficients: np.ndarray, n: int, chunks: Chunks) -> None:
+    def __init__(self, smoothing: SinglePrecisionSmoothing, coefficients: np.ndarray, body: Body, chunks: Chunks) -> None:
+        n, self._part = len(body), body.part
         self._values, self._sums = np.zeros(n, dtype=np.float32), np.zeros((2, n), dtype=np.float32)
         once, passes = np.zeros(n, dtype=np.float32), []
         for number, coefficient in enumerate(coefficients[:0:-1]):
             # b_k = c_k v + 2 (2 W^2 - I) b_(k + 1) - b_(k + 2), which is overwritten.
             first, second = self._sums[number % 2], self._sums[1 - number % 2]
-            passes.append(smoothing.bind(first, once, chunks))
+            passes += [first, smoothing.bind(first, once, chunks), once]
             passes.append(smoothing.bind_sum(once, 4.0, ((-2.0, first), (coefficient, self._values), (-1.0, second)), second, chunks))
         first, second = (self._sums[(len(coefficients) - 1 + shift) % 2] for shift in (0, 1))
         self._result = np.zeros(n, dtype=np.float32)
-        passes.append(smoothing.bind(first, once, chunks))
+        passes += [first, smoothing.bind(first, once, chunks), once]
         ends = (-1.0, first), (coefficients[0], self._values), (-1.0, second)
         passes.append(smoothing.bind_sum(once, 2.0, ends, self._result, chunks))
-        self._run = Chain(*passes)
+        self._run = _in_turn(self._part, *passes)
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Of values (n,)."""
         self._values[:] = values
         self._sums[:] = 0.0
         self._run()
+        self._part.clear(self._result)
         return self._result.astype(float)
+
+
+def _in_turn(part: Whole, *steps: BoundPass | np.ndarray) -> Callable[[], object]:
+    """What runs passes one after another, and between them brings arrays by points to the halo, which a whole body does not have."""
+    if not part.divided:
+        return Chain(*(step for step in steps if not isinstance(step, np.ndarray)))
+
+    def run() -> None:
+        for step in steps:
+            if isinstance(step, np.ndarray):
+                part.fill(step)
+            else:
+                step()
+
+    return run

@@ -38,8 +38,6 @@ def refuse(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | P
     why = None
     if scene.materials:
         why = "materials: bodies of several materials are not divided yet"
-    elif scene.solver.method == "minimiser":
-        why = "solver.method=minimiser does not run on them yet; automatic and relaxation do"
     if why is not None:
         raise SceneError(f"scene {scene.name}: on several ranks {why}; run it on one")
 

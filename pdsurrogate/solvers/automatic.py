@@ -35,9 +35,7 @@ class Automatic(EquilibriumSolver):
         """The quicker method that suits the force."""
         if self._quick is None:
             self._quick = (EnergyMinimiser if force.nearly_incompressible and force.has_energy else QuasiNewton)(*self._settings)
-            too_many = self.reductions.total_of_parts(len(self.volumes)) > self.MOST_POINTS
-            # What knows a great bulk modulus is not there for bodies in parts.
-            self.gave_up |= force.body.part.divided if force.nearly_incompressible else too_many
+            self.gave_up |= not force.nearly_incompressible and self.reductions.total_of_parts(len(self.volumes)) > self.MOST_POINTS
         return self._quick
 
     def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:

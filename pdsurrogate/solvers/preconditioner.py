@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -64,16 +65,15 @@ class Extension(Protocol):
 
 def preconditioner_of(force: InternalForce, free: np.ndarray, reductions: LocalReductions = LOCAL) -> Preconditioner:
     """What suits the tangent of a force in which components (n, d) are free."""
-    if force.nearly_incompressible and not force.body.part.divided:
-        return IncompressibleStiffness(force, free)
-    return _of_springs(force.body, force.stiffness_moduli, free, reductions)
+    body, moduli = force.body, force.stiffness_moduli
+    if force.nearly_incompressible:
+        return IncompressibleStiffness(force, _laplacian(body, moduli, free, reductions), reductions)
+    return _of_springs(body, moduli, free, reductions)
 
 
 def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, reductions: LocalReductions = LOCAL) -> Extension:
     """What carries displacements of held parts into a body; a factor of all components is not to be had for many points in space."""
-    if body.dimension == 3 and not body.part.divided:
-        return NearestBondLaplacian(body, shear_moduli, free)
-    return _of_springs(body, shear_moduli, free, reductions)
+    return (_laplacian if body.dimension == 3 else _of_springs)(body, shear_moduli, free, reductions)
 
 
 def _of_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, reductions: LocalReductions):
@@ -83,6 +83,15 @@ def _of_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, 
 
         return SchwarzStiffness(body, shear_moduli, free, reductions)
     return NearestBondStiffness(body, shear_moduli, free)
+
+
+def _laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, reductions: LocalReductions):
+    """The Laplacian of the nearest bonds, of a divided body by its parts."""
+    if body.part.divided:
+        from .schwarz import SchwarzLaplacian
+
+        return SchwarzLaplacian(body, shear_moduli, free, reductions)
+    return NearestBondLaplacian(body, shear_moduli, free)
 
 
 class NearestBondStiffness:
@@ -207,6 +216,11 @@ def _nearest(body: Body, shear_moduli: float | np.ndarray, factor: float) -> tup
     return bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64), stiffness, along
 
 
+def nearest_ends(body: Body, shear_moduli: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of the nearest bonds, of which the second may be a ghost."""
+    return _nearest(body, shear_moduli, 1.0)[:2]
+
+
 def springs(body: Body, shear_moduli: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Ends of the nearest bonds and the stiffness of each, shape (k, d, d); `second` may be a ghost."""
     first, second, stiffness, along = _nearest(body, shear_moduli, 6.0)
@@ -230,23 +244,14 @@ class NearestBondLaplacian:
     """
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        n, ghosts = len(body), body.ghosts
-        # Over a full horizon the sum of w V l^2 is d kappa.
-        first, second, stiffness, _ = _nearest(body, shear_moduli, 1.0)
-        within = second < n
-        sources = np.concatenate([np.arange(n), ghosts.source.astype(np.int64)])[second]
         self._free, self._inverses, made = free, [], {}
-        self._drifting = []
-        parities = [np.concatenate([np.ones(n), ghosts.parity[:, axis]])[second] for axis in range(body.dimension)]
-        keys = [(parity.tobytes(), free[:, axis].tobytes()) for axis, parity in enumerate(parities)]
+        self._drifting, ghosts = [], body.ghosts
+        matrix_of = component_laplacians(body, shear_moduli)
+        keys = [(ghosts.parity[:, axis].tobytes(), free[:, axis].tobytes()) for axis in range(body.dimension)]
         self._alike = len(set(keys)) == 1
-        for axis, (parity, key) in enumerate(zip(parities, keys, strict=True)):
+        for axis, key in enumerate(keys):
             if key not in made:
-                rows = np.concatenate([first, second[within], first, second[within]])
-                columns = np.concatenate([first, second[within], sources, first[within]])
-                values = np.concatenate([stiffness, stiffness[within], -stiffness * parity, -stiffness[within]])
-                matrix = sparse.csr_array((values, (rows, columns)), shape=(n, n))
-                made[key] = _inverse(body, (matrix + matrix.T) / 2, free[:, axis], body.dimension if self._alike else 1)
+                made[key] = _inverse(body, matrix_of(axis), free[:, axis], body.dimension if self._alike else 1)
             self._inverses.append(made[key])
             if free[:, axis].all() and (ghosts.parity[:, axis] > 0).all():
                 self._drifting.append(axis)
@@ -266,35 +271,71 @@ class NearestBondLaplacian:
         self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
     ) -> np.ndarray:
         """See `NearestBondStiffness.response`; by conjugate gradients, to a part `EXTENDED` of the forces of what is held."""
-        n, ghosts = len(body), body.ghosts
-        first, second, stiffness, _ = _nearest(body, shear_moduli, 1.0)
-        within = second < n
+        return laplacian_response(self, LOCAL, self._free, body, shear_moduli, held, planes, turns)
 
-        def pulls(moved: np.ndarray) -> np.ndarray:
-            """Forces on the points, shape (n, d), from displacements of points and ghosts."""
-            along = stiffness[:, None] * (moved[second] - moved[first])
-            return np.stack([np.bincount(first, pull, n) - np.bincount(second[within], pull[within], n) for pull in along.T], axis=1)
 
-        def with_images(moved: np.ndarray) -> np.ndarray:
-            return np.vstack([moved, moved[ghosts.source] * ghosts.parity])
+def component_laplacians(body: Body, shear_moduli: float | np.ndarray) -> Callable[[int], sparse.csr_array]:
+    """What forms the Laplacian of the nearest bonds for a component, shape (n, n): an image moves with its source, or against it."""
+    n, ghosts = len(body), body.ghosts
+    # Over a full horizon the sum of w V l^2 is d kappa.
+    first, second, stiffness, _ = _nearest(body, shear_moduli, 1.0)
+    within = second < n
+    sources = np.concatenate([np.arange(n), ghosts.source.astype(np.int64)])[second]
 
-        moved = with_images(held)
-        moved[n:] += ghosts.moved_by_planes(body.points, planes, turns)
-        left, found = pulls(moved) * self._free, np.zeros_like(held)
-        direction = better = self.solve(left)
-        size = float(np.einsum("nd,nd->", left, better))
-        least = EXTENDED**2 * size
-        for _ in range(MOST_STEPS):
-            if not size > least:
-                break
-            image = -pulls(with_images(direction)) * self._free
-            share = size / float(np.einsum("nd,nd->", direction, image))
-            found += share * direction
-            left -= share * image
-            better = self.solve(left)
-            size, before = float(np.einsum("nd,nd->", left, better)), size
-            direction = better + size / before * direction
-        return found + held
+    def matrix_of(axis: int) -> sparse.csr_array:
+        parity = np.concatenate([np.ones(n), ghosts.parity[:, axis]])[second]
+        rows = np.concatenate([first, second[within], first, second[within]])
+        columns = np.concatenate([first, second[within], sources, first[within]])
+        values = np.concatenate([stiffness, stiffness[within], -stiffness * parity, -stiffness[within]])
+        matrix = sparse.csr_array((values, (rows, columns)), shape=(n, n))
+        return (matrix + matrix.T) / 2
+
+    return matrix_of
+
+
+def laplacian_response(
+    laplacian: Preconditioner,
+    reductions: LocalReductions,
+    free: np.ndarray,
+    body: Body,
+    shear_moduli: float | np.ndarray,
+    held: np.ndarray,
+    planes: np.ndarray,
+    turns: np.ndarray | None,
+) -> np.ndarray:
+    """`NearestBondStiffness.response` by conjugate gradients on the Laplacian of the nearest bonds, from what nearly solves with it."""
+    n, ghosts, part, dot = len(body), body.ghosts, body.part, reductions.dot
+    first, second, stiffness, _ = _nearest(body, shear_moduli, 1.0)
+    within = second < n
+
+    def pulls(moved: np.ndarray) -> np.ndarray:
+        """Forces on the points, shape (n, d), from displacements of points and ghosts."""
+        along = stiffness[:, None] * (moved[second] - moved[first])
+        return np.stack([np.bincount(first, pull, n) - np.bincount(second[within], pull[within], n) for pull in along.T], axis=1)
+
+    def with_images(moved: np.ndarray) -> np.ndarray:
+        part.fill(moved)
+        return np.vstack([moved, moved[ghosts.source] * ghosts.parity])
+
+    held = held.copy()
+    moved = with_images(held)
+    moved[n:] += ghosts.moved_by_planes(body.points, planes, turns)
+    left, found = pulls(moved) * free, np.zeros_like(held)
+    direction = better = laplacian.solve(left)
+    size = dot(left, better)
+    least = EXTENDED**2 * size
+    for _ in range(MOST_STEPS):
+        if not size > least:
+            break
+        image = -pulls(with_images(direction)) * free
+        share = size / dot(direction, image)
+        found += share * direction
+        left -= share * image
+        better = laplacian.solve(left)
+        size, before = dot(left, better), size
+        direction = better + size / before * direction
+    part.fill(found)
+    return found + held
 
 
 class IncompressibleStiffness:
@@ -308,7 +349,9 @@ class IncompressibleStiffness:
     ----------
     force : InternalForce
         Nearly incompressible.
-    free : ndarray, shape (n, d)
+    laplacian : Preconditioner
+        What solves with A, or nearly: a fixed operator, symmetric and positive definite.
+    reductions : LocalReductions, optional
 
     Attributes
     ----------
@@ -316,8 +359,8 @@ class IncompressibleStiffness:
         Taken for the pressures so far; each costs about as much as two thirds of a force evaluation and a solution with A.
     """
 
-    def __init__(self, force: InternalForce, free: np.ndarray) -> None:
-        self._laplacian = NearestBondLaplacian(force.body, force.stiffness_moduli, free)
+    def __init__(self, force: InternalForce, laplacian: Preconditioner, reductions: LocalReductions = LOCAL) -> None:
+        self._laplacian, self._reductions = laplacian, reductions
         self._dilatation = force.linearised_dilatation()
         self._volumes, self._modulus = force.body.volumes, force.law.shear_modulus
         self._compliance = force.law.shear_modulus / force.law.bulk_modulus
@@ -335,18 +378,18 @@ class IncompressibleStiffness:
         displacements = laplacian.solve(forces)
         left = dilatation.changes(displacements)
         direction = better = self._precondition(left)
-        size = least = _dot(left, better)
+        size = least = self._dot(left, better)
         least *= (NEARLY_SOLVED * self._compliance) ** 2
         for _ in range(MOST_STEPS):
             if not size > least:
                 break
             moved = laplacian.solve(dilatation.forces(direction))
             image = compliance * direction + dilatation.changes(moved)
-            share = size / _dot(direction, image)
+            share = size / self._dot(direction, image)
             displacements -= share * moved
             left -= share * image
             better = self._precondition(left)
-            size, before = _dot(left, better), size
+            size, before = self._dot(left, better), size
             direction = better + size / before * direction
             self.steps += 1
         return displacements
@@ -355,10 +398,9 @@ class IncompressibleStiffness:
         """V mu (mu/K + W^4)^-1 nearly: D has the smoothing W, and the bonds' means smooth about as much again."""
         return self._modulus * self._volumes * self._inverse(left)
 
-
-def _dot(first: np.ndarray, second: np.ndarray) -> float:
-    """Inner product, not by BLAS: see `LocalReductions.dot`."""
-    return float(np.einsum("n,n->", first, second))
+    def _dot(self, first: np.ndarray, second: np.ndarray) -> float:
+        """Inner product of values at the points, shape (n,)."""
+        return self._reductions.dot(first[:, None], second[:, None])
 
 
 def _inverse_polynomial(compliance: float) -> np.ndarray:

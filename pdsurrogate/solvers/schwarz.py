@@ -1,12 +1,23 @@
-"""The preconditioner of a body in parts: factors of every part and what is beside it, and what the parts do as a whole (Schwarz)."""
+"""Preconditioners of a body in parts: what inverts the stiffness of every part and what is beside it, and what the parts do as a whole."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy import sparse
+from scipy.linalg import eigh_tridiagonal
 
 from ..body import Body
-from .preconditioner import factorised, forces_of_springs, spring_matrix, springs
+from .preconditioner import (
+    NearestBondLaplacian,
+    component_laplacians,
+    factorised,
+    forces_of_springs,
+    laplacian_response,
+    nearest_ends,
+    spring_matrix,
+)
 from .reductions import LocalReductions
 
 SOLVED, EXACTLY = 0.1, 1e-6
@@ -17,12 +28,165 @@ ranks and 273 on three, where one takes 76 and conjugate gradients 78 on two."""
 
 MOST_STEPS = 200
 
+LEFT_BY_CHEBYSHEV = 0.2
+"""What Chebyshev's method may leave of any component of an error.  A cycle of multigrid, which takes the place of a factor in
+large bodies that are all there, leaves as much."""
+
+LANCZOS_STEPS = 20
+"""Steps after which the ends of a spectrum are known well enough for Chebyshev's method."""
+
+MARGIN = 1.1
+"""By which the greatest Ritz value is raised: beyond the end of what it is told Chebyshev's method magnifies."""
+
+
+class TwoLevels:
+    """Schwarz' method on two levels: the parts, and the affine motions of each.
+
+    A part inverts the stiffness of its own points and of those in its halo that have all their nearest bonds here; the others are held.
+    Its answer is added to those of its neighbours, and to the best of the motions that are affine in every part.
+
+    Parameters
+    ----------
+    body : Body
+        A part.
+    shear_moduli : float or ndarray, shape (n,)
+    multiply : callable
+        The stiffness times displacements (n, d) that are right on all points here, right on the points that are owned.
+    free : ndarray, shape (n, d)
+        Zero on the halo.
+    reductions : LocalReductions
+
+    Attributes
+    ----------
+    inside : ndarray, shape (n, d)
+        1 for what this part inverts the stiffness of, which `invert` is to be set to do.
+    invert : callable
+
+    References
+    ----------
+    Toselli and Widlund, Domain Decomposition Methods (2005), ch. 3.
+    """
+
+    invert: Callable[[np.ndarray], np.ndarray]
+
+    def __init__(
+        self,
+        body: Body,
+        shear_moduli: float | np.ndarray,
+        multiply: Callable[[np.ndarray], np.ndarray],
+        free: np.ndarray,
+        reductions: LocalReductions,
+    ) -> None:
+        part, n, d = body.part, len(body), body.dimension
+        self._part, self._reductions, self._multiply, self._free, self._body = part, reductions, multiply, free, body
+        self._around = free.copy()
+        part.fill(self._around)
+        first, second = nearest_ends(body, shear_moduli)
+        degrees = (np.bincount(first, minlength=n) + np.bincount(second[second < n], minlength=n)).astype(float)
+        of_owners = degrees.copy()
+        part.fill(of_owners)
+        self.inside = self._around * (degrees == of_owners)[:, None]
+        held = part.any_of((body.ghosts.parity < 0).any(axis=0))
+        held |= part.any_of((self._around == 0).any(axis=0))
+        self._drifting = [axis for axis in range(d) if not held[axis]]
+        self._coarse: tuple[np.ndarray, np.ndarray] | None = None
+
+    def balanced(self, values: np.ndarray) -> np.ndarray:
+        """Values that are zero on the halo, less their mean along the axes along which nothing holds the body; changed in place.
+
+        Of a body that drifts only balanced forces have an answer: others have conjugate gradients go on for ever.
+        """
+        for axis in self._drifting:
+            values[:, axis] -= self._reductions.total(values[:, axis]) / self._reductions.total_size(len(values))
+        self._part.clear(values)
+        return values
+
+    def applied(self, displacements: np.ndarray) -> np.ndarray:
+        """The stiffness times displacements, whose halo is brought up to date."""
+        self._part.fill(displacements)
+        return self._multiply(displacements) * self._free
+
+    def both(self, forces: np.ndarray) -> np.ndarray:
+        """What both levels say of forces that are zero on the halo."""
+        around = forces.copy()
+        self._part.fill(around)
+        found = self.invert(around * self.inside) * self.inside
+        self._part.fold(found)
+        modes, inverse = self._affine()
+        pulls = np.concatenate(self._part.everywhere(modes.T @ forces.ravel()))
+        k = modes.shape[1]
+        found += (modes @ (inverse @ pulls)[k * self._part.rank : k * (self._part.rank + 1)]).reshape(forces.shape)
+        return found * self._free
+
+    def _affine(self) -> tuple[np.ndarray, np.ndarray]:
+        """Affine motions of the own points as far as they are free, shape (d n, k), and the inverse stiffness of those of all parts."""
+        if self._coarse is None:
+            points, part, (n, d) = self._body.points, self._part, self._free.shape
+            middle = np.stack(part.everywhere(points[part.own].mean(axis=0)))[part.owners]
+            # In one unit for all: each rank forms the motions of its neighbours as well.
+            arms = (points - middle) / self._reductions.extent(points)
+            functions = np.column_stack([np.ones(n), arms])
+            motions = np.zeros((d, d + 1, n, d))
+            for axis in range(d):
+                motions[axis, :, :, axis] = functions.T * self._around[:, axis]
+            motions = motions.reshape(-1, n, d)
+            k, count = len(motions), len(part.everywhere(0))
+            own = (motions * part.own[:, None]).reshape(k, -1).T.copy()
+            rows = np.zeros((k, k * count))
+            for rank in np.unique(part.owners):
+                theirs = (part.owners == rank)[:, None]
+                for number, motion in enumerate(motions):
+                    rows[:, k * rank + number] = own.T @ self._multiply(motion * theirs).ravel()
+            stiffness = np.concatenate(part.everywhere(rows))
+            self._coarse = own, np.linalg.pinv((stiffness + stiffness.T) / 2, rcond=1e-10, hermitian=True)
+        return self._coarse
+
+    def iterated(self, forces: np.ndarray, left: float) -> np.ndarray:
+        """Conjugate gradients, until no more than a share of the forces is left."""
+        dot, forces = self._reductions.dot, self.balanced(forces * self._free)
+        found, rest = np.zeros_like(forces), forces.copy()
+        better = self.both(rest)
+        direction, size = better.copy(), dot(rest, better)
+        least = left * left * size
+        for _ in range(MOST_STEPS):
+            if not size > least:
+                break
+            image = self.applied(direction)
+            share = size / dot(direction, image)
+            found += share * direction
+            rest -= share * image
+            better = self.both(rest)
+            size, before = dot(rest, better), size
+            direction = better + size / before * direction
+        return self.balanced(found)
+
+    def spectrum(self) -> tuple[float, float]:
+        """Least and greatest Ritz value of what both levels make of the stiffness, by conjugate gradients on random forces."""
+        dot, shape = self._reductions.dot, self._free.shape
+        whole = self._reductions.total_size(shape[0]), shape[1]
+        rest = self.balanced(self._reductions.take(np.random.default_rng(0).standard_normal(whole)) * self._free)
+        better = self.both(rest)
+        direction, size = better.copy(), dot(rest, better)
+        first, shares, growths = size, [], []
+        for _ in range(LANCZOS_STEPS):
+            if not size > EXACTLY**2 * first:
+                break
+            image = self.applied(direction)
+            shares.append(size / dot(direction, image))
+            rest -= shares[-1] * image
+            better = self.both(rest)
+            size, before = dot(rest, better), size
+            growths.append(size / before)
+            direction = better + growths[-1] * direction
+        shares, growths = 1 / np.array(shares), np.array(growths)
+        diagonal = shares.copy()
+        diagonal[1:] += growths[:-1] * shares[:-1]
+        values = eigh_tridiagonal(diagonal, np.sqrt(growths[:-1]) * shares[:-1], eigvals_only=True)
+        return float(values[0]), float(values[-1])
+
 
 class SchwarzStiffness:
-    """The stiffness of `NearestBondStiffness` of a body in parts, solved by the factors of the parts.
-
-    A part's factor is that of its own points and of those in its halo that have all their nearest bonds here; the others are held.
-    Conjugate gradients are preconditioned by the sum of what the factors say, and by the best of the motions in which every part is rigid.
+    """The stiffness of `NearestBondStiffness` of a body in parts, solved by conjugate gradients with a factor for every part.
 
     Parameters
     ----------
@@ -32,44 +196,20 @@ class SchwarzStiffness:
     free : ndarray, shape (n, d)
         Zero on the halo.
     reductions : LocalReductions
-
-    References
-    ----------
-    Toselli and Widlund, Domain Decomposition Methods (2005), ch. 3.
     """
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, reductions: LocalReductions) -> None:
-        part, n, d = body.part, len(body), body.dimension
-        self._part, self._reductions, self._shape, self._moduli = part, reductions, (n, d), shear_moduli
-        self._matrix, self._free = spring_matrix(body, shear_moduli), free
-        around = free.copy()
-        part.fill(around)
-        first, second, _ = springs(body, shear_moduli)
-        degrees = (np.bincount(first, minlength=n) + np.bincount(second[second < n], minlength=n)).astype(float)
-        of_owners = degrees.copy()
-        part.fill(of_owners)
-        self._inside = around * (degrees == of_owners)[:, None]
-        self._factor = factorised(self._matrix, self._inside.ravel())
-        held = part.any_of((body.ghosts.parity < 0).any(axis=0))
-        held |= part.any_of((around == 0).any(axis=0))
-        self._drifting = [axis for axis in range(d) if not held[axis]]
-        self._coarse: tuple[np.ndarray, np.ndarray] | None = None
-        self._body = body
+        matrix, self._part = spring_matrix(body, shear_moduli), body.part
+        self._levels = TwoLevels(body, shear_moduli, lambda moved: (matrix @ moved.ravel()).reshape(moved.shape), free, reductions)
+        factor = factorised(matrix, self._levels.inside.ravel())
+        self._levels.invert = lambda forces: factor.solve(forces.ravel()).reshape(forces.shape)
 
     def update(self) -> None:
         """It is the same in all states."""
 
-    def solve(self, forces: np.ndarray, exactly: bool = False) -> np.ndarray:
-        """Displacements under forces, shape (n, d), right on the points that are owned; exactly, as a factor of the whole body would."""
-        # Of a body that drifts only balanced forces have an answer: others have conjugate gradients go on for ever.
-        return self._balanced(self._iterated(self._balanced(forces * self._free), EXACTLY if exactly else SOLVED))
-
-    def _balanced(self, values: np.ndarray) -> np.ndarray:
-        """Values that are zero on the halo, less their mean along the axes along which nothing holds the body; changed in place."""
-        for axis in self._drifting:
-            values[:, axis] -= self._reductions.total(values[:, axis]) / self._reductions.total_size(len(values))
-        self._part.clear(values)
-        return values
+    def solve(self, forces: np.ndarray) -> np.ndarray:
+        """Displacements under forces, shape (n, d), right on the points that are owned."""
+        return self._levels.iterated(forces, SOLVED)
 
     def response(
         self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
@@ -77,73 +217,71 @@ class SchwarzStiffness:
         """See `NearestBondStiffness.response`."""
         held = held.copy()
         self._part.fill(held)
-        found = self.solve(forces_of_springs(body, shear_moduli, held, planes, turns), exactly=True) + held
+        found = self._levels.iterated(forces_of_springs(body, shear_moduli, held, planes, turns), EXACTLY) + held
         self._part.fill(found)
         return found
 
-    def _local(self, forces: np.ndarray) -> np.ndarray:
-        """What the factor of this part says of all its points."""
-        forces = forces * self._free
-        self._part.fill(forces)
-        return self._factor.solve((forces * self._inside).ravel()).reshape(self._shape) * self._inside
 
-    def _applied(self, displacements: np.ndarray) -> np.ndarray:
-        """The stiffness times displacements."""
-        self._part.fill(displacements)
-        found = (self._matrix @ displacements.ravel()).reshape(self._shape) * self._free
-        return found
+class SchwarzLaplacian:
+    """The Laplacian of `NearestBondLaplacian` of a body in parts, nearly solved by some steps of Chebyshev's method.
 
-    def _both_levels(self, forces: np.ndarray) -> np.ndarray:
-        """Factors of all parts, and rigid motions of theirs."""
-        found = self._local(forces)
-        self._part.fold(found)
-        modes, inverse = self._rigid()
-        pulls = np.concatenate(self._part.everywhere(modes.T @ forces.ravel()))
-        k = modes.shape[1]
-        found += (modes @ (inverse @ pulls)[k * self._part.rank : k * (self._part.rank + 1)]).reshape(self._shape)
-        return found * self._free
+    Unlike conjugate gradients these are the same operator for all forces, symmetric and positive definite, and need no sums over all ranks.
 
-    def _rigid(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rigid motions of the own points as far as they are free, shape (d n, k), and the inverse stiffness of those of all parts."""
-        if self._coarse is None:
-            points, part, (n, d) = self._body.points, self._part, self._shape
-            around = self._free.copy()
-            part.fill(around)
-            middle = np.stack(part.everywhere(points[part.own].mean(axis=0)))[part.owners]
-            extent = self._reductions.extent(points)  # the same for all: each rank forms the motions of its neighbours as well
-            arms = (points - middle) / extent
-            motions = [np.broadcast_to(axis, (n, d)) for axis in np.eye(d)]
-            for a, b in ((0, 1),) if d == 2 else ((0, 1), (1, 2), (2, 0)):
-                turn = np.zeros((n, d))
-                turn[:, a], turn[:, b] = -arms[:, b], arms[:, a]
-                motions.append(turn)
-            everyone = np.stack([(motion * around).ravel() for motion in motions], axis=1)
-            k, count = len(motions), len(part.everywhere(0))
-            own = everyone * np.repeat(part.own, d)[:, None]
-            rows = np.zeros((k, k * count))
-            for rank in np.unique(part.owners):
-                theirs = sparse.csr_array(everyone * np.repeat(part.owners == rank, d)[:, None])
-                rows[:, k * rank : k * (rank + 1)] = own.T @ (self._matrix @ theirs).toarray()
-            stiffness = np.concatenate(part.everywhere(rows))
-            self._coarse = own, np.linalg.pinv((stiffness + stiffness.T) / 2, rcond=1e-10, hermitian=True)
-        return self._coarse
+    Parameters
+    ----------
+    body, shear_moduli, free, reductions
+        As of `SchwarzStiffness`.
 
-    def _iterated(self, forces: np.ndarray, left: float) -> np.ndarray:
-        """Conjugate gradients, until no more than a share of the forces is left."""
-        dot = self._reductions.dot
-        found, rest = np.zeros(self._shape), forces.copy()
-        better = self._both_levels(rest)
-        direction, size = better.copy(), dot(rest, better)
-        least = left * left * size
-        for _ in range(MOST_STEPS):
-            if not size > least:
-                break
-            image = self._applied(direction)
-            share = size / dot(direction, image)
-            found += share * direction
-            rest -= share * image
-            better = self._both_levels(rest)
-            size, before = dot(rest, better), size
-            direction = better + size / before * direction
-        self._part.clear(found)
-        return found
+    References
+    ----------
+    Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm 12.1.
+    """
+
+    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, reductions: LocalReductions) -> None:
+        self._free, self._reductions, matrix_of = free, reductions, component_laplacians(body, shear_moduli)
+        parities = [body.ghosts.parity[:, axis].tobytes() for axis in range(body.dimension)]
+        made: dict[bytes, sparse.csr_array] = {}
+        for axis, parity in enumerate(parities):
+            if parity not in made:
+                made[parity] = matrix_of(axis)
+        matrices = [made[parity] for parity in parities]
+
+        def multiply(moved: np.ndarray) -> np.ndarray:
+            if len(made) == 1:
+                return matrices[0] @ moved
+            return np.stack([matrix @ column for matrix, column in zip(matrices, moved.T, strict=True)], axis=1)
+
+        self._levels = TwoLevels(body, shear_moduli, multiply, free, reductions)
+        self._levels.invert = NearestBondLaplacian(body, shear_moduli, self._levels.inside).solve
+        self._bounds: tuple[float, float, int] | None = None
+
+    def _ends(self) -> tuple[float, float, int]:
+        """Ends of the spectrum, and the steps that leave `LEFT_BY_CHEBYSHEV` of what is between them."""
+        if self._bounds is None:
+            least, greatest = self._levels.spectrum()
+            greatest *= MARGIN
+            middle = (greatest + least) / (greatest - least)
+            self._bounds = least, greatest, int(np.ceil(np.arccosh(1 / LEFT_BY_CHEBYSHEV) / np.arccosh(middle)))
+        return self._bounds
+
+    def solve(self, forces: np.ndarray) -> np.ndarray:
+        """Displacements under forces, shape (n, d), right on the points that are owned."""
+        levels = self._levels
+        least, greatest, steps = self._ends()
+        middle, half = (greatest + least) / 2, (greatest - least) / 2
+        rest = levels.balanced(forces * self._free)
+        step = levels.both(rest) / middle
+        found, ratio = step.copy(), half / middle
+        for _ in range(steps - 1):
+            rest -= levels.applied(step)
+            following = 1 / (2 * middle / half - ratio)
+            step = following * ratio * step + 2 * following / half * levels.both(rest)
+            found += step
+            ratio = following
+        return levels.balanced(found)
+
+    def response(
+        self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
+    ) -> np.ndarray:
+        """See `NearestBondStiffness.response`; to a part `EXTENDED` of the forces of what is held."""
+        return laplacian_response(self, self._reductions, self._free, body, shear_moduli, held, planes, turns)
