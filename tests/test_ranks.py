@@ -201,6 +201,8 @@ def test_a_script_asks_who_takes_part(tmp_path):
         ("hole", ("spacing=0.1",), (3,)),
         ("ring-pressure", (), (3,)),
         ("bonded-block", ("spacing=0.16666667", "stretches=1.2"), (2,)),
+        ("bimaterial", ("spacing=0.1", "stretches=1.2"), (2,)),
+        pytest.param("bimaterial", ("spacing=0.05",), (3, 4), marks=pytest.mark.slow),
         pytest.param("bonded-block", ("spacing=0.125", "material.bulk_modulus=1000"), (2, 3, 4), marks=pytest.mark.slow),
         pytest.param("torsion", ("spacing=0.125",), (3, 4), marks=pytest.mark.slow),
         pytest.param("inflation", ("spacing=0.1",), (3, 4), marks=pytest.mark.slow),
@@ -235,10 +237,23 @@ def test_equilibrium_within_the_tolerance(scene, settings, several_ranks, tmp_pa
                 np.testing.assert_allclose(shared["probes"][name]["displacement"], moved, rtol=0, atol=1e-4 * np.abs(moved).max())
 
 
+@cache
+def digests_of_two_materials(ranks):
+    printed = run(ranks, HERE / "ranks" / "two_materials.py", mpi4py=ranks > 1)
+    return [json.loads(line) for line in printed.splitlines() if line.startswith("{")]
+
+
 @several
-def test_what_does_not_run_on_ranks_is_refused(tmp_path):
-    printed = run(2, "-m", "pdsurrogate", "run", "bimaterial", expected=2)
-    assert "on several ranks materials" in printed
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_forces_of_two_materials_have_the_same_bits(ranks):
+    """Bond forces and energies, in sheets and space, beside a slanted interface that reaches over parts; energies but for rounding."""
+    alone, shared = digests_of_two_materials(1), digests_of_two_materials(ranks)
+    assert len(alone) == 4
+    for one, other in zip(alone, shared, strict=True):
+        assert one["beside"] == other["beside"] > 10
+        energies = one.pop("energy"), other.pop("energy")
+        assert one == other
+        assert energies[0] is None or energies[1] == pytest.approx(energies[0], rel=1e-12)
 
 
 OWN = """

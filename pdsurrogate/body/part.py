@@ -66,6 +66,10 @@ class Whole:
         """Of linear maps (k, n) from the points of the whole body that from those counted here: the sum over all parts is the map."""
         return rows
 
+    def with_rows_of_others(self, rows):
+        """A sparse matrix (n, n) of which the rows of own points are there, with those of the halo from their owners."""
+        return rows
+
     def beside_halo(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """Numbers of the pairs of which an end is in the halo, or an image of a point there."""
         return np.empty(0, dtype=np.int64)

@@ -374,7 +374,8 @@ class BondForceOfPortions(EvaluationOfPortions):
             states = self._add_states(pairs)
             view = states.view
             how = self.precision, outside, self.plane
-            part = PairForces(portion.model, portion.law, *how, view.positions, states, view.first, view.second, kinematics.chunks)
+            arrays, counted = (view.positions, states, view.first, view.second), self._counted[pairs] if body.part.divided else None
+            part = PairForces(portion.model, portion.law, *how, *arrays, kinematics.chunks, counted)
             self.learnt_thickness |= part.learns_thickness
             reference_state.pair_rows(
                 np.arange(len(pairs), dtype=np.uint32),
@@ -389,7 +390,7 @@ class BondForceOfPortions(EvaluationOfPortions):
                 body.horizon,
                 part.geometry,
             )
-            watch = DomainWatch(portion.model, len(pairs), outside, "force", "bond force")
+            watch = DomainWatch(portion.model, int(self._counted[pairs].sum()), outside, "force", "bond force", body.part)
             self._parts.append((part, pairs, portion.law.shear_modulus, watch))
         self._forces = aligned_rows((self._n_pairs, 2), self.precision)
         sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
@@ -417,7 +418,7 @@ class BondForceOfPortions(EvaluationOfPortions):
 
     @property
     def pairs_evaluated(self) -> int:
-        return sum(len(pairs) for _, pairs, *_ in self._parts)
+        return sum(int(self._counted[pairs].sum()) for _, pairs, *_ in self._parts)
 
     def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
         return (self._forces if pairs is None else self._forces[pairs]).astype(float)

@@ -49,7 +49,7 @@ class EnergyOfPortions(EnergyOfPairs, EvaluationOfPortions):
             self._pairs_of.append(pairs)
             self._add_states(pairs)
             geometries.append(pair_geometry(body, pairs, weights[pairs], self.geometry_precision))
-            self._watches.append(DomainWatch(portion.model, len(pairs), self._outside, "energy", "energy"))
+            self._watches.append(DomainWatch(portion.model, int(self._counted[pairs].sum()), self._outside, "energy", "energy", body.part))
             ends = bonds.first[pairs], bonds.second[pairs]
             across = [np.flatnonzero(self.portion_of[end] != number) for end in ends]
             self._seen.append([(other, end[other]) for other, end in zip(across, ends, strict=True)])
@@ -95,7 +95,7 @@ class EnergyOfPortions(EnergyOfPairs, EvaluationOfPortions):
 
     @property
     def pairs_evaluated(self) -> int:
-        return sum(len(pairs) for pairs in self._pairs_of)
+        return sum(int(self._counted[pairs].sum()) for pairs in self._pairs_of)
 
     def _laws_of(self, pair: int) -> list[Law]:
         return [portion.law for portion, pairs in zip(self.portions, self._pairs_of, strict=True) if pair in pairs]
@@ -160,8 +160,8 @@ class SelectiveEnergyOfPortions(EnergyOfPortions):
         return parts
 
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
-        invalid = self._form_volumes()
-        if invalid:
+        invalid, part_of_body = self._form_volumes(), self.body.part
+        if part_of_body.any(invalid):
             return [0] * len(self._parts), invalid, 0
         energies = np.empty(len(self.body))
         with np.errstate(all="ignore"):  # what is not finite shows in the energy
@@ -169,18 +169,21 @@ class SelectiveEnergyOfPortions(EnergyOfPortions):
                 U, self._slopes[points], _ = law.volumetric(self._smoothed[points], law.parameters)
                 energies[points] = law.shear_modulus * U
         self._spread_slopes()
+        part_of_body.fill(self._pressures)
         for part, (pressures, shown, numbers) in zip(self._parts, self._shown_pressures, strict=True):
             pressures[shown] = self._pressures[numbers]
             part.find_energies()
         without_force = self._add_parts(out)
-        self._energy += float(sum_in_order(self.body.volumes * energies))
+        self._energy += float(sum_in_order(part_of_body.counted(self.body.volumes) * energies))
         return [part.count_outside() for part in self._parts], 0, without_force
 
     def _form_volumes(self) -> int:
         """Bring the smoothed dilatations up to date with the gradients last formed; the number of pairs turned inside out."""
         invalid = sum(part.find_volumes() for part in self._parts)
         self._find_dilatations()
+        self.body.part.fill(self._dilatations)
         self._smooth_dilatations()
+        self.body.part.fill(self._smoothed)
         return invalid
 
     def bulk_stresses(self) -> np.ndarray:
@@ -188,6 +191,5 @@ class SelectiveEnergyOfPortions(EnergyOfPortions):
 
     def volume_ratios(self) -> np.ndarray:
         self.form_views()
-        if self._form_volumes():
-            raise InvalidState(self._diagnose())
+        self.body.part.agree(InvalidState(self._diagnose()) if self._form_volumes() else None)
         return self._smoothed.copy()

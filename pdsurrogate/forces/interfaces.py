@@ -19,6 +19,12 @@ With one alone the fit hangs on the three nearest rows, and points are seen wher
 material thirty times as stiff that leaves bond forces without equilibrium.  With two, `bimaterial` is as good, and a hundred times goes.
 """
 
+FARTHEST = 1.5
+"""Horizons from a point within which its interface is: it is bonded to points beyond it, of which the nearest are within one."""
+
+SIGHT = FARTHEST + REACH
+"""Horizons around a point of a body in parts within which there must be others for its jump to be found."""
+
 WORST_CONDITION = 1e6
 """Condition number up to which a fit is taken; lengths are in units of its reach.  A layer of two rows has one of 1e3."""
 
@@ -62,13 +68,14 @@ class Interfaces:
         near = np.unique(np.concatenate([owners[across], _sources(body)[bonds.neighbours[across]]]))
         rows, columns, values = [], [], []
         tree, everywhere = cKDTree(body.points), cKDTree(body.all_points)
-        for i in near:
+        part = body.part
+        for i in part.own_points(near):
             found = _interface_beside(body, everywhere, portion_of, i)
             if found is None:
                 continue
             depth, normal, other = found
             place, reach = body.points[i] + depth * normal, REACH * body.horizon
-            around = np.array(tree.query_ball_point(place, reach * (1 + 1e-9)), dtype=np.int64)
+            around = np.array(tree.query_ball_point(place, reach * (1 + 1e-9), return_sorted=True), dtype=np.int64)
             around = around[(portion_of[around] == portion_of[i]) | (portion_of[around] == other)]
             x, beyond = (body.points[around] - place) / reach, portion_of[around] == other
             jump = _jump_of_slopes(x, body.volumes[around], beyond, normal, quadratic)
@@ -81,7 +88,10 @@ class Interfaces:
         empty = [np.empty(0, dtype=np.int64)]
         entries = np.concatenate(values or [np.empty(0)]), (np.concatenate(rows or empty), np.concatenate(columns or empty))
         self._jump = sparse.csr_array(entries, shape=(n, n))
-        self._jump_back = self._jump.T.tocsr()
+        # What others find of the points in the halo hangs on points that are owned here.
+        self._jump_back = part.with_rows_of_others(self._jump).T.tocsr()
+        part.fill(self.depths[:n])
+        part.fill(self.normals)
         body.ghosts.fill(self.depths)
         weights = kinematics.gradient_weights()[across] * self.depths[bonds.neighbours[across], None]
         shape = (n, total)
@@ -103,6 +113,7 @@ class Interfaces:
         """
         n, ghosts = len(self._body), self._body.ghosts
         self.jumps[:n] = self._jump @ positions[:n]
+        self._body.part.fill(self.jumps[:n])
         if len(ghosts):
             self.jumps[n:] = ghosts.parity * self.jumps[ghosts.source]
         for b, matrix in enumerate(self._corrections):
@@ -141,6 +152,7 @@ class Interfaces:
         own = on_jumps[:n]
         if len(ghosts):
             np.add.at(own, ghosts.source, ghosts.parity * on_jumps[n:])
+        self._body.part.fill(own)
         return self._jump_back @ own
 
 
@@ -153,7 +165,7 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
     points, volumes, own = body.all_points, body.all_volumes, portion_of[i]
     place = points[i]
     for _ in range(CENTRINGS):
-        around = np.array(tree.query_ball_point(place, body.horizon * (1 + 1e-9)), dtype=np.int64)
+        around = np.array(tree.query_ball_point(place, body.horizon * (1 + 1e-9), return_sorted=True), dtype=np.int64)
         others = portion_of[around] != own
         kinds = np.unique(portion_of[around[others]])
         if len(kinds) != 1 or others.all():
@@ -172,6 +184,8 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
         if not 0 < behind < len(order):
             return None
         depth = (along[order[behind - 1]] + along[order[behind]]) / 2 - points[i] @ normal
+        if abs(depth) > FARTHEST * body.horizon:
+            return None
         place = points[i] + depth * normal
     return (float(depth), normal, int(kinds[0])) if depth > 0 else None
 

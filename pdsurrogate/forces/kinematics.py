@@ -211,10 +211,10 @@ class Kinematics:
             self._complete_gradients()
 
     def _complete_gradients(self) -> None:
-        """What follows the pass over the points: what others own, where materials meet, and ghosts."""
-        self.body.part.fill(self.gradients[: len(self.body)])
+        """What follows the pass over the points: where materials meet, what others own, and ghosts."""
         if self.interfaces is not None:
             self.interfaces.correct(self.positions, self.gradients)
+        self.body.part.fill(self.gradients[: len(self.body)])
         if len(self.body.ghosts):
             self.gradient_ghosts.fill_gradients(self.gradients)
         if self._gradient_shifts is not None:

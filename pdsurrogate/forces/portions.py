@@ -161,6 +161,8 @@ class PointStates:
     view
     volume_ratios, records : ndarray, shapes (k,) and (k, 4)
         As those of `Kinematics`; no records in space.
+    kept_ratios : ndarray, shape (n + m,)
+        The volume ratios last found, by the numbers of points and images: those from which the next are found.
     response, parameters, scratch
         Of the law, for passes over these points.
     surrogate_thickness : SurrogateThickness or None
@@ -170,7 +172,7 @@ class PointStates:
     def __init__(self, kinematics: Kinematics, law: Law, view: View, precision: str, rotation: str | None) -> None:
         self._kinematics, self.law, self.view = kinematics, law, view
         self.response, self.parameters, self.scratch = PLANES[kinematics.plane].response.block(law), law.parameters, kinematics.scratch
-        self.volume_ratios = np.ones(len(view.numbers))
+        self.volume_ratios, self.kept_ratios = np.ones(len(view.numbers)), np.ones(len(kinematics.positions))
         self.records = aligned_rows((len(view.numbers) if kinematics.body.dimension == 2 else 0, 4), precision)
         self.surrogate_thickness: SurrogateThickness | None = None
         turn = ROTATIONS[rotation or ROTATION]
@@ -187,9 +189,11 @@ class PointStates:
         """
         if self._find is None:
             self._find = self._bound()
+        np.take(self.kept_ratios, self.view.numbers, out=self.volume_ratios)
         if self._find():
-            self.volume_ratios[:] = 1.0
+            self.kept_ratios[:] = 1.0
             raise InvalidState(self._kinematics.diagnose(self.law, self.view.numbers, self.view.gradients))
+        self.kept_ratios[self.view.numbers] = self.volume_ratios
         if self._turn:
             self._turn()
 
@@ -244,6 +248,10 @@ class EvaluationOfPortions(Evaluation):
         self._stiffness_moduli = (moduli[:n] + np.bincount(owners, weights * around, n) / np.bincount(owners, weights, n)) / 2
         self._force_scale = moduli[:n].copy()
         np.maximum.at(self._force_scale, owners, around)
+        body.part.fill(self._stiffness_moduli)
+        body.part.fill(self._force_scale)
+        counted = body.part.counted_pairs(bonds.first)
+        self._counted = np.ones(self._n_pairs, dtype=bool) if counted is None else counted
 
     def _add_states(self, pairs: np.ndarray) -> PointStates:
         """States of the points of the next portion, and of those that it sees in the given pairs."""
@@ -294,4 +302,8 @@ class EvaluationOfPortions(Evaluation):
         return found[:n]
 
     def state_arrays(self) -> dict[str, np.ndarray]:
-        return {f"volume_ratios_{number}": states.volume_ratios for number, states in enumerate(self.states)}
+        return {f"volume_ratios_{number}": states.kept_ratios for number, states in enumerate(self.states)}
+
+    @property
+    def state_rows(self) -> dict[str, str]:
+        return dict.fromkeys(self.state_arrays(), "images")

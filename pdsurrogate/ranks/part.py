@@ -143,6 +143,17 @@ class Part(Whole):
         found.eliminate_zeros()
         return found
 
+    def with_rows_of_others(self, rows):
+        entries = rows.tocoo()
+        own = self.own[entries.row]
+        found = self.numbers[entries.row[own]], self.numbers[entries.col[own]], entries.data[own]
+        row, column, value = (np.concatenate(parts) for parts in zip(*self.ranks.everywhere(found), strict=True))
+        places = np.full(self._total, -1)
+        places[self.numbers] = np.arange(len(self.numbers))
+        row, column = places[row], places[column]
+        here = (row >= 0) & (column >= 0)
+        return sparse.csr_array((value[here], (row[here], column[here])), shape=rows.shape)
+
     def beside_halo(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         elsewhere = ~self.own
         within = second < len(self.own)
@@ -277,8 +288,15 @@ class Part(Whole):
         return self._total
 
 
-def divided(body: Body, ranks: Communicator) -> Body:
+def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     """The part of a body, of which no bonds have been asked for, that falls to this rank.
+
+    Parameters
+    ----------
+    body : Body
+    ranks : Communicator
+    halo : float
+        Horizons around a rank's own points within which it has those of others.
 
     Raises
     ------
@@ -292,7 +310,7 @@ def divided(body: Body, ranks: Communicator) -> Body:
     weights = np.concatenate(ranks.everywhere(bond_counts(body.points, body.horizon, share)))
     owners = bisected(body.points, weights, ranks.size)
     own = np.flatnonzero(owners == ranks.rank)
-    reach = HALO * body.horizon * (1 + 1e-9)
+    reach = halo * body.horizon * (1 + 1e-9)
     lower, upper = body.points[own].min(axis=0) - 2 * reach, body.points[own].max(axis=0) + 2 * reach
     near = np.flatnonzero(((body.points >= lower) & (body.points <= upper)).all(axis=1))
     distance, _ = cKDTree(body.points[own]).query(body.points[near], distance_upper_bound=2 * reach)

@@ -94,16 +94,20 @@ def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: Bod
         laws.append(part.material.build())
         points = regions.points(part.region)
         before = of_points[points]
-        twice = (before > 0) & np.array([laws[other] != laws[number] or models[other] is not models[number] for other in before])
+        error, twice = (
+            None,
+            (before > 0) & np.array([laws[other] != laws[number] or models[other] is not models[number] for other in before]),
+        )
         if twice.any():
-            x1, x2 = body.points[points[twice.argmax()]]
-            raise ValueError(
+            place = ", ".join(f"{x:.4g}" for x in body.points[points[twice.argmax()]])
+            error = ValueError(
                 f"materials.{before[twice.argmax()] - 1} and materials.{number - 1} both take {int(twice.sum())} points, the first at "
-                f"({x1:.4g}, {x2:.4g}); regions of different materials must not overlap"
+                f"({place}); regions of different materials must not overlap"
             )
+        body.part.agree(error)
         of_points[points] = number
     return [
         Portion(law, model, points)
         for number, (law, model) in enumerate(zip(laws, models, strict=True))
-        if len(points := np.flatnonzero(of_points == number))
+        if body.part.any(len(points := np.flatnonzero(of_points == number)) > 0)  # of several ranks all have the same portions
     ]

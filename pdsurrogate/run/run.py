@@ -13,9 +13,10 @@ import numpy as np
 from ..body import Body, Surface
 from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
 from ..forces import ForceModel, InternalForce, bind_portions
+from ..forces.interfaces import SIGHT
 from ..kernels.threads import threads_for
 from ..materials import Law
-from ..ranks import ALONE, Communicator, ReductionsOfParts, communicator, divided
+from ..ranks import ALONE, HALO, Communicator, ReductionsOfParts, communicator, divided
 from ..ranks.communicator import Alone
 from ..results import measures
 from ..results.checkpoint import Checkpoint, CheckpointError
@@ -239,18 +240,18 @@ class Run:
         self.whole = body
         if self.ranks.size == 1:
             return body
-        part = divided(body, self.ranks)
+        part = divided(body, self.ranks, SIGHT if self.scene.materials else HALO)
         self.reductions = ReductionsOfParts(part.part)
         return part
 
     def _portion_of(self) -> np.ndarray | None:
-        """Material of every point; None where there is one."""
+        """Material of every point of the whole body; None where there is one."""
         if len(self.force.laws) == 1:
             return None
         found = np.empty(len(self.body), dtype=np.int64)
         for number, (_, points) in enumerate(self.force.laws):
             found[points] = number
-        return found
+        return self.ranks.to_all(self.body.part.gather(found))
 
     @property
     def _least_modulus(self) -> float:

@@ -1,4 +1,4 @@
-"""What a run on several ranks does before it begins: what it cannot do yet, how many threads it takes, and who compiles."""
+"""What a run on several ranks does before it begins: that all were given the same, how many threads it takes, and who compiles."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class Oversubscribed(RuntimeWarning):
     """More threads than cores: ranks wait for each other in loops, and each keeps a core from those it waits for."""
 
 
-def refuse(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool) -> None:
-    """Refuse what does not run on several ranks yet, and ranks that were not all given the same, which would wait for each other.
+def refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool) -> None:
+    """Refuse ranks that were not all given the same, which would wait for each other.
 
     Raises
     ------
@@ -35,11 +35,6 @@ def refuse(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | P
         raise SceneError(
             f"scene {scene.name}: the ranks were not given the same {' and '.join(different)}; start all of them by one command"
         )
-    why = None
-    if scene.materials:
-        why = "materials: bodies of several materials are not divided yet"
-    if why is not None:
-        raise SceneError(f"scene {scene.name}: on several ranks {why}; run it on one")
 
 
 def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:

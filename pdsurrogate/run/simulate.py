@@ -166,9 +166,9 @@ def simulate(
     ranks = communicator()
     if ranks.size > 1:
         # Imported here: a run of one process knows nothing of others.
-        from .sharing import refuse
+        from .sharing import refuse_different
 
-        refuse(ranks, scene, model, folder, resume)
+        refuse_different(ranks, scene, model, folder, resume)
         if ranks.rank:
             progress = Silent()
     folder = None if folder is None else Path(folder)
