@@ -94,10 +94,8 @@ def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: Bod
         laws.append(part.material.build())
         points = regions.points(part.region)
         before = of_points[points]
-        error, twice = (
-            None,
-            (before > 0) & np.array([laws[other] != laws[number] or models[other] is not models[number] for other in before]),
-        )
+        different = [laws[other] != laws[number] or models[other] is not models[number] for other in before]
+        error, twice = None, (before > 0) & np.array(different, dtype=bool)
         if twice.any():
             place = ", ".join(f"{x:.4g}" for x in body.points[points[twice.argmax()]])
             error = ValueError(
