@@ -94,14 +94,14 @@ def measure(name: str, points: int, threads: int) -> None:
             run.loading.apply(1.05, run.force, positions)
         for _ in range(3):
             run.force(positions, forces)
-        timed, walls = Timed(part), []
-        began = time.process_time()
+        timed, walls, seconds = Timed(part), [], 0.0
         for _ in range(EVALUATIONS):
             ranks.barrier()
-            clock = time.perf_counter()
+            began, clock = time.process_time(), time.perf_counter()
             run.force(positions, forces)
             walls.append(time.perf_counter() - clock)
-        seconds = time.process_time() - began - timed.processor
+            seconds += time.process_time() - began
+        seconds -= timed.processor
     own = int(part.own.sum()) if part.divided else len(run.body)
     row = {
         "own": own,
