@@ -304,7 +304,7 @@ def committees(folder: Path) -> str:
     for drawing in range(DRAWINGS):
         noisy = nominal_stress(law, X) * (1 + NOISE * np.random.default_rng(drawing).standard_normal(len(X)))
         model = pd.EnergyRegressor().fit(X, noisy)
-        settings = FitSettings(folds=0, samples=2000).within(0.4, 2.5)
+        settings = FitSettings(folds=0, samples=2000).within(*model.stretch_range_)
         drawn = settings.committee([model.law_] + [one.law_ for one in pd.committee(model, X, noisy, MEMBERS)])
         path = pd.store(*drawn[0], folder, "noisy", None, "an energy of noisy data", members=drawn[1:])
         found, *others = (

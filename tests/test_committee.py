@@ -51,7 +51,7 @@ def test_members_repeat_from_their_seed_and_have_half_of_the_tests(measured):
 def test_a_sheet_with_a_hole_is_within_twice_the_spread(measured, tmp_path):
     """The pull on a sheet with a hole, by the law that made the data, and by one artefact of what was learnt from them."""
     model = pd.EnergyRegressor().fit(*measured)
-    settings = FitSettings(folds=0, samples=2000).within(0.4, 2.5)
+    settings = FitSettings(folds=0, samples=2000).within(*model.stretch_range_)
     fits = settings.committee([model.law_, *(one.law_ for one in pd.committee(model, *measured, n_members=6))])
     path = pd.store(*fits[0], tmp_path, "noisy", "1", "a test", members=fits[1:])
 
