@@ -68,6 +68,10 @@ def own_law(tmp_path):
 def test_the_version_and_the_completion_of_shells():
     assert invoke("--version").stdout == f"pdsurrogate {pd.__version__}\n"
     assert "--install-completion" in invoke("--help").output
+    for typed, meant in (("st", {"stress-test", "study"}), ("run --thr", {"--threads"})):
+        asked = {"_PDSURROGATE_COMPLETE": "complete_bash", "COMP_WORDS": f"pdsurrogate {typed}", "COMP_CWORD": str(1 + typed.count(" "))}
+        done = CliRunner().invoke(app, [], prog_name="pdsurrogate", env=asked)
+        assert set(done.output.split()) == meant
 
 
 def test_json_is_all_that_is_printed_for_programs(tmp_path):

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pd
 from pdsurrogate.cli import app
+from pdsurrogate.cli.showing import MARK, MARK_WITHIN
 from pdsurrogate.results.page import html_page
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
@@ -102,6 +103,7 @@ def test_the_page_holds_everything_and_fetches_nothing(folder):
     result = pd.load_result(folder)
     page = html_page(result, ["displacement", "stress_11"])
     data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])
+    assert MARK in page.encode()[:MARK_WITHIN]  # by which it may be replaced
     assert list(data["pictures"]) == ["displacement", "stress_11"]
     assert all(picture.startswith("data:image/png;base64,") for pictures in data["pictures"].values() for picture in pictures)
     assert data["titles"] == ["stretch 1.2", "stretch 1.5"]
@@ -109,6 +111,14 @@ def test_the_page_holds_everything_and_fetches_nothing(folder):
     assert "http" not in re.sub(r"base64,[A-Za-z0-9+/=]+", "", page)
     for words in ("neo-hookean@2", pd.__version__, "strain_energy [kPa cm^3]", "digest of neo-hookean@2", "stretches"):
         assert words in page
+
+
+def test_a_file_that_is_no_page_is_not_replaced(folder, tmp_path):
+    (tmp_path / "mine.html").write_text("mine")
+    done = invoke("show", folder, "--html", tmp_path / "mine.html")
+    assert done.exit_code == 2
+    assert "is no page of a result and would be replaced" in done.stderr
+    assert (tmp_path / "mine.html").read_text() == "mine"
 
 
 def dom(page, tmp_path):
