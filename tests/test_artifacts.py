@@ -30,6 +30,7 @@ from pdsurrogate.artifacts import (
     surrogate_for,
 )
 from pdsurrogate.artifacts.store import payload_of
+from pdsurrogate.learning.fitting import check_worth_storing
 
 LAW = pd.NeoHookean()
 
@@ -464,6 +465,14 @@ def test_an_artefact_binds_no_law_that_has_changed_since(tmp_path):
     with pytest.raises(ValueError, match=r"expo@2 is off by .* more than 10 %, and is not written: fit it"):
         pd.store(model, samples, law_with(0.5), tmp_path, "expo", "2", "samples of another law")
     assert not (tmp_path / "expo" / "2").exists()
+
+
+def test_what_is_far_off_at_small_strains_alone_is_said():
+    """Beside enormous forces at the end of its range all errors look small."""
+    bins = [{"strain": [0.01, 0.02], "rms": 0.4}, {"strain": [1, 3], "rms": 1e-3}]
+    errors = {"on_surface": {"rms": 1e-3}, "by_strain": bins, "stretch_range": [0.4, 4.0]}
+    with pytest.warns(UserWarning, match="x is off by 40 % of the force at strains from 0.01 to 0.02, though by little of the greatest"):
+        check_worth_storing(errors, "x", LAW)
 
 
 @pytest.mark.parametrize("bulk", [10.0, 1000.0])

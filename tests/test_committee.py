@@ -21,8 +21,7 @@ def measured():
 def test_stresses_are_within_twice_the_spread(measured):
     """Of states within the data, by six sets of data with 2 % of noise: four in five at least.
 
-    Of a normal distribution it were nine in ten with eight members; an energy whose weights may not be negative is biased besides.  With
-    drawings with replacement it was two in three.
+    Of a normal distribution it were nine in ten with eight members; an energy whose weights may not be negative is biased besides.
     """
     random = np.random.default_rng(0)
     fresh = np.stack([random.uniform(1.2, 2.4, 50), random.uniform(0.8, 1.2, 50)], axis=1)

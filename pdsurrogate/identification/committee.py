@@ -14,9 +14,8 @@ def committee(
 
     What is asked of the members, a stress or the result of a run with the ``law_`` of each, differs from that of the fit to all data by as
     much as the data leave open: the root mean square of the differences is an estimate of its standard deviation (the delete-half
-    jackknife).  Drawing with replacement, the bootstrap, is not consistent where parameters end at a bound, as weights at zero do: of
-    energies from data with 2 % of noise it took 0.7 of the true deviation.  What all members have wrong, such as a law that rubber does
-    not follow, they do not show.
+    jackknife).  Drawing with replacement, the bootstrap, is not consistent where parameters end at a bound, as weights at zero do.  What
+    all members have wrong, such as a law that rubber does not follow or the bias of a bound, they do not show.
 
     Parameters
     ----------

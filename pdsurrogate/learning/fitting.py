@@ -53,6 +53,15 @@ def check_worth_storing(errors: dict, what: str, law: Law) -> None:
             "fitted to samples of another one, or too coarsely?",
             stacklevel=4,
         )
+    worst = max(errors.get("by_strain", ()), key=lambda row: row["rms"], default=None)
+    if worst is not None and rms <= NOTED and worst["rms"] > MOST_STORED:
+        # Where forces at the ends of the range are enormous, all errors are small beside them.
+        low, high = worst["strain"]
+        warnings.warn(
+            f"{what} is off by {100 * worst['rms']:.2g} % of the force at strains from {low:g} to {high:g}, though by little of the "
+            "greatest: fit it over a smaller range of stretches",
+            stacklevel=4,
+        )
     if not rms <= MOST_STORED:
         low, high = errors["stretch_range"]
         raise TooInexact(
