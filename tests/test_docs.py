@@ -2,6 +2,7 @@
 
 import doctest
 import importlib.util
+import math
 import re
 import runpy
 import shlex
@@ -124,7 +125,8 @@ def described(page):
 def test_scenes_and_studies_that_are_printed_are_understood(page, tmp_path):
     for number, found in enumerate(described(page)):
         if "parameters" in found:
-            tasks_of(pd.Study.model_validate(found), tmp_path, parameters_of_runs(pd.Study.model_validate(found)))
+            study = pd.Study.model_validate(found)
+            tasks_of(study, tmp_path, parameters_of_runs(study), math.inf)
         else:
             assert pd.Scene.model_validate(found).spacing > 0, number
 
