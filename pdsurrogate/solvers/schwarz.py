@@ -20,7 +20,7 @@ from .preconditioner import (
 )
 from .reductions import LocalReductions
 
-SOLVED, EXACTLY = 0.1, 1e-6
+SOLVED, EXACTLY = 0.05, 1e-6
 """What is left of the forces by inner conjugate gradients, and by those that stand in the place of a factor.
 
 Restricted Schwarz alone, which exchanges less, was tried for few parts: a ring under pressure then takes 173 evaluations on two
