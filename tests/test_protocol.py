@@ -30,8 +30,9 @@ FOREIGN = {
     "_is_initialized",
     "_launch_threads",
     "_parameter_constraints",
+    "_protected_args",
 }
-"""Private members of pickle, os, numba and scikit-learn for which these have no public ones, and the name that notebooks ask for."""
+"""Private members of pickle, os, numba, click and scikit-learn for which these have no public ones, and the name that notebooks ask for."""
 
 
 def bound(name, body, **settings):

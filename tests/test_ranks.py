@@ -147,8 +147,8 @@ def test_a_run_writes_what_one_process_writes(tmp_path):
     assert shared["peak_nominal_stress"] == pytest.approx(alone["peak_nominal_stress"], rel=1e-12)
 
 
-SAID = re.compile(r"[\d.]+ ns per|[\d.]+ s(?= in all| compiling)")
-"""Times, in what a run says."""
+SAID = re.compile(r"[\d.]+ ns per|[\d.]+ s(?= in all| compiling)|\d+(?= force evaluations)")
+"""Times, and evaluations, in what a run says."""
 
 CASES = {
     "good": ([], 0),
@@ -161,7 +161,7 @@ CASES = {
 @several
 @pytest.mark.parametrize("case", CASES)
 def test_three_ranks_say_what_one_says(case, tmp_path):
-    """Line by line on either stream but for times, with one exit status, and with the same files left behind."""
+    """Line by line on either stream but for times and counts of evaluations, with one exit status, and with the same files left behind."""
     settings, expected = CASES[case]
     command = [sys.executable, "-m", "pdsurrogate", "run", "hole", "--force", "analytic", "--out", "out/hole", "--threads", "1"]
     command += ["--set", "spacing=0.25", "--set", "stretches=1.05", *settings]

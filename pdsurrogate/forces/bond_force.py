@@ -238,7 +238,7 @@ class BondForceEvaluation(Evaluation):
         counted = body.part.counted_pairs(bonds.first)
         self._pairs = PairForces(model, law, *how, *arrays, kinematics.chunks, counted)
         self.learnt_thickness = self._pairs.learns_thickness
-        self._watch = DomainWatch(model, self.pairs_evaluated, self.outside, "force", "bond force", body.part)
+        self._watches = [DomainWatch(model, self.pairs_evaluated, self.outside, "force", "bond force", body.part)]
         self.geometry, self._forces = self._pairs.geometry, self._pairs.forces
         self._strength = pair_strength(body)
         self._find_geometry(np.arange(self._n_pairs, dtype=np.uint32))
@@ -256,7 +256,7 @@ class BondForceEvaluation(Evaluation):
         unsolved, *_, outside, without_force = self._find_all()
         kinematics.have_states(unsolved)
         self.pairs_outside += outside
-        self._watch.report(outside)
+        self._watches[0].report(outside)
         if without_force:
             raise InvalidState(pair_without_force(self, self._forces, out, self.law))
 
@@ -368,7 +368,7 @@ class BondForceOfPortions(EvaluationOfPortions):
         ends = np.stack([bonds.first, bonds.second])
         owners = self.portion_of[ends]
         strength = pair_strength(body) * np.where(owners[0] == owners[1], 1.0, 0.5)
-        self._parts = []
+        self._parts, self._watches = [], []
         for number, portion in enumerate(portions):
             pairs = np.flatnonzero((owners == number).any(axis=0))
             states = self._add_states(pairs)
@@ -390,8 +390,8 @@ class BondForceOfPortions(EvaluationOfPortions):
                 body.horizon,
                 part.geometry,
             )
-            watch = DomainWatch(portion.model, int(self._counted[pairs].sum()), outside, "force", "bond force", body.part)
-            self._parts.append((part, pairs, portion.law.shear_modulus, watch))
+            self._watches.append(DomainWatch(portion.model, int(self._counted[pairs].sum()), outside, "force", "bond force", body.part))
+            self._parts.append((part, pairs, portion.law.shear_modulus))
         self._forces = aligned_rows((self._n_pairs, 2), self.precision)
         sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
         self._sum_forces = sum_pair_forces[2].bind(*sums, 1.0, np.empty_like(body.points), chunks=kinematics.chunks)
@@ -401,7 +401,7 @@ class BondForceOfPortions(EvaluationOfPortions):
         self.find_states()
         outside, without_force = self.pass_bonds(out)
         self.pairs_outside += sum(outside)
-        for (*_, watch), found in zip(self._parts, outside, strict=True):
+        for watch, found in zip(self._watches, outside, strict=True):
             watch.report(found)
         if without_force:
             raise InvalidState(pair_without_force(self, self._forces, out, self.law))
@@ -410,7 +410,7 @@ class BondForceOfPortions(EvaluationOfPortions):
         """Bond passes and sum in the states last found; the pairs outside each model's domain, and the points without a force."""
         self._forces[:] = 0.0
         outside = []
-        for part, pairs, unit, _ in self._parts:
+        for part, pairs, unit in self._parts:
             outside.append(part.find())
             self._forces[pairs] += unit * part.forces[: len(pairs)]
         self._sum_forces.give("out", out)

@@ -91,23 +91,38 @@ class DomainWatch:
     def __init__(self, model, n_pairs: int, outside: str, quantity: str, stand_in: str, part: Whole = WHOLE) -> None:
         self._model, self._n_pairs, self._outside, self._part = model, n_pairs, outside, part
         self._quantity, self._stand_in, self._warned = quantity, stand_in, False
+        self._found = 0
 
     def report(self, found: int) -> None:
-        """Say how many pairs were outside in one evaluation.
+        """Say how many pairs were outside in one evaluation; of a body in parts, once all of them have come through it.
 
         Raises
         ------
         OutsideDomain
             If there are any, and the policy is to stop.
         """
-        if self._outside not in ("raise", "warn"):
+        if self._part.divided:
+            self._found = found
+        else:
+            self._tell(found, self._n_pairs)
+
+    def settle(self) -> None:
+        """Of a body in parts, say how many pairs were outside in all of them.
+
+        Raises
+        ------
+        OutsideDomain
+            As `report`.
+        """
+        if self._part.divided and self._outside in ("raise", "warn"):
+            self._tell(self._part.total(self._found), self._part.total(self._n_pairs))
+
+    def _tell(self, found: int, of: int) -> None:
+        if not found or self._outside not in ("raise", "warn"):
             return
-        found = self._part.total(found)
-        if not found:
-            return
-        what = f"{found} of {self._part.total(self._n_pairs)} bonds are outside the domain of {self._model.name}, {self._model.domain}"
+        what = f"{found} of {of} bonds are outside the domain of {self._model.name}, {self._model.domain}"
         if self._outside == "raise":
             raise OutsideDomain(f"{what}; outside=fallback would use the exact {self._stand_in} for them")
         if not self._warned:
             self._warned = True
-            warnings.warn(f"{what}: its {self._quantity} there is extrapolated", OutsideDomainWarning, stacklevel=4)
+            warnings.warn(f"{what}: its {self._quantity} there is extrapolated", OutsideDomainWarning, stacklevel=5)

@@ -223,6 +223,8 @@ class InternalForce(ABC):
     nearly_incompressible = False
     zero_energy_modes = False
     learnt_thickness = False
+    _watches: Sequence = ()
+    """What watches over the domains of the models that are evaluated."""
 
     def __init__(self, body: Body, law: Law, precision: str, correction: str, breakable: bool, plane: str = "stress") -> None:
         self.body, self.law, self.precision, self.correction, self.breakable = body, law, precision, correction, breakable
@@ -249,6 +251,8 @@ class InternalForce(ABC):
                 raise
             error = found
         part.agree(error)
+        for watch in self._watches:
+            watch.settle()
         part.clear(out)
         self.seconds += time.perf_counter() - began
         self.timed += 1

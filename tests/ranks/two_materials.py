@@ -41,7 +41,10 @@ def digests(name, plane, ranks):
     forces = np.empty_like(positions)
     force(positions, forces)
     energy = body.part.total(force.energy()) if force.has_energy else None
-    jumps = int(body.part.total(int(np.count_nonzero(body.part.counted(force._kinematics.interfaces.depths[: len(body)])))))
+    bonds, within = body.bonds, body.bonds.second < len(body)
+    across = within & (stiff[bonds.first] != stiff[np.where(within, bonds.second, bonds.first)])
+    counted = body.part.counted_pairs(bonds.first)
+    jumps = int(body.part.total(int((across if counted is None else across * counted).sum())))
     found = {"case": f"{name}, {plane}", "energy": energy, "beside": jumps}
     for what, values in (("forces", forces), ("ratios", force.volume_ratios())):
         whole = body.part.gather(np.ascontiguousarray(values))
