@@ -104,7 +104,7 @@ def test_command(tmp_path, monkeypatch):
     assert "sheets under plane stress" in done.output
     for arguments, message in (
         (["--force", "wizardry"], "unknown force"),
-        (["--out", "/dev/null/x"], "Not a directory"),
+        (["--out", "/dev/null/x"], "a folder is needed, and this is a file"),
         (["--force", "ogden-isochoric", "--plane", "stress"], "takes plane=strain and space"),
         (["--force", "analytic", "--plane", "space"], "bodies in space"),
         (["--plane", "strain"], "--plane: must be stress or space"),
