@@ -124,7 +124,8 @@ def test_what_users_bring_has_the_properties_of_every_bond_force(brought, name, 
 
 def test_every_shipped_model_is_in_the_table():
     """gent, ogden and full-network were in none of the three lists that were kept before."""
-    shipped = {*FORCES, *(path.parent.parent.name for path in SHIPPED.glob("*/*/card.json"))}
+    # Forces that tests bring are among FORCES while this module runs.
+    shipped = {*FORCES, *(path.parent.parent.name for path in SHIPPED.glob("*/*/card.json"))} - set(BROUGHT)
     assert {row.reference.partition("@")[0] for row in TABLE} == shipped
     keys = {case.key for case in PROPERTIES}
     for row in TABLE:
