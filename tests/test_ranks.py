@@ -202,11 +202,11 @@ def test_a_script_asks_who_takes_part(tmp_path):
         ("ring-pressure", (), (3,)),
         ("bonded-block", ("spacing=0.16666667", "stretches=1.2"), (2,)),
         ("bimaterial", ("spacing=0.1", "stretches=1.2"), (2,)),
-        pytest.param("bimaterial", ("spacing=0.05",), (3, 4), marks=pytest.mark.slow),
-        pytest.param("bonded-block", ("spacing=0.125", "material.bulk_modulus=1000"), (2, 3, 4), marks=pytest.mark.slow),
-        pytest.param("torsion", ("spacing=0.125",), (3, 4), marks=pytest.mark.slow),
-        pytest.param("inflation", ("spacing=0.1",), (3, 4), marks=pytest.mark.slow),
-        pytest.param("plane-strain-block", ("spacing=0.05",), (3,), marks=pytest.mark.slow),
+        pytest.param("bimaterial", ("spacing=0.05",), (3,), marks=pytest.mark.slow),
+        pytest.param("bonded-block", ("spacing=0.125", "material.bulk_modulus=1000"), (2,), marks=pytest.mark.slow),
+        pytest.param("torsion", ("spacing=0.125",), (3,), marks=pytest.mark.slow),
+        pytest.param("inflation", ("spacing=0.1",), (2,), marks=pytest.mark.slow),
+        pytest.param("plane-strain-block", ("spacing=0.05",), (2,), marks=pytest.mark.slow),
     ],
 )
 def test_equilibrium_within_the_tolerance(scene, settings, several_ranks, tmp_path):
@@ -263,20 +263,22 @@ from pdsurrogate.ranks import communicator
 
 class Rubber:
     def bond_force(self, stretch, rotation, length, C33, J):
-        if communicator().rank == 1 and stretch.max() > 1.35:
+        if communicator().rank == 1 and stretch.max() > LIMIT:
             raise RuntimeError("boom")
         return pd.AnalyticBondForce().bond_force(stretch, rotation, length, C33, J)
 
 try:
     pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=[1.3, 1.5]), Rubber())
-except pd.SimulationFailed as error:
+except (pd.SimulationFailed, pd.scenes.SceneError) as error:
     print(communicator().rank, "boom" in str(error))
 """
 
 
 @several
-def test_what_one_rank_s_own_force_raises_reaches_all():
-    printed = run(2, "-c", OWN)
+@pytest.mark.parametrize("limit", [1.35, 1.25])
+def test_what_one_rank_s_own_force_raises_reaches_all(limit):
+    """On the way, and while it is tried before the run."""
+    printed = run(2, "-c", OWN.replace("LIMIT", str(limit)))
     assert "0 True" in printed
     assert "1 True" in printed
 

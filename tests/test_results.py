@@ -175,8 +175,12 @@ def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
             if number == 1:
                 signal.raise_signal(signal.SIGINT)
 
-    with pytest.raises(SimulationInterrupted) as stopped:
-        simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, progress=Stops())
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore
+    try:
+        with pytest.raises(SimulationInterrupted) as stopped:
+            simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, progress=Stops())
+    finally:
+        signal.signal(signal.SIGINT, before)
     for summary in (False, True):  # killed, and stopped by Ctrl-C
         if summary:
             stopped.value.result.save(tmp_path)

@@ -152,7 +152,8 @@ def find_artifact(reference: str | Path) -> Path:
         raise ArtifactError(f"{text!r} is the artefact {named} by its name, and the folder {here} holds another: give the path of either")
     if here is None and named is None:
         known = ", ".join(f"{folder.parent.name}@{folder.name}" for folder in list_artifacts()) or "none"
-        raise ArtifactError(f"unknown force {text!r}: force models are {', '.join(FORCES)}; artefacts are {known}")
+        of_committee = "; behind # stands the number of a member of a committee, from 1 on, or all" if "#" in text else ""
+        raise ArtifactError(f"unknown force {text!r}: force models are {', '.join(FORCES)}; artefacts are {known}{of_committee}")
     return here or named
 
 

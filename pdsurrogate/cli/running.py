@@ -130,7 +130,7 @@ def run(
             instead = "; it is with a force that has one, as bond-energy does"
         err.print(f"[yellow]{pushed}, and {why}: whether the body would buckle is not checked{instead}.[/]", soft_wrap=True)
     outside = result.summary["fraction_outside_domain"]
-    if outside:
+    if outside and described.outside != "raise":
         what = (
             "the exact bond force stood in for the surrogate"
             if described.outside in (None, "fallback")

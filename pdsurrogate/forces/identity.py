@@ -13,7 +13,15 @@ from .protocol import ForceModel
 
 def identity_of(model: ForceModel) -> list[str]:
     """Name and digest of a model: models with the same give the same forces."""
-    return [model.name, digest_of(model.payload())]
+    return [model.name, digest_of_model(model)]
+
+
+def digest_of_model(model: ForceModel) -> str:
+    """Digest of what a model evaluates, and of the members whose deviation is asked for."""
+    payload = model.payload()
+    if model.members:
+        payload = {"runs": payload, "members": [[str(one.law), one.ratio, one.model.payload()] for one in model.members]}
+    return digest_of(payload)
 
 
 def digest_of(value: Any) -> str:

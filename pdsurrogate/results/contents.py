@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..forces import ForceModel
-from ..forces.identity import digest_of
+from ..forces.identity import digest_of_model
 from ..scenes import Mesh, Scene, SceneError
 
 MESH = "mesh"
@@ -42,7 +42,7 @@ class Contents:
     @classmethod
     def of(cls, scene: Scene, models: Sequence[ForceModel]) -> Contents:
         """Of a run that is about to begin, whose mesh's file is read for it; SceneError if it cannot be."""
-        digests = {model.name: digest_of(model.payload()) for model in models}
+        digests = {model.name: digest_of_model(model) for model in models}
         if isinstance(scene.body, Mesh):
             digests[MESH] = digest_of_mesh(scene.body)
         return cls(_dump(scene), models[0].name, digests)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,19 @@ def refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folde
         raise SceneError(
             f"scene {scene.name}: the ranks were not given the same {' and '.join(different)}; start all of them by one command"
         )
+
+
+def together(ranks: Communicator, check: Callable, *arguments) -> None:
+    """Do what only checks, and raise on all ranks the error that it raises on the first that has one."""
+    error = None
+    try:
+        check(*arguments)
+    except Exception as found:
+        error = found
+    told = [other for other in ranks.everywhere(None if error is None else (type(error), str(error))) if other is not None]
+    if told:
+        kind, message = told[0]
+        raise kind(message) from error
 
 
 def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
