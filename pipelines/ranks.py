@@ -1,9 +1,9 @@
 """What ranks cost and save, into the documentation: all tables, or those that are named.
 
-    python pipelines/ranks.py [ranks] [parts] [weak] [threads] [--points 100000 1000000] [--ranks 1 2 4]
+    python pipelines/ranks.py [ranks] [parts] [weak] [against-threads] [--points 100000 1000000] [--ranks 1 2 4]
 
 `ranks`: processor time and memory of each, and its exchanges.  Not time on the wall: it may be measured beside other work, where ranks that
-wait for one another tell nothing.  `parts`, `weak`: how evenly parts are cut.  `threads`: two ranks against two threads by the clock, and
+wait for one another tell nothing.  `parts`, `weak`: how evenly parts are cut.  `against-threads`: two ranks against two threads by the clock, and
 the share of exchanges in it, which wants two cores that nobody else uses, for some four minutes.
 """
 
@@ -239,7 +239,7 @@ TABLES = {
     "ranks": table_of_ranks,
     "parts": lambda points, ranks: table_of_parts(points),
     "weak": lambda points, ranks: table_of_weak(points),
-    "threads": lambda points, ranks: table_of_threads(points),
+    "against-threads": lambda points, ranks: table_of_threads(points),
 }
 
 if __name__ == "__main__":
