@@ -3,8 +3,8 @@
     python pipelines/ranks.py [ranks] [parts] [weak] [against-threads] [--points 100000 1000000] [--ranks 1 2 4]
 
 `ranks`: processor time and memory of each, and its exchanges.  Not time on the wall: it may be measured beside other work, where ranks that
-wait for one another tell nothing.  `parts`, `weak`: how evenly parts are cut.  `against-threads`: two ranks against two threads by the clock, and
-the share of exchanges in it, which wants two cores that nobody else uses, for some four minutes.
+wait for one another tell nothing.  `parts`, `weak`: how evenly parts are cut.  `against-threads`: two ranks against two threads by
+the clock, and the share of exchanges in it, which wants two cores that nobody else uses, for some four minutes.
 """
 
 import argparse
