@@ -11,6 +11,7 @@ from scipy.sparse.linalg import splu
 
 from ..body import Body
 from ..forces import InternalForce
+from . import conjugate_gradients
 from .multigrid import Multigrid
 from .reductions import LOCAL, LocalReductions
 
@@ -311,7 +312,7 @@ def laplacian_response(
     turns: np.ndarray | None,
 ) -> np.ndarray:
     """`NearestBondStiffness.response` by conjugate gradients on the Laplacian of the nearest bonds, from what nearly solves with it."""
-    n, ghosts, part, dot = len(body), body.ghosts, body.part, reductions.dot
+    n, ghosts, part = len(body), body.ghosts, body.part
     first, second, stiffness, _ = _nearest(body, shear_moduli, RAISED)
     within = second < n
 
@@ -328,19 +329,12 @@ def laplacian_response(
     moved = with_images(held)
     moved[n:] += ghosts.moved_by_planes(body.points, planes, turns)
     left, found = pulls(moved) * free, np.zeros_like(held)
-    direction = better = laplacian.solve(left)
-    size = dot(left, better)
-    least = EXTENDED**2 * size
-    for _ in range(MOST_STEPS):
-        if not size > least:
-            break
-        image = -pulls(with_images(direction)) * free
-        share = size / dot(direction, image)
+
+    def image_of(direction: np.ndarray) -> np.ndarray:
+        return -pulls(with_images(direction)) * free
+
+    for share, direction, _ in conjugate_gradients.steps(left, laplacian.solve, image_of, reductions.dot, EXTENDED, MOST_STEPS):
         found += share * direction
-        left -= share * image
-        better = laplacian.solve(left)
-        size, before = dot(left, better), size
-        direction = better + size / before * direction
     part.fill(found)
     return found + held
 
@@ -383,21 +377,16 @@ class IncompressibleStiffness:
         laplacian, dilatation = self._laplacian, self._dilatation
         compliance = 1 / dilatation.stiffness
         displacements = laplacian.solve(forces)
-        left = dilatation.changes(displacements)
-        direction = better = self._precondition(left)
-        size = least = self._dot(left, better)
-        least *= (NEARLY_SOLVED * self._compliance) ** 2
-        for _ in range(MOST_STEPS):
-            if not size > least:
-                break
-            moved = laplacian.solve(dilatation.forces(direction))
-            image = compliance * direction + dilatation.changes(moved)
-            share = size / self._dot(direction, image)
+        moved = displacements
+
+        def image_of(pressures: np.ndarray) -> np.ndarray:
+            nonlocal moved
+            moved = laplacian.solve(dilatation.forces(pressures))
+            return compliance * pressures + dilatation.changes(moved)
+
+        asked = self._precondition, image_of, self._dot, NEARLY_SOLVED * self._compliance, MOST_STEPS
+        for share, _, _ in conjugate_gradients.steps(dilatation.changes(displacements), *asked):
             displacements -= share * moved
-            left -= share * image
-            better = self._precondition(left)
-            size, before = self._dot(left, better), size
-            direction = better + size / before * direction
             self.steps += 1
         return displacements
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy import sparse
 from scipy.linalg import eigh_tridiagonal
 
 from ..body import Body
+from . import conjugate_gradients
 from .preconditioner import (
     NearestBondLaplacian,
     component_laplacians,
@@ -143,45 +144,24 @@ class TwoLevels:
 
     def iterated(self, forces: np.ndarray, left: float) -> np.ndarray:
         """Conjugate gradients, until no more than a share of the forces is left."""
-        dot, forces = self._reductions.dot, self.balanced(forces * self._free)
-        found, rest = np.zeros_like(forces), forces.copy()
-        better = self.both(rest)
-        direction, size = better.copy(), dot(rest, better)
-        least = left * left * size
-        for _ in range(MOST_STEPS):
-            if not size > least:
-                break
-            image = self.applied(direction)
-            share = size / dot(direction, image)
+        rest = self.balanced(forces * self._free)
+        found = np.zeros_like(rest)
+        for share, direction, _ in self._steps(rest, left, MOST_STEPS):
             found += share * direction
-            rest -= share * image
-            better = self.both(rest)
-            size, before = dot(rest, better), size
-            direction = better + size / before * direction
         return self.balanced(found)
+
+    def _steps(self, rest: np.ndarray, left: float, most: int) -> Iterator[tuple[float, np.ndarray, float]]:
+        return conjugate_gradients.steps(rest, self.both, self.applied, self._reductions.dot, left, most)
 
     def spectrum(self) -> tuple[float, float]:
         """Least and greatest Ritz value of what both levels make of the stiffness, by conjugate gradients on random forces."""
-        dot, shape = self._reductions.dot, self._free.shape
-        whole = self._reductions.total_size(shape[0]), shape[1]
-        rest = self.balanced(self._reductions.take(np.random.default_rng(0).standard_normal(whole)) * self._free)
-        better = self.both(rest)
-        direction, size = better.copy(), dot(rest, better)
-        first, shares, growths = size, [], []
-        for _ in range(LANCZOS_STEPS):
-            if not size > EXACTLY**2 * first:
-                break
-            image = self.applied(direction)
-            shares.append(size / dot(direction, image))
-            rest -= shares[-1] * image
-            better = self.both(rest)
-            size, before = dot(rest, better), size
-            growths.append(size / before)
-            direction = better + growths[-1] * direction
-        shares, growths = 1 / np.array(shares), np.array(growths)
-        diagonal = shares.copy()
-        diagonal[1:] += growths[:-1] * shares[:-1]
-        values = eigh_tridiagonal(diagonal, np.sqrt(growths[:-1]) * shares[:-1], eigvals_only=True)
+        n, d = self._free.shape
+        random = np.random.default_rng(0).standard_normal((self._reductions.total_size(n), d))
+        rest = self.balanced(self._reductions.take(random) * self._free)
+        shares, sizes = np.array([(1 / share, size) for share, _, size in self._steps(rest, EXACTLY, LANCZOS_STEPS)]).T
+        growths, diagonal = sizes[1:] / sizes[:-1], shares.copy()
+        diagonal[1:] += growths * shares[:-1]
+        values = eigh_tridiagonal(diagonal, np.sqrt(growths) * shares[:-1], eigvals_only=True)
         return float(values[0]), float(values[-1])
 
 
