@@ -10,13 +10,12 @@ from typing import ClassVar
 import numpy as np
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
-from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted
 
 from ..materials import Ogden
 from .data import BIAXIAL, MODES
-from .regressor import checked_stretches, nominal_stress
+from .stress_regressor import StressRegressor
 
 LEAST_EXPONENT = 1.0
 """Powers of at least 1 of the principal stretches, and of their products two by two, are convex functions of F and of its cofactor."""
@@ -37,7 +36,7 @@ SAME_MODE = 0.01
 """How far a lateral stretch may be off that of a mode of loading to be taken for it."""
 
 
-class EnergyRegressor(RegressorMixin, BaseEstimator):
+class EnergyRegressor(StressRegressor):
     """An isochoric energy fitted to nominal stresses, without a law.
 
     W is the sum of c_a/a^2 (l1^a + l2^a + l3^a - 3) over a dictionary of exponents a of size 1 or more, of either sign, with c_a >= 0
@@ -64,8 +63,8 @@ class EnergyRegressor(RegressorMixin, BaseEstimator):
         The energy, as a law that every force model takes.
     exponents_, weights_ : ndarray, shape (n_terms,)
         a and c_a, in the unit of the stresses; half of the sum of the weights is the shear modulus.
-    parameter_names_, parameters_, standard_errors_, at_bound_
-        Weights with their standard errors, the exponents taken as given.
+    parameter_names_, parameters_, covariance_, standard_errors_, at_bound_
+        Weights with their covariance and standard errors, the exponents taken as given.
     cross_validation_ : list of dict
         ``greatest``, ``least`` exponent, and the relative RMS error of what was left out.
     hull_ : ndarray, shape (n, 3)
@@ -102,12 +101,6 @@ class EnergyRegressor(RegressorMixin, BaseEstimator):
         self.margin = margin
         self.bulk_ratio = bulk_ratio
 
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.input_tags.positive_only = True
-        tags.regressor_tags.poor_score = True
-        return tags
-
     def fit(self, X, y, sample_weight=None, groups=None):
         """Fit the weights.
 
@@ -135,14 +128,7 @@ class EnergyRegressor(RegressorMixin, BaseEstimator):
         UserWarning
             If the stresses are those of no rubber, or the data of one state or one mode of loading, which do not tell an energy.
         """
-        self._validate_params()
-        X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
-        root = np.sqrt(_check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True))
-        if not root.any():
-            raise ValueError("all sample weights are zero")
-        X = self._stretches(X)
-        used = root > 0
-        X, y, root = X[used], y[used], root[used]
+        X, y, root, used = self._checked(X, y, sample_weight)
         _tell_what_is_open(X)
         groups = groups_of(X) if groups is None else np.asarray(groups)[used]
         self.cross_validation_ = self._cross_validated(X, y, root, groups)
@@ -152,13 +138,16 @@ class EnergyRegressor(RegressorMixin, BaseEstimator):
         if not weights.sum() > 0:
             warnings.warn("no rubber has such stresses: they do not rise with the stretch, and next to nothing is fitted", stacklevel=2)
             exponents, weights = np.array([2.0]), np.array([1e-6 * max(np.abs(y).max(), 1e-300)])
-        self._store(X, y, root, exponents, weights)
+        modulus = float(weights.sum() / 2)
+        # A term of Ogden's law is mu_k/alpha_k (…): mu_k alpha_k is the weight.
+        law = Ogden(modulus, self.bulk_ratio * modulus, tuple(weights / exponents), tuple(exponents))
+        columns = root[:, None] * stresses(X, exponents)
+        squares = ((columns @ weights - root * y) ** 2).sum()
+        self._store(law, [f"weight of exponent {exponent:g}" for exponent in exponents], weights, columns, squares)
+        self.exponents_, self.weights_ = exponents, weights
+        self.stretch_range_ = float(X.min()), float(X.max())
+        self.hull_ = half_planes(X)
         return self
-
-    def predict(self, X):
-        """Nominal stress, shape (n_samples,)."""
-        check_is_fitted(self)
-        return nominal_stress(self.law_, self._stretches(validate_data(self, X, dtype=np.float64, reset=False)))
 
     def beyond(self, X) -> np.ndarray:
         """How far states are beyond the hull of the data, in log-stretch, shape (n_samples,); 0 and less within it and its margin."""
@@ -170,9 +159,6 @@ class EnergyRegressor(RegressorMixin, BaseEstimator):
         """Half-planes (n1, n2, d) of the hull with its margin, as `pdsurrogate.forces.Domain` has them."""
         check_is_fitted(self)
         return [[n1, n2, self.margin - offset] for n1, n2, offset in self.hull_.tolist()]
-
-    def _stretches(self, X):
-        return checked_stretches(self, X)
 
     def _cross_validated(self, X, y, root, groups) -> list[dict]:
         rows, kinds = [], np.unique(groups)
@@ -198,26 +184,6 @@ class EnergyRegressor(RegressorMixin, BaseEstimator):
                 return exponents[kept], (weights / size)[kept]
             # The least part in the stress.
             exponents = np.delete(exponents[kept], weights[kept].argmin())
-
-    def _store(self, X, y, root, exponents, weights) -> None:
-        self.exponents_, self.weights_ = exponents, weights
-        modulus = float(weights.sum() / 2)
-        # A term of Ogden's law is mu_k/alpha_k (…): mu_k alpha_k is the weight.
-        self.law_ = Ogden(modulus, self.bulk_ratio * modulus, tuple(weights / exponents), tuple(exponents))
-        self.parameter_names_ = [f"weight of exponent {exponent:g}" for exponent in exponents]
-        self.parameters_, self.at_bound_ = weights, []
-        columns = root[:, None] * stresses(X, exponents)
-        size = np.linalg.norm(columns, axis=0)
-        size[size == 0] = 1.0
-        information = (columns / size).T @ (columns / size)
-        free = len(y) - len(weights)
-        if free > 0 and np.linalg.cond(information) < 1e14:
-            scatter = ((columns @ weights - root * y) ** 2).sum() / free
-            self.standard_errors_ = np.sqrt(np.diag(scatter * np.linalg.inv(information))) / size
-        else:
-            self.standard_errors_ = np.full(len(weights), np.inf)
-        self.stretch_range_ = float(X.min()), float(X.max())
-        self.hull_ = half_planes(X)
 
 
 def ordered_logs(X: np.ndarray) -> np.ndarray:

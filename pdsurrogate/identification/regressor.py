@@ -10,50 +10,13 @@ from typing import ClassVar
 
 import numpy as np
 from scipy.optimize import least_squares, nnls
-from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from ..materials import LAWS, Law, Ogden, plane_stress
+from ..materials import LAWS, Law, Ogden
+from .stress_regressor import StressRegressor, nominal_stress
 
 STARTS = 5
 """Best candidates of the search that are refined."""
-
-
-def nominal_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
-    """Nominal stress along the first of two stretches in the plane, rubber taken as incompressible; NaN past the law's limit.
-
-    With J3 = 1 the response of the law is that of its incompressible limit, since P33 = 0 is what eliminates the pressure.
-
-    Parameters
-    ----------
-    law : Law
-    stretches : ndarray, shape (n, 2)
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In the unit of the law's shear modulus.
-    """
-    first, second = stretches.T
-    with np.errstate(all="ignore"):
-        p, q, *_ = plane_stress.response(law, first**2 + second**2, first * second, np.ones_like(first))
-    return law.shear_modulus * (p * first + q / first)
-
-
-def checked_stretches(regressor, X: np.ndarray) -> np.ndarray:
-    """Two columns of positive stretches.
-
-    Raises
-    ------
-    ValueError
-        If they are not.
-    """
-    if X.shape[1] != 2:
-        raise ValueError(f"X must have two columns, the stretch along the stress and the one across it, but n_features = {X.shape[1]}")
-    if not (X > 0).all():
-        raise ValueError(f"Negative values in data passed to {type(regressor).__name__}: a stretch must be positive, not {X.min():g}")
-    return X
 
 
 @dataclass(frozen=True)
@@ -78,7 +41,7 @@ class Unknowns:
         return np.where(self.logarithmic, np.exp(np.where(self.logarithmic, searched, 0.0)), searched)
 
 
-class LawRegressor(RegressorMixin, BaseEstimator):
+class LawRegressor(StressRegressor):
     """Least-squares fit of a law's parameters to nominal stresses.
 
     The fit takes rubber as incompressible, as test data do.  A coarse search over the law's dimensionless parameters, the shear
@@ -131,12 +94,6 @@ class LawRegressor(RegressorMixin, BaseEstimator):
         self.greatest_exponent = greatest_exponent
         self.bulk_ratio = bulk_ratio
 
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.input_tags.positive_only = True
-        tags.regressor_tags.poor_score = True
-        return tags
-
     def fit(self, X, y, sample_weight=None):
         """Fit the parameters.
 
@@ -157,12 +114,7 @@ class LawRegressor(RegressorMixin, BaseEstimator):
         ValueError
             If X has other columns or a stretch is not positive, or no parameters reach the data.
         """
-        self._validate_params()
-        X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
-        root = np.sqrt(_check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True))
-        if not root.any():
-            raise ValueError("all sample weights are zero")
-        X = self._stretches(X)
+        X, y, root, _ = self._checked(X, y, sample_weight)
         root = root / np.sqrt((root**2 * y**2).sum() or 1.0)
         best = None
         for unknowns, start in self._starts(X, y, root):
@@ -171,16 +123,13 @@ class LawRegressor(RegressorMixin, BaseEstimator):
                 best = unknowns, found
         if best is None:
             raise ValueError(f"no parameters of {self.law} reach stretches of {X.max():g} with a positive stiffness")
-        self._store(*best, np.count_nonzero(root))
+        unknowns, found = best
+        values = unknowns.value(found.x)
+        at_bound = [name for name, active in zip(unknowns.names, found.active_mask, strict=True) if active]
+        # The Jacobian by the parameters themselves, not by what was searched for.
+        jacobian = found.jac / np.where(unknowns.logarithmic, values, 1.0)
+        self._store(unknowns.law_of(values), unknowns.names, values, jacobian, 2 * found.cost, at_bound)
         return self
-
-    def predict(self, X):
-        """Nominal stress, shape (n_samples,); NaN past the law's limit."""
-        check_is_fitted(self)
-        return nominal_stress(self.law_, self._stretches(validate_data(self, X, dtype=np.float64, reset=False)))
-
-    def _stretches(self, X):
-        return checked_stretches(self, X)
 
     def _refine(self, unknowns, start, X, y, root):
         low, high = unknowns.search_value(unknowns.low), unknowns.search_value(unknowns.high)
@@ -195,25 +144,6 @@ class LawRegressor(RegressorMixin, BaseEstimator):
 
         searched = np.clip(unknowns.search_value(start), low + 1e-9 * (high - low), high - 1e-9 * (high - low))
         return least_squares(residuals, searched, bounds=(low, high), x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=400)
-
-    def _store(self, unknowns, found, n_samples):
-        values = unknowns.value(found.x)
-        self.law_ = unknowns.law_of(values)
-        self.parameter_names_ = list(unknowns.names)
-        self.parameters_ = values
-        self.at_bound_ = [name for name, active in zip(unknowns.names, found.active_mask, strict=True) if active]
-        # The Jacobian by the parameters themselves, not by what was searched for.
-        jacobian = found.jac / np.where(unknowns.logarithmic, values, 1.0)
-        free = max(n_samples - len(values), 0)
-        scatter = 2 * found.cost / free if free else np.inf
-        size = np.linalg.norm(jacobian, axis=0)
-        size[size == 0] = 1.0
-        information = (jacobian / size).T @ (jacobian / size)
-        if np.linalg.cond(information) < 1e14 and np.isfinite(scatter):
-            self.covariance_ = scatter * np.linalg.inv(information) / np.outer(size, size)
-        else:
-            self.covariance_ = np.full((len(values), len(values)), np.inf)
-        self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
 
     def _starts(self, X, y, root):
         if self.law == Ogden.name:

@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 
 from ..results.figures import STYLE
 from .data import BIAXIAL, MODES, TestData
-from .regressor import LawRegressor, nominal_stress
+from .stress_regressor import StressRegressor, nominal_stress
 
 
-def report(model: LawRegressor, data: TestData) -> dict:
+def report(model: StressRegressor, data: TestData) -> dict:
     """What was fitted to what, the parameters with their standard errors, and R^2 by mode; plain values, None where not finite."""
     errors = [float(value) if np.isfinite(value) else None for value in model.standard_errors_]
     return {
@@ -25,7 +25,7 @@ def report(model: LawRegressor, data: TestData) -> dict:
     }
 
 
-def figure(models: list[LawRegressor], data: TestData) -> Figure:
+def figure(models: list[StressRegressor], data: TestData) -> Figure:
     """Measured points, and a line for each fitted law, one panel for each mode."""
     modes = data.modes
     with matplotlib.rc_context(STYLE):

@@ -8,15 +8,15 @@ import numpy as np
 from sklearn.base import clone
 
 from .data import TestData
-from .regressor import LawRegressor
+from .stress_regressor import StressRegressor
 
 
-def held_out_modes(models: Iterable[LawRegressor], data: TestData, fitted_to: Iterable[str] | None = None) -> list[dict]:
+def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to: Iterable[str] | None = None) -> list[dict]:
     """Cross-validation over modes of loading.
 
     Parameters
     ----------
-    models : iterable of LawRegressor
+    models : iterable of StressRegressor
     data : TestData
         With at least two modes.
     fitted_to : iterable of str, optional

@@ -1,0 +1,101 @@
+"""What regressors of nominal stresses by stretches have in common, whatever energy they find."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+from ..materials import Law, plane_stress
+
+WELL_POSED = 1e14
+"""Greatest condition of the normal equations of the parameters that has standard errors come of them."""
+
+
+def nominal_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
+    """Nominal stress along the first of two stretches in the plane, rubber taken as incompressible; NaN past the law's limit.
+
+    With J3 = 1 the response of the law is that of its incompressible limit, since P33 = 0 is what eliminates the pressure.
+
+    Parameters
+    ----------
+    law : Law
+    stretches : ndarray, shape (n, 2)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In the unit of the law's shear modulus.
+    """
+    first, second = stretches.T
+    with np.errstate(all="ignore"):
+        p, q, *_ = plane_stress.response(law, first**2 + second**2, first * second, np.ones_like(first))
+    return law.shear_modulus * (p * first + q / first)
+
+
+class StressRegressor(RegressorMixin, BaseEstimator):
+    """Base of regressors that find an energy, as a law, from nominal stresses in incompressible states.
+
+    A subclass writes `fit`: it takes its data from `_checked` and ends with `_store`, which keeps the law, its parameters and their errors.
+    """
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.positive_only = True
+        tags.regressor_tags.poor_score = True
+        return tags
+
+    def predict(self, X: ArrayLike) -> np.ndarray:
+        """Nominal stress, shape (n_samples,); NaN past the law's limit."""
+        check_is_fitted(self)
+        return nominal_stress(self.law_, self._stretches(validate_data(self, X, dtype=np.float64, reset=False)))
+
+    def _stretches(self, X: np.ndarray) -> np.ndarray:
+        """Two columns of positive stretches; a ValueError if they are not."""
+        if X.shape[1] != 2:
+            raise ValueError(f"X must have two columns, the stretch along the stress and the one across it, but n_features = {X.shape[1]}")
+        if not (X > 0).all():
+            raise ValueError(f"Negative values in data passed to {type(self).__name__}: a stretch must be positive, not {X.min():g}")
+        return X
+
+    def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Checked data: stretches, stresses and roots of weights of rows with a weight above zero, and which they are."""
+        self._validate_params()
+        X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
+        root = np.sqrt(_check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True))
+        used = root > 0
+        if not used.any():
+            raise ValueError("all sample weights are zero")
+        X = self._stretches(X)
+        return X[used], y[used], root[used], used
+
+    def _store(
+        self, law: Law, names: Sequence[str], values: np.ndarray, jacobian: np.ndarray, squares: float, at_bound: Sequence[str] = ()
+    ) -> None:
+        """Keep what was found.
+
+        Parameters
+        ----------
+        law : Law
+        names : sequence of str
+            Of the parameters.
+        values : ndarray, shape (n_parameters,)
+        jacobian : ndarray, shape (n_samples, n_parameters)
+            Of the weighted residuals by the parameters.
+        squares : float
+            Sum of the squares of the weighted residuals.
+        at_bound : sequence of str
+        """
+        self.law_, self.parameter_names_, self.parameters_, self.at_bound_ = law, list(names), values, list(at_bound)
+        n_samples, count = jacobian.shape
+        size = np.linalg.norm(jacobian, axis=0)
+        size[size == 0] = 1.0
+        information = (jacobian / size).T @ (jacobian / size)
+        if n_samples > count and np.linalg.cond(information) < WELL_POSED:
+            self.covariance_ = squares / (n_samples - count) * np.linalg.inv(information) / np.outer(size, size)
+        else:
+            self.covariance_ = np.full((count, count), np.inf)
+        self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
