@@ -89,7 +89,8 @@ class DomainWatch:
     """
 
     def __init__(self, model, n_pairs: int, outside: str, quantity: str, stand_in: str, part: Whole = WHOLE) -> None:
-        self._model, self._n_pairs, self._outside, self._part = model, n_pairs, outside, part
+        self._model, self._n_pairs, self._part = model, n_pairs, part
+        self._stops, self._tells = outside == "raise", outside in ("raise", "warn")
         self._quantity, self._stand_in, self._warned = quantity, stand_in, False
         self._found = 0
 
@@ -103,7 +104,7 @@ class DomainWatch:
         """
         if self._part.divided:
             self._found = found
-        else:
+        elif found and self._tells:
             self._tell(found, self._n_pairs)
 
     def settle(self) -> None:
@@ -114,14 +115,14 @@ class DomainWatch:
         OutsideDomain
             As `report`.
         """
-        if self._part.divided and self._outside in ("raise", "warn"):
-            self._tell(self._part.total(self._found), self._part.total(self._n_pairs))
+        if self._part.divided and self._tells:
+            found = self._part.total(self._found)
+            if found:
+                self._tell(found, self._part.total(self._n_pairs))
 
     def _tell(self, found: int, of: int) -> None:
-        if not found or self._outside not in ("raise", "warn"):
-            return
         what = f"{found} of {of} bonds are outside the domain of {self._model.name}, {self._model.domain}"
-        if self._outside == "raise":
+        if self._stops:
             raise OutsideDomain(f"{what}; outside=fallback would use the exact {self._stand_in} for them")
         if not self._warned:
             self._warned = True

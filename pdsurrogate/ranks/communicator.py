@@ -95,6 +95,15 @@ class Communicator:
         """What every rank has, on every rank."""
         return self._world.allgather(value)
 
+    def agree(self, error: Exception | None) -> None:
+        """Raise on every rank an error that has been found on any; `error` is the one that has been found here."""
+        if not self.total(int(error is not None)):
+            return
+        # That of the first rank which has one, the same on all.
+        found = [other for other in self.everywhere(None if error is None else (type(error), str(error))) if other is not None]
+        kind, message = found[0]
+        raise kind(message) from error
+
     def to_each(self, values: Sequence) -> list:
         """Hand one value to every rank; returns those of all ranks for this one."""
         return self._world.alltoall(list(values))

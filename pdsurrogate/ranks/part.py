@@ -113,12 +113,7 @@ class Part(Whole):
         values[self._halo] = 0
 
     def agree(self, error: Exception | None) -> None:
-        if not self.ranks.total(int(error is not None)):
-            return
-        # The error of the first rank that has one, the same on all.
-        found = [other for other in self.ranks.everywhere(None if error is None else (type(error), str(error))) if other is not None]
-        kind, message = found[0]
-        raise kind(message)
+        self.ranks.agree(error)
 
     def any(self, flag: bool) -> bool:
         return self.ranks.total(int(bool(flag))) > 0

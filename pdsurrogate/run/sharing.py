@@ -38,17 +38,14 @@ def refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folde
         )
 
 
-def together(ranks: Communicator, check: Callable, *arguments) -> None:
+def together(ranks: Communicator, check: Callable[[], object]) -> None:
     """Do what only checks, and raise on all ranks the error that it raises on the first that has one."""
     error = None
     try:
-        check(*arguments)
+        check()
     except Exception as found:
         error = found
-    told = [other for other in ranks.everywhere(None if error is None else (type(error), str(error))) if other is not None]
-    if told:
-        kind, message = told[0]
-        raise kind(message) from error
+    ranks.agree(error)
 
 
 def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:

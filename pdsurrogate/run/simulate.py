@@ -169,17 +169,21 @@ def simulate(
         from .sharing import refuse_different, together
 
         refuse_different(ranks, scene, model, folder, resume)
-        together(ranks, checked_models, scene, model)
+        together(ranks, lambda: checked_models(scene, model))
         if ranks.rank:
             progress = Silent()
     folder = None if folder is None else Path(folder)
     writes = folder is not None and ranks.rank == 0
-    if folder is not None and not resume:
-        room = folder, Contents.of(scene, [model, *models_of(scene, model)]), overwrite  # looked at before any work
-        if ranks.size == 1:
-            check_room(*room)
-        else:
-            together(ranks, check_room if writes else _as_found_by_the_first, *room)
+
+    def look_into_folder() -> None:
+        if writes and not resume:
+            check_room(folder, Contents.of(scene, [model, *models_of(scene, model)]), overwrite)
+
+    # Before any work.
+    if ranks.size == 1:
+        look_into_folder()
+    else:
+        together(ranks, look_into_folder)
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(folder) if writes else nullcontext()
     with held, thread_count(threads), threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
@@ -228,10 +232,6 @@ def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
         "force must be a force model, the name of one, an artefact (NAME, NAME@VERSION or a path), a fitted bond_force_pipeline or "
         f"energy_pipeline, or an object with a bond_force or an energy, not {force!r}"
     )
-
-
-def _as_found_by_the_first(*room) -> None:
-    """What ranks that do not write find of a folder."""
 
 
 def _go(run: Run, resume: bool) -> None:
