@@ -1,30 +1,16 @@
 """A run on several ranks against the same on one; processes of their own, for a test that hangs must end too."""
 
-import importlib.util
 import json
-import os
 import re
 import subprocess
 import sys
-import tempfile
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
+from several_ranks import HERE, MPIEXEC, TIMEOUT, environment, run, several
 
 from pdsurrogate.body import grid
 from pdsurrogate.ranks import ALONE, bisected, bond_counts, communicator
-from pdsurrogate.stress_test.conformance import TABLE
-
-HERE = Path(__file__).parent
-MPIEXEC = Path(sys.executable).with_name("mpiexec")
-TIMEOUT = 600
-"""Seconds, on cores that others use too; alone none of these takes more than twenty."""
-
-several = pytest.mark.skipif(
-    importlib.util.find_spec("mpi4py") is None or not MPIEXEC.exists(), reason="needs mpi4py and mpich: pip install 'pdsurrogate[mpi]'"
-)
 
 WAVE = """
 name = "wave"
@@ -56,29 +42,6 @@ travel = 1.0
 """
 
 
-def environment():
-    return {**os.environ, "NUMBA_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(map(str, (HERE.parent, HERE)))}
-
-
-def run(ranks, *arguments, mpi4py=True, expected=0, cwd=None):
-    """Output of a Python command on some ranks."""
-    command = [sys.executable, *(["-m", "mpi4py"] if mpi4py else []), *map(str, arguments)]
-    if ranks > 1:
-        command = [str(MPIEXEC), "-n", str(ranks), *command]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, env=environment(), cwd=cwd, check=False)
-    assert (done.returncode == 0) == (expected == 0), done.stdout + done.stderr
-    return done.stdout + done.stderr
-
-
-@cache
-def arrays(ranks, steps, *models):
-    """Of `tests/ranks/every_model.py` on some ranks: by the model's name and what it is, of all models at once or of some."""
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder, "arrays.npz")
-        run(ranks, HERE / "ranks" / "every_model.py", out, steps, *models, mpi4py=ranks > 1)
-        return dict(np.load(out))
-
-
 def test_one_process_is_alone():
     assert communicator() is ALONE
     assert "mpi4py" not in sys.modules
@@ -100,35 +63,6 @@ def test_bonds_are_counted_with_the_point_itself():
     points = grid((0, 0), (1, 1), 0.1)
     assert bond_counts(points, 0.11).max() == 5
     np.testing.assert_array_equal(bond_counts(points, 0.11, slice(0, 3)), [3, 4, 4])
-
-
-QUICK = "analytic", "bond-energy", "neo-hookean-energy"
-
-
-@several
-@pytest.mark.parametrize("ranks", [2, 3])
-def test_forces_and_steps_have_the_same_bits(ranks):
-    check_bits(arrays(1, 30, *QUICK), arrays(ranks, 30, *QUICK), QUICK)
-
-
-@several
-@pytest.mark.slow
-@pytest.mark.parametrize("ranks", [2, 3, 4])
-def test_forces_and_steps_of_every_model_have_the_same_bits(ranks):
-    check_bits(arrays(1, 100), arrays(ranks, 100), [row.name for row in TABLE])
-
-
-def check_bits(alone, shared, models):
-    assert list(alone) == list(shared) == [f"{model}: {what}" for model in models for what in ("forces", "energy", "positions")]
-    for name, values in alone.items():
-        model, what = name.split(": ")
-        # Bonds are taken in blocks of a part's own, and the last of a block by other instructions, which round differently.  The time step,
-        # from differences of such forces, differs in the thirteenth digit then.
-        close = {"forces": 1e-14 * np.abs(values).max(), "positions": 1e-12}
-        if what == "energy":
-            np.testing.assert_allclose(shared[name], values, rtol=1e-12, err_msg=name)
-        else:
-            np.testing.assert_allclose(shared[name], values, rtol=0, atol=close[what] if model == "ba-nosb" else 0, err_msg=name)
 
 
 @several
@@ -192,68 +126,6 @@ def test_a_script_asks_who_takes_part(tmp_path):
         stresses.append(float(found))
         assert (tmp_path / "stress.png").stat().st_size > 5000
     assert stresses[-1] == pytest.approx(stresses[0], rel=1e-5)
-
-
-@several
-@pytest.mark.parametrize(
-    ("scene", "settings", "several_ranks"),
-    [
-        ("hole", ("spacing=0.1",), (3,)),
-        ("ring-pressure", (), (3,)),
-        ("bonded-block", ("spacing=0.16666667", "stretches=1.2"), (2,)),
-        ("bimaterial", ("spacing=0.1", "stretches=1.2"), (2,)),
-        pytest.param("bimaterial", ("spacing=0.05",), (3,), marks=pytest.mark.slow),
-        pytest.param("bonded-block", ("spacing=0.125", "material.bulk_modulus=1000"), (2,), marks=pytest.mark.slow),
-        pytest.param("torsion", ("spacing=0.125",), (3,), marks=pytest.mark.slow),
-        pytest.param("inflation", ("spacing=0.1",), (2,), marks=pytest.mark.slow),
-        pytest.param("plane-strain-block", ("spacing=0.05",), (2,), marks=pytest.mark.slow),
-    ],
-)
-def test_equilibrium_within_the_tolerance(scene, settings, several_ranks, tmp_path):
-    """Results agree as well as residuals of 1e-6 let them, and it takes at most 1.6 times the evaluations of one factor.
-
-    Three parts of a ring touch one another all around; little but its planes of symmetry holds it.  The bulk modulus of blocks is 100 or
-    1000 times the shear modulus: without a preconditioner that knows it they take ten times the evaluations.
-    """
-    found = []
-    for ranks in (1, *several_ranks):
-        arguments = ["run", scene, "--out", tmp_path / str(ranks)]
-        if scene in ("hole", "ring-pressure"):
-            arguments += ["--force", "analytic"]
-        for setting in settings:
-            arguments += ["--set", setting]
-        run(ranks, "-m", "pdsurrogate", *arguments, mpi4py=ranks > 1)
-        found.append(json.loads((tmp_path / str(ranks) / "summary.json").read_text())["levels"])
-    for levels in found[1:]:
-        for alone, shared in zip(found[0], levels, strict=True):
-            assert shared["method"] == alone["method"]
-            assert shared["evaluations"] <= 1.6 * alone["evaluations"]
-            for key in ("nominal_stress", "energy", "greatest_lateral_displacement"):
-                if key in alone:
-                    assert shared[key] == pytest.approx(alone[key], rel=1e-5)
-            for name, probe in alone.get("probes", {}).items():
-                # The ring is soft: with residuals of 1e-6 one rank's own displacements across a plane of symmetry are 5e-5 of those along.
-                moved = np.array(probe["displacement"])
-                np.testing.assert_allclose(shared["probes"][name]["displacement"], moved, rtol=0, atol=1e-4 * np.abs(moved).max())
-
-
-@cache
-def digests_of_two_materials(ranks):
-    printed = run(ranks, HERE / "ranks" / "two_materials.py", mpi4py=ranks > 1)
-    return [json.loads(line) for line in printed.splitlines() if line.startswith("{")]
-
-
-@several
-@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
-def test_forces_of_two_materials_have_the_same_bits(ranks):
-    """Bond forces and energies, in sheets and space, beside a slanted interface that reaches over parts; energies but for rounding."""
-    alone, shared = digests_of_two_materials(1), digests_of_two_materials(ranks)
-    assert len(alone) == 4
-    for one, other in zip(alone, shared, strict=True):
-        assert one["beside"] == other["beside"] > 10
-        energies = one.pop("energy"), other.pop("energy")
-        assert one == other
-        assert energies[0] is None or energies[1] == pytest.approx(energies[0], rel=1e-12)
 
 
 OWN = """

@@ -1,0 +1,69 @@
+"""Forces and steps have the same bits on any number of ranks."""
+
+import json
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from several_ranks import HERE, run, several
+
+from pdsurrogate.stress_test.conformance import TABLE
+
+
+@cache
+def arrays(ranks, steps, *models):
+    """Of `tests/ranks/every_model.py` on some ranks: by the model's name and what it is, of all models at once or of some."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder, "arrays.npz")
+        run(ranks, HERE / "ranks" / "every_model.py", out, steps, *models, mpi4py=ranks > 1)
+        return dict(np.load(out))
+
+
+QUICK = "analytic", "bond-energy", "neo-hookean-energy"
+
+
+@several
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_forces_and_steps_have_the_same_bits(ranks):
+    check_bits(arrays(1, 30, *QUICK), arrays(ranks, 30, *QUICK), QUICK)
+
+
+@several
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [2, 3, 4])
+def test_forces_and_steps_of_every_model_have_the_same_bits(ranks):
+    check_bits(arrays(1, 100), arrays(ranks, 100), [row.name for row in TABLE])
+
+
+def check_bits(alone, shared, models):
+    assert list(alone) == list(shared) == [f"{model}: {what}" for model in models for what in ("forces", "energy", "positions")]
+    for name, values in alone.items():
+        model, what = name.split(": ")
+        # Bonds are taken in blocks of a part's own, and the last of a block by other instructions, which round differently.  The time step,
+        # from differences of such forces, differs in the thirteenth digit then.
+        close = {"forces": 1e-14 * np.abs(values).max(), "positions": 1e-12}
+        if what == "energy":
+            np.testing.assert_allclose(shared[name], values, rtol=1e-12, err_msg=name)
+        else:
+            np.testing.assert_allclose(shared[name], values, rtol=0, atol=close[what] if model == "ba-nosb" else 0, err_msg=name)
+
+
+@cache
+def digests_of_two_materials(ranks):
+    printed = run(ranks, HERE / "ranks" / "two_materials.py", mpi4py=ranks > 1)
+    return [json.loads(line) for line in printed.splitlines() if line.startswith("{")]
+
+
+@several
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_forces_of_two_materials_have_the_same_bits(ranks):
+    """Bond forces and energies, in sheets and space, beside a slanted interface that reaches over parts; energies but for rounding."""
+    alone, shared = digests_of_two_materials(1), digests_of_two_materials(ranks)
+    assert len(alone) == 4
+    for one, other in zip(alone, shared, strict=True):
+        assert one["beside"] == other["beside"] > 10
+        energies = one.pop("energy"), other.pop("energy")
+        assert one == other
+        assert energies[0] is None or energies[1] == pytest.approx(energies[0], rel=1e-12)
