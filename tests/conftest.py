@@ -6,6 +6,7 @@ import os
 os.environ.setdefault("NUMBA_NUM_THREADS", "2")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import importlib.util
 import json
 from pathlib import Path
 
@@ -21,6 +22,11 @@ settings.load_profile("project")
 
 DATA = Path(__file__).parent / "data"
 SHIPPED = Path(__file__).parents[1] / "artifacts"
+
+needs_torch = pytest.mark.skipif(
+    any(importlib.util.find_spec(name) is None for name in ("torch", "skorch")),
+    reason='needs torch and skorch: pip install "pdsurrogate[torch]"',
+)
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import needs_torch
 from sklearn import config_context
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
@@ -132,8 +133,11 @@ def test_networks_are_taken_over_exactly(samples, regressor):
     assert agreement(surrogate, model, samples) < 1e-7  # of the logistic function, which the kernels have to 1e-8
 
 
+@needs_torch
 def test_a_network_of_torch_by_skorch_is_taken_over(samples):
-    torch, skorch = pytest.importorskip("torch"), pytest.importorskip("skorch")
+    import skorch
+    import torch
+
     torch.manual_seed(0)
 
     def module():

@@ -1,7 +1,6 @@
 """The documentation says what the code does: its examples run, its equations are those that the code cites, its files exist."""
 
 import doctest
-import importlib.util
 import math
 import re
 import runpy
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from conftest import needs_torch
 
 import pdsurrogate as pd
 from pdsurrogate.cli import app
@@ -59,12 +59,10 @@ def examples_of(name):
     return doctest.DocTestParser().get_doctest(thing.__doc__, {}, name, None, None)
 
 
-@pytest.mark.parametrize("name", PUBLIC)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=needs_torch if name.startswith("Torch") else ()) for name in PUBLIC])
 def test_public_names_have_an_example_that_runs(name, tmp_path, monkeypatch, tables):
     found = examples_of(name)
     assert found.examples, f"{name} has no example"
-    if "torch" in name.lower() and importlib.util.find_spec("torch") is None:
-        pytest.skip("torch is not installed")
     monkeypatch.chdir(tmp_path)
     said = []
     doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(found, out=said.append)

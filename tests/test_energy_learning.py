@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import SHIPPED
+from conftest import SHIPPED, needs_torch
 from sklearn.model_selection import GridSearchCV
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
@@ -14,8 +14,14 @@ from pdsurrogate.solvers import SOLVERS
 LAW = pd.NeoHookean()
 
 
-@parametrize_with_checks([pd.SobolevRegressor(6, max_iter=60, random_state=0), pd.TorchSobolevRegressor(6, max_epochs=5, random_state=0)])
-def test_estimators_keep_scikit_learns_conventions(estimator, check):
+@parametrize_with_checks([pd.SobolevRegressor(6, max_iter=60, random_state=0)])
+def test_the_estimator_keeps_scikit_learns_conventions(estimator, check):
+    check(estimator)
+
+
+@needs_torch
+@parametrize_with_checks([pd.TorchSobolevRegressor(6, max_epochs=5, random_state=0)])
+def test_the_estimator_of_torch_keeps_them_too(estimator, check):
     check(estimator)
 
 
@@ -25,7 +31,7 @@ def surface(X):
     return np.stack([np.sin(a) * np.exp(b), np.cos(a) * np.exp(b), np.sin(a) * np.exp(b)], axis=1)
 
 
-@pytest.mark.parametrize("make", [pd.SobolevRegressor, pd.TorchSobolevRegressor])
+@pytest.mark.parametrize("make", [pd.SobolevRegressor, pytest.param(pd.TorchSobolevRegressor, marks=needs_torch)])
 def test_value_and_gradient_are_learnt_together(make, random):
     X, other = random.uniform(-1, 1, (300, 2)), random.uniform(-1, 1, (200, 2))
     model = make(12, random_state=0).fit(X, surface(X))

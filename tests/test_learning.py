@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from bodies import sheet
-from conftest import SHIPPED
+from conftest import SHIPPED, needs_torch
 from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.base import clone
@@ -33,13 +33,18 @@ LAW = pd.NeoHookean()
     [
         pd.LevenbergMarquardtRegressor(max_iter=100, random_state=0),
         pd.LevenbergMarquardtRegressor((8, 6), activation="tanh", max_iter=100, n_init=2, random_state=0),
-        pd.TorchMLPRegressor((20,), max_epochs=60, learning_rate=0.02, random_state=0),
         pd.InputAwareTargetRegressor(),
         pd.ChebyshevRegressor(3),
         feature_transformer("symmetric").set_params(func=None, kw_args=None, feature_names_out="one-to-one"),
     ]
 )
 def test_estimators_keep_scikit_learns_conventions(estimator, check):
+    check(estimator)
+
+
+@needs_torch
+@parametrize_with_checks([pd.TorchMLPRegressor((20,), max_epochs=60, learning_rate=0.02, random_state=0)])
+def test_the_estimator_of_torch_keeps_them_too(estimator, check):
     check(estimator)
 
 
@@ -390,6 +395,7 @@ def test_an_output_that_only_rounding_moves_is_not_learnt(law):
         np.testing.assert_allclose(model.predict(fresh.X), fresh.y, rtol=1e-9, atol=1e-9)
 
 
+@needs_torch
 def test_torch_network_becomes_a_surrogate():
     samples = pd.wide_design(LAW, 1500, random_state=0)
     network = pd.TorchMLPRegressor((16, 16), max_epochs=60, random_state=0)

@@ -10,7 +10,7 @@ import pytest
 from several_ranks import HERE, MPIEXEC, TIMEOUT, environment, run, several
 
 from pdsurrogate.body import grid
-from pdsurrogate.ranks import ALONE, bisected, bond_counts, communicator
+from pdsurrogate.ranks import ALONE, NotUnderMPI, bisected, bond_counts, communicator
 
 WAVE = """
 name = "wave"
@@ -164,3 +164,10 @@ def test_ranks_that_are_given_different_scenes_are_refused():
 @several
 def test_processes_that_do_not_know_of_each_other_are_refused():
     assert "python -m mpi4py -m pdsurrogate" in run(2, "-m", "pdsurrogate", "run", "hole", mpi4py=False, expected=2)
+
+
+def test_where_mpi4py_is_missing_the_refusal_says_what_to_install(monkeypatch):
+    monkeypatch.setenv("PMI_SIZE", "2")
+    monkeypatch.setitem(sys.modules, "mpi4py", None)  # as where it is not installed
+    with pytest.raises(NotUnderMPI, match=r'on all of them: pip install "pdsurrogate\[mpi\]" && mpiexec -n 2 python -m mpi4py'):
+        communicator()

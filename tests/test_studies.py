@@ -365,6 +365,13 @@ def test_the_table_is_the_same_by_joblib_and_by_dask(tmp_path):
     assert (by_dask.folder / "study.png").exists()
 
 
+def test_dask_is_asked_for_before_any_work(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)  # as where it is not installed
+    with pytest.raises(pd.SceneError, match=r'^scheduler: Dask is not installed; pip install "pdsurrogate\[dask\]"$'):
+        pd.study({**TINY, "parameters": {"material.shear_modulus": [1.0]}}, tmp_path / "new", scheduler="tcp://127.0.0.1:1")
+    assert not (tmp_path / "new").exists()
+
+
 @pytest.mark.slow  # waits for the answer
 def test_a_scheduler_that_does_not_answer_is_told(tmp_path):
     pytest.importorskip("distributed", reason="Dask is not installed")

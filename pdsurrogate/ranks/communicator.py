@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import socket
 import sys
@@ -196,9 +197,10 @@ def communicator() -> Alone | Communicator:
     else:
         started = max((int(os.environ[name]) for name in LAUNCHED if os.environ.get(name, "").isdecimal()), default=1)
         if started > 1:
+            missing = "" if importlib.util.find_spec("mpi4py") else 'pip install "pdsurrogate[mpi]" && '
             raise NotUnderMPI(
                 f"{started} processes were started, and each would run by itself; for one run on all of them: "
-                f"mpiexec -n {started} python -m mpi4py -m pdsurrogate ..."
+                f"{missing}mpiexec -n {started} python -m mpi4py -m pdsurrogate ..."
             )
         return ALONE
     if mpi.COMM_WORLD.size == 1:

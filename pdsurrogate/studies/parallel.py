@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import threading
 import time
@@ -69,7 +70,8 @@ class Workers:
         Raises
         ------
         SceneError
-            If a number is no number of jobs or threads, or jobs are asked for of Dask, which has as many as its workers.
+            If a number is no number of jobs or threads, jobs are asked for of Dask, which has as many as its workers, or Dask is not
+            installed.
         """
         for key, value in (("jobs", jobs), ("threads", threads)):
             if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
@@ -77,6 +79,8 @@ class Workers:
         if scheduler is not None:
             if jobs is not None:
                 raise SceneError("jobs: a scheduler runs as many at the same time as its workers have threads; start those you want")
+            if importlib.util.find_spec("distributed") is None:
+                raise SceneError('scheduler: Dask is not installed; pip install "pdsurrogate[dask]"')
             return cls(1, threads or 1, scheduler)
         cores = joblib.cpu_count()
         if jobs is None:
@@ -143,10 +147,8 @@ def _lost(client) -> tuple[type[Exception], ...]:
 @contextmanager
 def _dask_client(scheduler: str, folder: Path) -> Iterator:
     """A client of a scheduler, all of whose workers see the study's folder."""
-    try:
-        from distributed import Client
-    except ImportError:
-        raise SceneError('scheduler: Dask is not installed; pip install "pdsurrogate[dask]"') from None
+    from distributed import Client
+
     try:
         client = Client(scheduler, timeout="10s", set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
