@@ -7,6 +7,7 @@ import pytest
 from conftest import SHIPPED
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from own_forces import MyRubber
 from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures
@@ -70,16 +71,6 @@ def test_what_a_row_states_is_so(row, case):
     assert outcome.weakness == row.departures[case.key].weakness
 
 
-class OwnForce:
-    """The guide's example of a force of one's own, theory (12)."""
-
-    def bond_force(self, stretch, rotation, length, C33, J):
-        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
-        p, k = (J * J * C33) ** (-1 / 3), C33 / J
-        T_nn, T_nm = p * (a - k * (J + b * b) / a), p * (1 + k) * b
-        return np.stack([T_nn * a + T_nm * b, T_nm * a - T_nn * b], axis=1) / stretch[:, None]
-
-
 class OwnEnergy:
     """Neo-Hookean rubber as an energy of one's own."""
 
@@ -87,7 +78,7 @@ class OwnEnergy:
         return 0.5 * (I1bar - 3), 0.5, 0.0
 
 
-BROUGHT = {"own-force": OwnForce, "own-energy": OwnEnergy, "spline": None}
+BROUGHT = {"own-force": MyRubber, "own-energy": OwnEnergy, "spline": None}
 """What users bring, put to the suite: forces in Python as they are, and a regressor of another make, resampled and stored."""
 
 

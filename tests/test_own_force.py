@@ -2,29 +2,12 @@
 
 import numpy as np
 import pytest
+from own_forces import MyEnergy, MyRubber
 
 import pdsurrogate as pd
 from pdsurrogate.forces import ForceSettings, OwnBondForce, OwnForceFailed
 from pdsurrogate.run.simulate import SimulationFailed
 from pdsurrogate.scenes import SceneError
-
-
-class MyRubber:
-    """Neo-Hookean rubber, theory (12)."""
-
-    def bond_force(self, stretch, rotation, length, C33, J):
-        a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
-        p, k = (J * J * C33) ** (-1 / 3), C33 / J
-        T_nn, T_nm = p * (a - k * (J + b * b) / a), p * (1 + k) * b
-        return np.stack([T_nn * a + T_nm * b, T_nm * a - T_nn * b], axis=1) / stretch[:, None]
-
-
-class MyEnergy:
-    """Mooney-Rivlin rubber with a fifth of its modulus in the second invariant."""
-
-    def energy(self, I1bar, I2bar):
-        return 0.4 * (I1bar - 3) + 0.1 * (I2bar - 3), 0.4, 0.1
-
 
 LAWS = [(MyRubber(), pd.NeoHookean()), (MyEnergy(), pd.MooneyRivlin(second_share=0.2))]
 
@@ -69,7 +52,10 @@ class Wrong:
     ("answer", "message"),
     [
         (lambda stretch: stretch, r"bond_force must return an array of shape \(4, 2\), not \(4,\)"),
-        (lambda stretch: np.full((len(stretch), 2), np.nan), "Wrong has no finite force on bonds of stretches"),
+        (
+            lambda stretch: np.full((len(stretch), 2), np.nan),
+            r"Wrong: bond_force gives \(nan, nan\), which is not finite, at stretch = 1, rotation = 0",
+        ),
         (lambda stretch: 1 / 0, "Wrong fails on bonds of stretches .*: ZeroDivisionError: division by zero"),
     ],
 )
@@ -152,3 +138,79 @@ def test_a_derivative_that_is_none_is_refused(slopes, name):
     said = rf"Slip: {name} is not the derivative of its W: at I1bar = .*, I2bar = .* it is {given}, and a difference quotient .* is {right}"
     with pytest.raises(SceneError, match=said):
         pd.simulate(pd.load_scene("uniaxial", spacing=0.2, stretches=1.2), Slip())
+
+
+class WithLimit:
+    """Gent's energy in the precision asked for; beyond `wrong` the first derivative is too small by a share."""
+
+    def __init__(self, dtype=float, wrong=np.inf, share=0.0):
+        self.dtype, self.wrong, self.share = dtype, wrong, share
+
+    def energy(self, I1bar, I2bar):
+        x = (np.asarray(I1bar, self.dtype) - 3) / self.dtype(30)
+        slope = self.dtype(0.5) / (1 - x)
+        return -15 * np.log(1 - x), slope * np.where(I1bar > self.wrong, 1 - self.share, 1), 0 * x
+
+
+GENT = {"law": "gent", "chain_limit": 30.0}
+
+
+def stretched(own, *stretches, **changes):
+    return pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=stretches, **changes), own)
+
+
+@pytest.mark.filterwarnings("error::UserWarning")
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_a_right_energy_passes_wherever_a_run_goes(dtype):
+    """To I1bar = 29 of the 33 at which it ends, where difference quotients are worst, and in single precision too."""
+    found = stretched(WithLimit(dtype), 1.5, 5.2, material=GENT).levels[-1]["nominal_stress"]
+    assert found == pytest.approx(stretched("analytic", 1.5, 5.2, material=GENT).levels[-1]["nominal_stress"], rel=1e-5)
+
+
+def test_a_derivative_that_is_none_beyond_the_trial_ends_the_run():
+    """Where a run comes first: at stretch 2.69 in uniaxial tension I1bar is 8."""
+    said = r"WithLimit: dW/dI1bar and dW/dI2bar are not the derivatives of its W at I1bar = 8\.\d*, I2bar = 5\.\d*: along the deformation"
+    with pytest.raises(SimulationFailed, match=said) as failed:
+        stretched(WithLimit(wrong=8.0, share=0.05), 1.5, 4.0, material=GENT)
+    assert [level["stretch"] for level in failed.value.result.levels] == [1.5]
+    assert "finer spacing" not in str(failed.value)
+    with pytest.warns(UserWarning, match="WithLimit: dW/dI1bar and dW/dI2bar are not the derivatives of its W at"):
+        stretched(WithLimit(wrong=8.0, share=0.005), 3.5, material=GENT)
+
+
+class EndsIn(MyRubber):
+    """With a number in the place of the force beyond a stretch."""
+
+    def __init__(self, number):
+        self.number = number
+
+    def bond_force(self, stretch, rotation, length, C33, J):
+        force = super().bond_force(stretch, rotation, length, C33, J)
+        return np.where(stretch[:, None] < 1.6, force, self.number)
+
+
+class EnergyEndsIn(MyEnergy):
+    def energy(self, I1bar, I2bar):
+        W, first, second = super().energy(I1bar, I2bar)
+        return W, np.where(I1bar < 6.5, first, np.nan), second
+
+
+@pytest.mark.parametrize(
+    ("own", "message"),
+    [
+        (EndsIn(np.nan), r"EndsIn: bond_force gives \(nan, nan\), which is not finite, at stretch = 1\.6\d*, rotation = .*, J = "),
+        (EndsIn(np.inf), r"EndsIn: bond_force gives \(inf, inf\), which is not finite, at stretch = 1\.6"),
+        (
+            EnergyEndsIn(),
+            r"EnergyEndsIn: energy gives W = .*, dW/dI1bar = nan, dW/dI2bar = 0\.1, which is not finite, at I1bar = 6\.\d*, I2bar = ",
+        ),
+    ],
+)
+def test_what_is_not_finite_on_the_way_is_laid_to_the_users_own(own, message):
+    """With the state; the material and the step are not blamed, in equilibrium and in dynamics."""
+    moving = {"stretch": 3.0, "stretch_rate": 10.0, "density": 1e-3, "outputs": 1}
+    in_dynamics = [([1.05], {"dynamics": moving})] if isinstance(own, EndsIn) else []
+    for stretches, changes in ([3.0], {}), *in_dynamics:
+        with pytest.raises(SimulationFailed, match=message) as failed:
+            stretched(own, *stretches, **changes)
+        assert not any(blamed in str(failed.value) for blamed in ("the limit of", "spacing", "safety"))

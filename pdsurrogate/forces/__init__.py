@@ -8,7 +8,7 @@ from .learnt import LearntBondForce
 from .learnt_energy import EnergyNetwork, IsochoricNetwork, LearntEnergy
 from .network import NetworkForce
 from .nosb import NOSBForce
-from .own import OwnBondForce, OwnForceFailed, is_own_force
+from .own import OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
 from .polynomial import PolynomialForce
 from .portions import bind_portions
 from .protocol import Domain, ForceModel, InternalForce, InvalidState, Member, OutsideDomain, OutsideDomainWarning, Portion
@@ -41,6 +41,7 @@ __all__ = [
     "OutsideDomainWarning",
     "OwnBondForce",
     "OwnForceFailed",
+    "OwnForceInvalid",
     "PlainBondEnergyForce",
     "PolynomialForce",
     "Portion",

@@ -11,11 +11,12 @@ import numpy as np
 
 from ..body import Body
 from ..kernels.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
+from ..kernels.bond_state import lateral_stretch
 from ..kernels.threads import thread_count
 from ..materials import InvariantLaw, Law, plane_stress
 from .analytic import bond_arrays
 from .bond_force import BondForceEvaluation, ForceSurrogate
-from .protocol import CompiledBondForce, Domain, ForceModel, InternalForce, Portion
+from .protocol import CompiledBondForce, Domain, ForceModel, InternalForce, InvalidState, Portion
 from .settings import ForceSettings
 
 _CALLED = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctypes.c_void_p] * 4)
@@ -25,10 +26,20 @@ TRIAL = ([1.0, 1.3, 0.8, 1.1], [0.0, 0.2, -0.1, 0.05], [1.0, 0.5, 0.7, 0.2], [1.
 """Bonds by which a force is tried before a run."""
 
 INVARIANTS = ([3.2, 3.6, 4.5, 6.0], [3.25, 3.4, 5.0, 4.5])
-"""I1bar and I2bar at which the derivatives of an energy are tried."""
+"""I1bar and I2bar at which the derivatives of an energy are tried before a run."""
+
+REST = np.array([[1.0, 0.0, 1.0, 1.0, 1.0, 1.0]]).T
+"""A bond at rest, as a block has it: U_nn, U_nm, U_mm, J, C33, length."""
+
+BEYOND, PLACES = 1.1, np.linspace(0, 1, 5)
+"""A run that takes an invariant farther than it was tried tries the energy there, at so many places on the way, and again when it has
+grown by this factor more."""
 
 DIFFERENCE = 1e-3
 """Relative step of the difference quotients there: their own error is some 1e-6 of a derivative, in single precision 1e-3."""
+
+ALONG = 4e-3
+"""The same along a deformation, of its logarithmic strain: a little less of it, where the energy is known to be defined."""
 
 MOST_OFF, NOTED = 1e-2, 1e-4
 """Of the greatest derivative or force that a trial gives (at rest of the shear modulus): by more than the first a derivative is not one,
@@ -38,9 +49,16 @@ and a force is none of isotropic rubber, and is refused; by more than the second
 NOTED_OF_QUOTIENTS = 2e-3
 """The same of derivatives: what a difference quotient in single precision may be off by itself is half of it."""
 
+LEAST_SLOPE = 5e-3
+"""Derivatives by the invariants, in units of the shear modulus, that are taken for 0: a hundredth of those at rest."""
+
 
 class OwnForceFailed(RuntimeError):
     """A user's own force raised an error, or returned something else than forces."""
+
+
+class OwnForceInvalid(InvalidState):
+    """A state in which a user's own force is not finite, or the derivatives of an energy are not those of its values."""
 
 
 def is_own_force(thing) -> bool:
@@ -93,6 +111,7 @@ class OwnBondForce(ForceSurrogate):
             )
         self.thing, self.name = thing, type(thing).__name__
         self.failure: Exception | None = None
+        self._tried, self._noted = np.max(INVARIANTS, axis=1), False
         self._callback = _CALLED(self._evaluate_block)  # kept: its address is handed around
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
@@ -101,10 +120,30 @@ class OwnBondForce(ForceSurrogate):
 
     def _force(self, stretch, rotation, length, C33, J) -> np.ndarray:
         if self._gives_force:
-            return self._checked("bond_force", self.thing.bond_force(stretch, rotation, length, C33, J), (len(stretch), 2))
+            force = self._checked("bond_force", self.thing.bond_force(stretch, rotation, length, C33, J), (len(stretch), 2))
+        else:
+            a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+            T_nn, T_nm, _ = plane_stress.bond_traction(_LawOf(self), a, b, J, C33)
+            force = np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
+        bad = np.flatnonzero(~np.isfinite(force).all(axis=1))
+        if len(bad):
+            bond = (quantity[bad[0]] for quantity in (stretch, rotation, length, C33, J))
+            raise OwnForceInvalid(self._not_finite(force[bad[0]], *bond))
+        return force
+
+    def _not_finite(self, force, stretch, rotation, length, C33, J) -> str:
+        """Say what is not finite, and at which state."""
+        bond = f"stretch = {stretch:.6g}, rotation = {rotation:.6g}, length = {length:.6g}, C33 = {C33:.6g}, J = {J:.6g}"
+        if self._gives_force:
+            return f"{self.name}: bond_force gives ({force[0]:.6g}, {force[1]:.6g}), which is not finite, at {bond}"
         a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
-        T_nn, T_nm, _ = plane_stress.bond_traction(_LawOf(self), a, b, J, C33)
-        return np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
+        I1, I2 = _invariants(a, b, lateral_stretch(a, b, J), J, C33)
+        found = (part.item() for part in self.energy(np.array([I1]), np.array([I2])))
+        return f"{self._energy_not_finite(I1, I2, *found)}, of a bond with {bond}"
+
+    def _energy_not_finite(self, I1, I2, W, W1, W2) -> str:
+        what = f"W = {W:.6g}, dW/dI1bar = {W1:.6g}, dW/dI2bar = {W2:.6g}"
+        return f"{self.name}: energy gives {what}, which is not finite, at I1bar = {I1:.6g}, I2bar = {I2:.6g}"
 
     def energy(self, I1, I2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """W and its derivatives, of an object that gives them."""
@@ -133,8 +172,14 @@ class OwnBondForce(ForceSurrogate):
     def _evaluate_block(self, states, sizes, weights, response, parameters, work, scratch, traction) -> None:
         result = _rows_at(traction, TRACTION_ROWS)
         try:
-            a, b, U_mm, J, C33, length = _rows_at(states, STATE_ROWS)
-            result[:] = self._tractions(a, b, U_mm, J, C33, length)
+            rows = _rows_at(states, STATE_ROWS)
+            # Where a point has no state the evaluation itself says so; a user's own function is not asked about it, nor about the bonds
+            # that fill the last block, which have no length.
+            has_state = np.isfinite(rows).all(axis=0) & (rows[3] > 0) & (rows[4] > 0)
+            rows = np.where(has_state & (rows[5] > 0), rows, REST)
+            if not self._gives_force:
+                self._try_beyond(*_invariants(*rows[:5]))
+            result[:] = np.where(has_state, self._tractions(*rows), np.nan)
         except Exception as error:  # it cannot pass through compiled code; the evaluation raises it
             self.failure = error
             result[:] = np.nan
@@ -145,7 +190,7 @@ class OwnBondForce(ForceSurrogate):
         return CompiledBondForce(address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0, needs_length=True)
 
     def check_material(self, law: Law) -> None:
-        """Try the force on a few bonds.
+        """Try the force on a few bonds, and an energy at a few invariants; farther ones are tried when a run comes there.
 
         Raises
         ------
@@ -159,46 +204,99 @@ class OwnBondForce(ForceSurrogate):
         """
         try:
             found = self.bond_force(*TRIAL)
-            quotients = None if self._gives_force else self._difference_quotients()
-        except OwnForceFailed as error:
+            if self._gives_force:
+                self._check_rest()
+                self._check_isotropy(found)
+            else:
+                self._check_derivatives()
+        except (OwnForceFailed, OwnForceInvalid) as error:
             raise ValueError(str(error)) from error
+        except Warning:  # made an error by whoever called
+            raise
         except Exception as error:
             raise ValueError(f"{self.name} fails on bonds of stretches {TRIAL[0]}: {type(error).__name__}: {error}") from error
-        if not np.isfinite(found).all():
-            raise ValueError(f"{self.name} has no finite force on bonds of stretches {TRIAL[0]}, rotations {TRIAL[1]}")
-        if quotients is None:
-            self._check_rest()
-            self._check_isotropy(found)
-        else:
-            self._check_derivatives(*quotients)
 
     @property
     def _gives_force(self) -> bool:
         """Whether the object has a ``bond_force``, which counts before an ``energy``."""
         return callable(getattr(self.thing, "bond_force", None))
 
-    def _difference_quotients(self) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of an energy by I1bar and I2bar, as it gives them and as its values say, shape (2, n) each."""
+    def _check_derivatives(self) -> None:
+        """Derivatives of an energy by I1bar and I2bar, as it gives them, against difference quotients of its values."""
         at, quotients = np.array(INVARIANTS), []
         for number in range(2):
             step = np.zeros_like(at)
             step[number] = DIFFERENCE * at[number]
             quotients.append((self.energy(*(at + step))[0] - self.energy(*(at - step))[0]) / (2 * step[number]))
-        return np.stack(self.energy(*at)[1:]), np.stack(quotients)
-
-    def _check_derivatives(self, derivatives: np.ndarray, quotients: np.ndarray) -> None:
+        derivatives, quotients = np.stack(self.energy(*at)[1:]), np.stack(quotients)
         # Each against its own size, but what is a hundredth of the other against that.
         sizes = np.maximum(np.abs(derivatives), np.abs(quotients)).max(axis=1, keepdims=True)
         sizes = np.maximum(sizes, max(0.01 * sizes.max(), 1e-300))
         off = np.abs(derivatives - quotients) / sizes
         number, worst = np.unravel_index(off.argmax(), off.shape)
-        I1, I2 = np.array(INVARIANTS)[:, worst]
+        I1, I2 = at[:, worst]
         self._judge(
             off[number, worst],
             f"{self.name}: dW/dI{number + 1}bar is not the derivative of its W: at I1bar = {I1:g}, I2bar = {I2:g} it is "
             f"{derivatives[number, worst]:.6g}, and a difference quotient of W is {quotients[number, worst]:.6g}",
             NOTED_OF_QUOTIENTS,
         )
+
+    def _try_beyond(self, I1: np.ndarray, I2: np.ndarray) -> None:
+        """Try an energy where the bonds of a run take an invariant farther than it was tried.
+
+        There it may be defined on states of bonds alone, so W is compared along a deformation, on which all logarithmic strains grow
+        alike: with the work of both derivatives, from the bond that goes farthest back to where it was tried.
+
+        Raises
+        ------
+        OwnForceInvalid
+            If derivatives or values are wrong there.
+        """
+        for number, invariant in enumerate((I1, I2)):
+            worst = invariant.argmax()
+            if invariant[worst] <= self._tried[number]:
+                continue
+            logs = _log_stretches(I1[worst], I2[worst])
+            shares = np.log(self._tried[number]) / np.log(invariant[worst])
+            self._check_along(logs, shares + (1 - shares) * PLACES)
+            self._tried[number] = BEYOND * invariant[worst]
+
+    def _check_along(self, logs: np.ndarray, shares: np.ndarray) -> None:
+        """Derivatives along a deformation, at these shares of its logarithmic strains, against difference quotients backwards there."""
+
+        def at(shares):
+            return np.exp(2 * np.outer(logs, shares)), np.exp(-2 * np.outer(logs, shares))
+
+        squares, inverses = at(shares)
+        I1, I2 = squares.sum(axis=0), inverses.sum(axis=0)
+        W, W1, W2 = self.energy(I1, I2)
+        by_share = 2 * (logs @ squares), -2 * (logs @ inverses)
+        slope = W1 * by_share[0] + W2 * by_share[1]
+        before = []
+        for steps in (0.5, 1, 2):
+            squares, inverses = at((1 - steps * ALONG) * shares)
+            before.append(self.energy(squares.sum(axis=0), inverses.sum(axis=0))[0])
+        coarse, fine = (
+            (3 * W - 4 * near + far) / (2 * step * ALONG * shares) for near, far, step in ((*before[1:], 1), (*before[:2], 0.5))
+        )
+        quotient = (4 * fine - coarse) / 3
+        # What the two differ by they do not know: close to a limit, or in single precision.
+        size = np.maximum(np.maximum(np.abs(slope), np.abs(quotient)), LEAST_SLOPE * np.abs(by_share).sum(axis=0))
+        off = np.maximum(np.abs(slope - quotient) - np.abs(fine - coarse), 0) / size
+        off[~np.isfinite(off)] = np.inf
+        worst = off.argmax()
+        where = f"at I1bar = {I1[worst]:.6g}, I2bar = {I2[worst]:.6g}"
+        if not np.isfinite([W, W1, W2]).all():
+            bad = np.flatnonzero(~np.isfinite([W, W1, W2]).all(axis=0))[0]
+            raise OwnForceInvalid(self._energy_not_finite(I1[bad], I2[bad], W[bad], W1[bad], W2[bad]))
+        self._judge(
+            off[worst],
+            f"{self.name}: dW/dI1bar and dW/dI2bar are not the derivatives of its W {where}: along the deformation they are "
+            f"{slope[worst]:.6g}, and a difference quotient of W is {quotient[worst]:.6g}",
+            np.inf if self._noted else NOTED_OF_QUOTIENTS,
+        )
+        self._noted |= bool(off[worst] > NOTED_OF_QUOTIENTS)  # said once in a run
 
     def _check_rest(self) -> None:
         lengths = np.array(TRIAL[2])
@@ -239,7 +337,7 @@ class OwnBondForce(ForceSurrogate):
     def _judge(self, off: float, what: str, noted: float = NOTED) -> None:
         """Refuse what is off by much, and say what is by little."""
         if not off <= MOST_OFF:
-            raise ValueError(what)
+            raise OwnForceInvalid(what)
         if off > noted:
             warnings.warn(what, stacklevel=4)
 
@@ -265,8 +363,10 @@ class OwnBondForceEvaluation(BondForceEvaluation):
         except Exception:
             if self.model.failure is None:
                 raise
-        if self.model.failure is not None:
-            error = self.model.failure
+        error = self.model.failure
+        if isinstance(error, OwnForceFailed | OwnForceInvalid):
+            raise error
+        if error is not None:
             raise OwnForceFailed(f"{self.model.name}: {type(error).__name__}: {error}") from error
 
 
@@ -288,6 +388,18 @@ class _LawOf(InvariantLaw):
         """W and its first derivatives; the second ones are not asked for at a given thickness."""
         W, W1, W2 = self.own.energy(I1, I2)
         return W, W1, W2, 0 * W, 0 * W, 0 * W
+
+
+def _invariants(a, b, U_mm, J, C33) -> tuple:
+    """I1bar and I2bar of bonds."""
+    return plane_stress.isochoric_invariants((a * a + 2 * b * b + U_mm * U_mm, J, J * np.sqrt(C33)))
+
+
+def _log_stretches(I1: float, I2: float) -> np.ndarray:
+    """Logarithms of the isochoric principal stretches, shape (3,), of invariants."""
+    squares = np.maximum(np.roots([1, -I1, I2, -1]).real, 1 / (I1 * I1))  # a double root may come out as a pair
+    logs = np.log(squares) / 2
+    return logs - logs.mean()
 
 
 def _rows_at(address: int, rows: int) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from .. import artifacts
-from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, is_own_force
+from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
 from ..kernels.compile import compilation_clock
 from ..kernels.threads import thread_count
 from ..ranks import communicator
@@ -202,6 +202,8 @@ def simulate(
         except (NotConverged, Diverging, RanAway, TooFar, Unstable, InvalidState, OutsideDomain, OwnForceFailed) as error:
             inertia = run.stages[run.stage].inertia is not None and run.steps > 0
             advice = DYNAMICS_ADVICE if inertia else ADVICE.get(type(error))
+            if isinstance(error, OwnForceFailed | OwnForceInvalid):
+                advice = None  # its message says what is wrong, and no smaller step mends it
             if isinstance(error, NotConverged | Unstable) and run.force.precision == "float32":
                 advice += "; or take precision=float64, whose rounding leaves less of a residual and disturbs less"
             message = f"{run.loading.at(run.target)}: {error}" + (f"; {advice}" if advice else "")

@@ -188,7 +188,7 @@ class Transient:
                     self._check_inside()
             except InvalidState as error:
                 self.save_last_state()
-                raise InvalidState(f"time {account.time:.4g}: {error}") from None
+                raise type(error)(f"time {account.time:.4g}: {error}") from None
             if integrator.steps % STEPS_PER_ROW == 0:
                 self._row()
                 broken = run.crack["broken_bonds"] if run.crack else 0
