@@ -199,7 +199,7 @@ def inflation(level: int) -> Case:
         apart = np.linalg.norm(moved - expected[:, None] * outward, axis=1)
         return [over(radius < 0.6), over(radius > 0.9), 100 * np.sqrt((apart**2).mean() / (expected**2).mean()), None, None]
 
-    return Case(run_sphere, measure, {}, (8, 16, 24, 32, 40))
+    return Case(run_sphere, measure, {}, (8, 12, 16, 24, 32, 40, 48))
 
 
 def sphere(pressure: float, bulk_modulus: float) -> Callable[[np.ndarray], np.ndarray]:
