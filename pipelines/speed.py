@@ -81,7 +81,7 @@ def main() -> None:
         print(json.dumps(measure_memory(*arguments.size)))
         return
     with console.status("Comparing") as status:
-        report = compare(progress=status.update)
+        report = compare(progress=lambda stage, done, of, text: status.update(f"{stage}: {text}"))
     comparison = markdown_table(*presentation.table(report))
     console.print(comparison, soft_wrap=True)
     save(presentation.pareto_figure(report), FIGURES / "speed.png")

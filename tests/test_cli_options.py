@@ -119,6 +119,32 @@ def test_progress_is_drawn_on_terminals_alone(monkeypatch, terminal):
     assert terminal or file.getvalue() == ""
 
 
+def test_a_narrow_terminal_cuts_nothing_of_progress(monkeypatch):
+    """In one line the time left was cut away, and the end of the state with it."""
+    file = io.StringIO()
+    monkeypatch.setattr(application, "err", Console(file=file, force_terminal=True, width=50))
+    monkeypatch.setattr(application.settings, "quiet", False)
+    state = "3 of 12 cases, 14.2 cases/min, now neo-hookean, sheets: a long title of a hard case [0, 1]"
+    with application.Bar() as bar:
+        bar.add_task("Hard cases", completed=0.25, total=1.0, state=state)
+    drawn = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", file.getvalue())
+    assert state in " ".join(drawn.split())
+    assert re.search(r"Hard cases .* 0:00:00 -:--:--", drawn)
+
+
+def test_rates_are_by_the_second_or_by_the_minute(monkeypatch):
+    now = [10.0]
+    monkeypatch.setattr(application.time, "monotonic", lambda: now[0])
+    rate = application.Rate("runs")
+    assert rate.after(0) == ""
+    now[0] = 20.0
+    assert rate.after(5) == ", 30 runs/min"
+    assert rate.after(50) == ", 5 runs/s"
+    rate.begin(50)
+    now[0] = 21.0
+    assert rate.after(52) == ", 2 runs/s"
+
+
 def test_laws_of_the_users_own(own_law):
     options = ["--import", own_law]
     assert "doubled" in invoke("materials", *options).stdout

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,11 +12,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import typer
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.measure import Measurement
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from ..ranks import ALONE, communicator
 
@@ -27,9 +29,6 @@ app = typer.Typer(
 )
 SECONDS_BEFORE_THE_OTHERS = 5.0
 """Time that ranks have to come to the same end; then one that did not ends with those that did."""
-
-BAR = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"), TimeElapsedColumn(), TimeRemainingColumn())
-"""Columns of all bars: what, how far, rate and residual or energy, time gone by and left."""
 
 MOST_COLUMNS = 10_000
 """More characters than the narrowest form of any table has in a line."""
@@ -76,12 +75,58 @@ def note(text: str) -> None:
         err.print(escape(text), soft_wrap=True, highlight=False)
 
 
+class Bar(Progress):
+    """What is done, how far it is, time gone by and left; on a line below the ``state`` of a task: counts, rate, residual or energy.
+
+    A narrow terminal would cut all of it if it stood in one line.  Nothing is drawn where standard error is no terminal.
+    """
+
+    def __init__(self) -> None:
+        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+        super().__init__(*columns, console=err, transient=True, disable=settings.quiet or not err.is_terminal)
+
+    def get_renderables(self) -> Iterator[RenderableType]:
+        """Lines of every task."""
+        for task in self.tasks:
+            yield self.make_tasks_table([task])
+            if task.fields["state"]:
+                yield Text(task.fields["state"])
+
+
 @contextmanager
-def progress_bar(title: str) -> Iterator[Callable[[float, str], None]]:
-    """A bar that is told the share that is done and what to say beside it; nothing where standard error is no terminal."""
-    with Progress(*BAR, console=err, transient=True, disable=settings.quiet or not err.is_terminal) as bar:
-        task = bar.add_task(title, total=1.0, state="")
-        yield lambda share, state: bar.update(task, completed=share, state=state)
+def progress_bar(title: str) -> Iterator[Callable[..., None]]:
+    """A bar that is told the share that is done and what to say beside it; told another ``title``, it begins anew under that."""
+    with Bar() as bar:
+        current, task = title, bar.add_task(escape(title), total=1.0, state="")
+
+        def told(share: float, state: str, title: str = title) -> None:
+            nonlocal current, task
+            if title != current:
+                bar.remove_task(task)
+                current, task = title, bar.add_task(escape(title), total=1.0, state="")
+            bar.update(task, completed=share, state=state)
+
+        yield told
+
+
+class Rate:
+    """How many of something are done in a second, or in a minute where that is less than one in a second."""
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+        self._began, self._first = time.monotonic(), 0.0
+
+    def begin(self, count: float = 0.0) -> None:
+        """Measure from now on, when so many are done."""
+        self._began, self._first = time.monotonic(), count
+
+    def after(self, count: float) -> str:
+        """The rate when so many are done, with a comma before it; empty where it is not known yet."""
+        elapsed, done = time.monotonic() - self._began, count - self._first
+        if elapsed <= 0 or done <= 0:
+            return ""
+        rate = done / elapsed
+        return f", {rate:.3g} {self._what}/s" if rate >= 1 else f", {60 * rate:.3g} {self._what}/min"
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from .application import bad_input, err, law_of, note, print_json, show, status, writing
+from .application import Rate, bad_input, err, law_of, note, print_json, progress_bar, show, writing
 from .common import AsJson, Overwrite, command
 
 
@@ -36,8 +36,18 @@ def compare(
         with bad_input(OSError, ValueError):
             check_writable(folder)
             check_report(folder / "compare.json", asked, overwrite)
-    with bad_input(ValueError), status("Starting") as told:
-        report = report_module.compare(law, quick, lambda text: told(text.capitalize()), threads)
+    rates = {stage: Rate("models") for stage in (report_module.FITTING, report_module.ERRORS, report_module.SCENE)}
+    with bad_input(ValueError), progress_bar(report_module.FITTING) as told:
+
+        def say(stage: str, done: float, of: int, text: str) -> None:
+            counted = ""
+            if stage in rates:
+                if not done:
+                    rates[stage].begin()
+                counted = f"{int(done)} of {of} models{rates[stage].after(done)}, now "
+            told(done / of, f"{counted}{text}", stage)
+
+        report = report_module.compare(law, quick, say, threads)
     if as_json:
         print_json(report)
     header, rows = presentation.table(report)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from .application import bad_input, err, note, out, print_json, show, status, writing
+from .application import Rate, bad_input, err, note, out, print_json, progress_bar, show, writing
 from .common import AsJson, Overwrite, command
 
 DIGITS = 16
@@ -120,15 +120,20 @@ def identify(
             asked |= {"data": rows.name, "rows": len(rows), "digest": digest_of(dataclasses.asdict(rows))[:DIGITS]}
             check_writable(folder)
             check_report(folder / "identify.json", asked, overwrite)
-    found, models = [], []
-    with bad_input(ValueError):
-        for name in law or LAWS:
-            with status(f"Fitting {name}"):
-                model, rows = identified(data, name, terms, stretch)
+    found, models, held_out = [], [], []
+    names, rate = list(law or LAWS), Rate("laws")
+    with bad_input(ValueError), progress_bar("Fitting") as told:
+        for number, name in enumerate(names):
+            counted = f"{number} of {len(names)} laws{rate.after(number)}, now {name}"
+            told(number / len(names), counted)
+            model, rows = identified(data, name, terms, stretch)
             models.append(model)
             found.append(report(model, rows))
-            print_identified(found[-1])
-        held_out = held_out_modes([clone(model) for model in models], rows) if hold_out else []
+            if hold_out:
+                told((number + 0.5) / len(names), f"{counted}, each mode held out in turn")
+                held_out += held_out_modes([clone(model)], rows)
+    for one in found:
+        print_identified(one)
     if as_json:
         print_json({"laws": found, "held_out": held_out})
     if held_out:

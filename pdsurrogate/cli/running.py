@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import time
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
@@ -13,10 +12,9 @@ from typing import Annotated
 import numpy as np
 import typer
 from rich.markup import escape
-from rich.progress import Progress
 from rich.table import Table
 
-from .application import BAR, bad_input, ended, err, note, only_the_first_speaks, out, print_json, settings, show, writing
+from .application import Bar, Rate, bad_input, ended, err, note, only_the_first_speaks, out, print_json, show, writing
 from .common import AsJson, command
 
 INTERRUPTED = 130
@@ -166,12 +164,12 @@ class _Bar:
 
     def __init__(self, scene) -> None:
         self._scene = scene
-        self._progress = Progress(*BAR, console=err, transient=True, disable=settings.quiet or not err.is_terminal)
+        self._progress = Bar()
         self._task = None
         self._first = None
         self._moving = False
         self._account = ""
-        self._began, self._counted = 0.0, 0
+        self._rate: Rate | None = None
 
     def __enter__(self) -> _Bar:
         self._progress.start()
@@ -196,15 +194,14 @@ class _Bar:
         if self._task is not None:
             self._progress.remove_task(self._task)
         self._task, self._first = self._progress.add_task(title, total=1.0, state=""), None
-        self._began, self._counted = time.monotonic(), 0
+        self._rate = None
 
-    def _rate(self, count: int, what: str) -> str:
-        """How many evaluations or steps a second this part of the way has taken."""
-        if not self._counted:
-            self._began, self._counted = time.monotonic(), count
-            return ""
-        elapsed = time.monotonic() - self._began
-        return f", {(count - self._counted) / elapsed:.3g} {what}/s" if elapsed > 0 and count > self._counted else ""
+    def _rate_of(self, what: str, count: int) -> str:
+        """How many evaluations or steps a second this part of the way has taken, which begins when it is first asked."""
+        if self._rate is None:
+            self._rate = Rate(what)
+            self._rate.begin(count)
+        return self._rate.after(count)
 
     def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
         """Show how far the residual has come down to its tolerance."""
@@ -212,7 +209,7 @@ class _Bar:
             self._first = residual
         span = math.log10(max(self._first, 1e-300) / tolerance)
         done = math.log10(max(self._first, 1e-300) / max(residual, 1e-300)) / span if span > 0 else 1.0
-        state = f"residual {residual:.1e}, {evaluations} evaluations{self._rate(evaluations, 'evaluations')}"
+        state = f"residual {residual:.1e}, {evaluations} evaluations{self._rate_of('evaluations', evaluations)}"
         self._progress.update(self._task, completed=min(max(done, 0.0), 1.0), state=state)
 
     def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
@@ -226,7 +223,7 @@ class _Bar:
 
     def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
         """Take the energies, to show them with what comes next."""
-        rate = self._rate(steps, "steps")
+        rate = self._rate_of("steps", steps)
         self._account = f", energies {strain_energy:.3g} strain, {kinetic_energy:.2g} kinetic{rate}"
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from .application import bad_input, err, note, out, print_json, progress_bar, show, writing
+from .application import Rate, bad_input, err, note, out, print_json, progress_bar, show, writing
 from .common import AsJson, command
 
 MARK, MARK_WITHIN = b'content="pdsurrogate show"', 400
@@ -45,7 +45,9 @@ def show_result(
         from ..results.page import html_page
 
         with bad_input(ValueError), progress_bar("drawing") as told, writing(html):
-            write_text(html, html_page(result, field or (), lambda done, of: told(done / of, f"{done} of {of} pictures")))
+            rate = Rate("pictures")
+            page = html_page(result, field or (), lambda done, of: told(done / of, f"{done} of {of} pictures{rate.after(done)}"))
+            write_text(html, page)
         note(f"Wrote {html}")
         return
     if not result.states:

@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .application import bad_input, note, out, print_json, progress_bar, show, writing
+from .application import Rate, bad_input, note, out, print_json, progress_bar, show, writing
 from .common import AsJson, Overwrite, command
 
 
@@ -44,7 +44,12 @@ def stress_test(
         if plane not in (None, *known):
             raise ValueError(f"--plane: must be {' or '.join(known)}, for {' or '.join(known.values())}, not {plane}")
         planes = tuple(known) if plane is None else (plane,)
-        report = report_module.stress_test(force, quick, told, planes, threads)
+        rate = Rate("cases")
+
+        def say(done: int, of: int, what: str) -> None:
+            told(done / of, f"{done} of {of} cases{rate.after(done)}, now {what}" if done else what)
+
+        report = report_module.stress_test(force, quick, say, planes, threads)
     if as_json:
         print_json(report)
     for tested in report_module.planes_of(report):

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.markup import escape
-from rich.progress import Progress
 
-from .application import BAR, bad_input, err, note, print_json, settings, writing
+from .application import Bar, Rate, bad_input, err, note, print_json, writing
 from .common import AsJson, command
 from .running import INTERRUPTED
 
@@ -72,9 +70,9 @@ class _StudyBar:
     """Progress of a study on the terminal; nothing where that is a file."""
 
     def __init__(self, name: str) -> None:
-        self._progress = Progress(*BAR, console=err, transient=True, disable=settings.quiet or not err.is_terminal)
+        self._progress, self._rate = Bar(), Rate("runs")
         self._name, self._task, self._failed = name, None, 0
-        self._began, self._ended, self._done, self._runs = 0.0, 0, 0, 0
+        self._ended, self._done, self._runs = 0, 0, 0
 
     def __enter__(self) -> _StudyBar:
         self._progress.start()
@@ -93,14 +91,14 @@ class _StudyBar:
             else f"{workers.jobs} at a time, threads of each: {workers.threads}"
         )
         note(f"{runs} runs, {done} of them done before; {by}")
-        self._began, self._done, self._runs = time.monotonic(), done, runs
+        self._done, self._runs = done, runs
+        self._rate.begin()
         self._task = self._progress.add_task(self._name, total=runs, completed=done, state=f"{done} of {runs} runs")
 
     def ended(self, place: str, failure: str | None) -> None:
         """Count a run."""
         self._failed += failure is not None
         self._ended += 1
-        rate = 60 * self._ended / max(time.monotonic() - self._began, 1e-9)
         failed = f", {self._failed} failed" if self._failed else ""
-        state = f"{self._done + self._ended} of {self._runs} runs{failed}, {rate:.3g} runs/min"
+        state = f"{self._done + self._ended} of {self._runs} runs{failed}{self._rate.after(self._ended)}"
         self._progress.update(self._task, advance=1, state=state)

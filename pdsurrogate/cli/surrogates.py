@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +11,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .application import bad_input, described_law, err, law_of, note, out, print_json, progress_bar, show, status, writing
+from .application import Rate, bad_input, described_law, err, law_of, note, out, print_json, progress_bar, show, status, writing
 from .common import AsJson, command
 from .materials import DATA_HELP, free_energy, identified, members_of, print_identified
 
@@ -133,7 +132,7 @@ class _TrainingBar:
 
     def __init__(self, title: str, folds: int) -> None:
         self._bar, self._folds = progress_bar(title), folds
-        self._fold, self._count, self._began = 0, 0, time.monotonic()
+        self._fold, self._count, self._rate = 0, 0, Rate("iterations")
 
     def __enter__(self) -> _TrainingBar:
         from ..learning.listening import listening
@@ -158,8 +157,7 @@ class _TrainingBar:
 
     def _iteration(self, iteration: int, most: int, loss: float) -> None:
         self._count += 1
-        rate = self._count / max(time.monotonic() - self._began, 1e-9)
-        state = [self._which, f"iteration {iteration} of at most {most}", f"loss {loss:.2e}", f"{rate:.3g} iterations/s"]
+        state = [self._which, f"iteration {iteration} of at most {most}", f"loss {loss:.2e}{self._rate.after(self._count)}"]
         self._told((self._fold + iteration / most) / self._folds, ", ".join(filter(None, state)))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numba
 
@@ -30,12 +31,20 @@ from ..learning import (
     wide_design,
 )
 from ..learning.energy import energy_design, energy_errors, energy_pipeline, energy_surrogate_of
+from ..learning.listening import listening
 from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
 from ..results.provenance import processor
+from ..run.run import Silent
 from ..run.simulate import SimulationFailed, simulate
 from ..scenes import load_scene
 from .speed import TimedModel, measure_speed, sheet
+
+Progress = Callable[[str, float, int, str], None]
+"""Is told the stage, how much of it is done (a part of a model counts), of how much, and what is being done."""
+
+FITTING, TIMING, ERRORS, SCENE = "Fitting", "Timing", "Errors", "Section 6.2"
+"""Stages of a comparison."""
 
 RIVAL, REFERENCE = "BA-NOSB", "NOSB"
 """Titles of the models to whose cost the others' is compared."""
@@ -51,16 +60,21 @@ class Candidate:
     changes: tuple[str, ...] = ()
 
 
-def candidates(law: Law, quick: bool, progress: Callable[[str], None]) -> list[Candidate]:
-    """Force models of a material: the exact ones, BA-NOSB, and surrogates of several sizes fitted on the spot.
+@dataclass(frozen=True)
+class Plan:
+    """A force model that is there or has to be fitted, in the precisions in which it takes part; ``{size}`` in the title is its own."""
 
-    For the default Neo-Hookean law the shipped 20-unit networks take part as they are.
+    title: str
+    made: Callable[[], ForceModel]
+    precisions: tuple[str, ...] = ("float32",)
+    changes: tuple[str, ...] = ()
+
+
+def plans(law: Law, quick: bool) -> list[Plan]:
+    """Force models of a material: the exact ones, BA-NOSB, and surrogates of several sizes to be fitted on the spot.
+
+    For the default Neo-Hookean law the shipped networks take part as they are.
     """
-    found = [
-        Candidate(REFERENCE, NOSBForce(), "float64"),
-        Candidate(RIVAL, BANOSBForce(), "float64"),
-        Candidate("analytic bond force", AnalyticBondForce(law), "float64"),
-    ]
     samples = wide_design(law, 3000 if quick else 8000, reachable_stretches(law), random_state=0)
 
     def fitted(features, regressor) -> ForceSurrogate:
@@ -71,31 +85,51 @@ def candidates(law: Law, quick: bool, progress: Callable[[str], None]) -> list[C
         iterations = 150 if quick else 600
         return LevenbergMarquardtRegressor((units,), "algebraic", max_iter=iterations, n_iter_no_change=100, random_state=0)
 
-    shipped = isinstance(law, NeoHookean)
+    def fitted_energy() -> EnergySurrogate:
+        energies = energy_design(law, 1000 if quick else 2000, reachable_stretches(law, (0.5, 5.0)))
+        regressor = SobolevRegressor(12, max_iter=200 if quick else 1000, random_state=0)
+        return energy_surrogate_of(energy_pipeline(regressor).fit(energies.X, energies.y), law, energies)
+
+    shipped, double = isinstance(law, NeoHookean), ("float64",)
+    found = [
+        Plan(REFERENCE, NOSBForce, double),
+        Plan(RIVAL, BANOSBForce, double),
+        Plan("analytic bond force", partial(AnalyticBondForce, law), double),
+    ]
     if shipped:
         # Its box is too small for the scene (theory, section 5): it is used wherever it is asked, as in the paper.
-        paper = load_surrogate("neo-hookean-paper")
-        found.append(Candidate("network, paper's features, 20 units", paper, "float32", ("outside=extrapolate",)))
+        paper = partial(load_surrogate, "neo-hookean-paper")
+        found.append(Plan("network, paper's features, 20 units", paper, changes=("outside=extrapolate",)))
     for units in (12, 20) if quick else (8, 12, 20, 40):
-        progress(f"fitting {units} units")
-        model = load_surrogate("neo-hookean@1") if shipped and units == 20 else fitted("symmetric", network(units))
-        found.append(Candidate(f"network, symmetric, {units} units", model, "float32"))
-        if units == 20:
-            found.append(Candidate(f"network, symmetric, {units} units", model, "float64"))
-    progress("fitting an energy")
-    found.append(Candidate("bond-level energy, exact", BondEnergyForce(), "float64"))
-    energies = energy_design(law, 1000 if quick else 2000, reachable_stretches(law, (0.5, 5.0)))
-    fitted_energy = energy_pipeline(SobolevRegressor(12, max_iter=200 if quick else 1000, random_state=0)).fit(energies.X, energies.y)
-    energy = energy_surrogate_of(fitted_energy, law, energies)
-    found += [Candidate("bond-level energy, network, 12 units", energy, precision) for precision in ("float32", "float64")]
-    progress("fitting isochoric features")
+        as_it_is = shipped and units == 20
+        made = partial(load_surrogate, "neo-hookean@1") if as_it_is else partial(fitted, "symmetric", network(units))
+        found.append(Plan(f"network, symmetric, {units} units", made, ("float32", "float64") if units == 20 else ("float32",)))
+    found.append(Plan("bond-level energy, exact", BondEnergyForce, double))
+    found.append(Plan("bond-level energy, network, 12 units", fitted_energy, ("float32", "float64")))
     for units in (8,) if quick else (4, 8):
-        model = load_surrogate("neo-hookean@2") if shipped and units == 4 else fitted("isochoric", network(units))
-        found.append(Candidate(f"network, isochoric, {units} units", model, "float32"))
+        as_it_is = shipped and units == 4
+        made = partial(load_surrogate, "neo-hookean@2") if as_it_is else partial(fitted, "isochoric", network(units))
+        found.append(Plan(f"network, isochoric, {units} units", made))
     # The response of Neo-Hookean rubber is a constant of the isochoric features; other laws need more.
     for degree in (4,) if shipped else (((10, 4),) if quick else ((8, 4), (10, 4), (12, 6))):
-        model = fitted("isochoric", ChebyshevRegressor(degree))
-        found.append(Candidate(f"polynomial, isochoric, {model.size}", model, "float32"))
+        found.append(Plan("polynomial, isochoric, {size}", partial(fitted, "isochoric", ChebyshevRegressor(degree))))
+    return found
+
+
+def candidates(law: Law, quick: bool, progress: Progress) -> list[Candidate]:
+    """The models of all plans, fitted where they have to be, each in its precisions."""
+    planned, found = plans(law, quick), []
+    for number, plan in enumerate(planned):
+        what = plan.title.format(size="").removesuffix(", ")
+
+        def iteration(now: int, most: int, loss: float, number: int = number, what: str = what) -> None:
+            progress(FITTING, number + now / most, len(planned), f"{what}: iteration {now} of at most {most}, loss {loss:.2e}")
+
+        progress(FITTING, number, len(planned), what)
+        with listening(iteration):
+            model = plan.made()
+        title = plan.title.format(size=model.size)
+        found += [Candidate(title, model, precision, plan.changes) for precision in plan.precisions]
     return found
 
 
@@ -121,12 +155,25 @@ def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
     }
 
 
-def measure_scene(entry: Candidate, law: Law, spacing: float) -> dict:
+class _Levels(Silent):
+    """Tells of a run how many of its levels are done, and the residual of the next."""
+
+    def __init__(self, levels: int, told: Callable[[float, str], None]) -> None:
+        self._levels, self._told, self._done = levels, told, 0
+
+    def level(self, number: int, parameter: float) -> None:
+        self._done = number
+
+    def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
+        self._told(self._done / self._levels, f"residual {residual:.1e}, {evaluations} evaluations")
+
+
+def measure_scene(entry: Candidate, law: Law, spacing: float, told: Callable[[float, str], None] = lambda share, text: None) -> dict:
     """Greatest errors at the levels of the paper's section 6.2, and the evaluations and seconds that it took."""
     changes = [f"spacing={spacing}", f"precision={entry.precision}", *entry.changes]
     scene = load_scene("uniaxial", changes, material=law.describe())
     try:
-        result = simulate(scene, entry.model)
+        result = simulate(scene, entry.model, progress=_Levels(len(scene.stretches), told))
     except SimulationFailed as error:
         return {"scene_failure": str(error)}
     return {
@@ -139,7 +186,10 @@ def measure_scene(entry: Candidate, law: Law, spacing: float) -> dict:
 
 
 def compare(
-    law: Law | None = None, quick: bool = False, progress: Callable[[str], None] = lambda text: None, threads: int | None = None
+    law: Law | None = None,
+    quick: bool = False,
+    progress: Progress = lambda stage, done, of, text: None,
+    threads: int | None = None,
 ) -> dict:
     """Measure every force model.
 
@@ -150,7 +200,7 @@ def compare(
     quick : bool
         Coarser scene, smaller fits, less patience: for a look, not for quoting.
     progress : callable
-        Told what is being done.
+        See `Progress`.
     threads : int, optional
         Most that are measured; by default all.
 
@@ -168,14 +218,15 @@ def compare(
         return _compare(law or NeoHookean(), quick, progress)
 
 
-def _compare(law: Law, quick: bool, progress: Callable[[str], None]) -> dict:
+def _compare(law: Law, quick: bool, progress: Progress) -> dict:
     spacing = 0.05 if quick else 0.02
     entries = candidates(law, quick, progress)
     body, patience = sheet(), 10.0 if quick else 200.0
     cases = [TimedModel(entry.model, entry.precision, body) for entry in entries]
+    speeds = measure_speed(cases, law, patience, partial(progress, TIMING))
     rows = []
-    for entry, speed in zip(entries, measure_speed(cases, law, patience, progress), strict=True):
-        progress(f"errors of {entry.title}, {entry.precision}")
+    for number, (entry, speed) in enumerate(zip(entries, speeds, strict=True)):
+        progress(ERRORS, number, len(entries), f"{entry.title}, {entry.precision}")
         size = entry.model.size
         rows.append(
             {
@@ -186,9 +237,12 @@ def _compare(law: Law, quick: bool, progress: Callable[[str], None]) -> dict:
                 **measure_error(entry, law, 2000 if quick else 20_000),
             }
         )
-    for entry, row in zip(entries, rows, strict=True):
-        progress(f"section 6.2 with {entry.title}, {entry.precision}")
-        row.update(measure_scene(entry, law, spacing))
+    for number, (entry, row) in enumerate(zip(entries, rows, strict=True)):
+
+        def told(share: float, text: str, number: int = number, what: str = f"{entry.title}, {entry.precision}") -> None:
+            progress(SCENE, number + share, len(entries), f"{what}: {text}")
+
+        row.update(measure_scene(entry, law, spacing, told))
     cost = {row["force"]: row["ns_per_directed_bond_1"] for row in rows}
     for row in rows:
         row["speedup_over_ba_nosb"] = cost[RIVAL] / row["ns_per_directed_bond_1"]

@@ -56,7 +56,9 @@ class TimedModel:
     body: Body
 
 
-def measure_speed(cases: list[TimedModel], law: Law, patience: float, progress: Callable[[str], None] = lambda text: None) -> list[dict]:
+def measure_speed(
+    cases: list[TimedModel], law: Law, patience: float, progress: Callable[[float, int, str], None] = lambda done, of, text: None
+) -> list[dict]:
     """Nanoseconds per directed bond of the whole evaluation and of the bond pass, on one thread and on all.
 
     All cases take turns of some milliseconds, on one thread and on all.  A core may be shared with others, whose work comes and goes: a
@@ -71,7 +73,7 @@ def measure_speed(cases: list[TimedModel], law: Law, patience: float, progress: 
     patience : float
         Seconds after which the least disturbed timings must do.
     progress : callable
-        Told how far it is.
+        Told how many timings are done, or how much of the patience as so many, of how many, and what is being done.
 
     Returns
     -------
@@ -115,7 +117,8 @@ def measure_speed(cases: list[TimedModel], law: Law, patience: float, progress: 
     began = time.perf_counter()
     with threadpool_limits(1):
         while wanted:
-            progress(f"timing all in turn, {len(timings) - len(wanted)} of {len(timings)} done")
+            settled, spent = len(timings) - len(wanted), min((time.perf_counter() - began) / max(patience, 1e-9), 1.0)
+            progress(max(settled, spent * len(timings)), len(timings), f"all in turn, {settled} of {len(timings)} settled")
             for key in wanted:
                 timings[key] += take_turn(*key)
             best = {count: min(timing[2] for key in timings if key[1] == count for timing in timings[key]) for count in threads}

@@ -32,7 +32,7 @@ def all_models(plane: str = "stress") -> list[str]:
 def stress_test(
     references: Iterable[str] | None = None,
     quick: bool = False,
-    progress: Callable[[float, str], None] = lambda share, text: None,
+    progress: Callable[[int, int, str], None] = lambda done, of, text: None,
     planes: Iterable[str] = tuple(BODIES),
     threads: int | None = None,
 ) -> dict:
@@ -45,7 +45,7 @@ def stress_test(
     quick : bool
         A fiftieth of the explicit steps.
     progress : callable
-        Told the share of the cases that are done, and what is being done.
+        Told how many cases are done, of how many, and what is being done.
     planes : iterable of {"stress", "space"}
         Of sheets, of bodies in space, or both.
     threads : int, optional
@@ -67,7 +67,7 @@ def stress_test(
     references, planes = None if references is None else list(references), list(planes)
     subjects = []
     for reference in references or dict.fromkeys(name for plane in planes for name in all_models(plane)):
-        progress(0.0, f"reading {reference}")
+        progress(0, 1, f"reading {reference}")
         taken = load_surrogate(reference).honours["plane"]
         found = [Subject(reference, quick, plane) for plane in planes if plane in taken]
         if not found:
@@ -85,7 +85,7 @@ def stress_test(
             for case in CASES:
                 if subject.plane not in case.planes:
                     continue
-                progress(done / asked, f"{done} of {asked} cases, now {subject.reference}, {BODIES[subject.plane]}: {case.title}")
+                progress(done, asked, f"{subject.reference}, {BODIES[subject.plane]}: {case.title}")
                 done += 1
                 began = time.perf_counter()
                 outcome = case.function(subject)
