@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import typer
 from conftest import needs_torch
+from test_pages import PAGES as TYPED_PAGES
 
 import pdsurrogate as pd
 from pdsurrogate.cli import app
@@ -26,7 +27,10 @@ DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 BLOCKS = {kind: re.compile(rf"^```{kind}\n(.*?)^```", re.MULTILINE | re.DOTALL) for kind in ("python", "sh", "toml")}
 EXAMPLES = BLOCKS["python"]
-WITH_EXAMPLES = [page for page in (ROOT / "README.md", *PAGES) if EXAMPLES.search(page.read_text())]
+TYPED = {DOCS / name for name in TYPED_PAGES}
+"""Pages whose Python and commands are run together."""
+
+WITH_EXAMPLES = [page for page in PAGES if EXAMPLES.search(page.read_text()) and page not in TYPED]
 
 
 @pytest.fixture

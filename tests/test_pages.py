@@ -1,0 +1,153 @@
+"""Pages run as they are printed: a reader types every block into an empty folder, and the README a second time into the same one.
+
+A block whose paragraph before it names a file, as in "This is `sheet.py`:", is the content of that file.  Python of a page is one script,
+to be typed from its beginning; then come the commands, each block by bash as it stands.  What sets up an environment is not run here: with
+the README's two commands continuous integration itself begins.  Pages of Python alone are run by `tests/test_docs.py`.
+"""
+
+import importlib.util
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import pdsurrogate as pd
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+
+BLOCK = re.compile(r"^```(python|sh|toml|csv)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+ENDINGS = {"python": ".py", "toml": ".toml", "csv": ".csv"}
+
+SETS_UP = re.compile(r"(python3[\d.]* -m venv|pip install) ")
+"""How a block begins that sets up an environment."""
+
+TOO_LONG = {
+    "guide/cracks.md": "cracks of tens of thousands of points",
+    "guide/energies.md": "bodies as fine as they are meant",
+    "guide/laws.md": "bodies as fine as they are meant",
+    "guide/study.md": "24 runs",
+    "guide/test-data.md": "a crack of tens of thousands of points",
+}
+"""Pages whose commands take minutes: `tests/test_docs.py` runs their Python, and sees that their commands are understood."""
+
+
+def blocks_of(page: Path) -> list[tuple[str, str, str]]:
+    """File that a block is the content of, or nothing, its kind and its text; none of what sets up an environment."""
+    found, whole = [], page.read_text()
+    for block in BLOCK.finditer(whole):
+        kind, text = block.groups()
+        before = whole[: block.start()].rstrip().rpartition("\n\n")[2]
+        named = [name for name in re.findall(r"`([\w./-]+)`", before) if kind in ENDINGS and name.endswith(ENDINGS[kind])]
+        if not SETS_UP.match(text):
+            found.append((Path(named[-1]).name if named else "", kind, text))
+    return found
+
+
+def type_in(page: Path, folder: Path) -> list[str]:
+    """Do what a page says, in a folder; returns what each block has printed, of Python first."""
+    blocks = blocks_of(page)
+    for file, _, text in blocks:
+        if file:
+            (folder / file).write_text(text)
+    commands = [["bash", "-euo", "pipefail", "-c", text] for _, kind, text in blocks if kind == "sh"]
+    script = "\n".join(text for _, kind, text in blocks if kind == "python")
+    if script:
+        (folder / "typed.py").write_text(script)
+        commands.insert(0, [sys.executable, "typed.py"])
+    # The commands of the environment that the tests run in, as where it is active.
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    printed = []
+    for command in commands:
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=600, check=False)
+        assert done.returncode == 0, f"{page.name}: {command[-1]}\n{done.stdout}\n{done.stderr}"
+        printed.append(done.stdout)
+    return printed
+
+
+@pytest.mark.slow  # fits, and a sheet that tears
+def test_the_readme_twice_in_one_folder(tmp_path):
+    """One who knows scikit-learn, and one who has a table of tests and wants a torn sheet; a second time new versions are stored."""
+    page = ROOT / "README.md"
+    assert len(next(text for _, kind, text in blocks_of(page) if kind == "python").strip().splitlines()) <= 15
+    for version in (1, 3):
+        printed = type_in(page, tmp_path)
+        assert abs(float(printed[0])) < 1e-3
+        assert (tmp_path / "stress.png").stat().st_size > 5000
+        learnt, fitted = (pd.load_card(tmp_path / "artifacts" / "my-rubber" / str(number)) for number in (version, version + 1))
+        assert learnt.training["cross_validation"][0]["rms"] < 1e-2
+        # The table is of this rubber.
+        assert fitted.material.trained_with["shear_modulus"] == pytest.approx(400.0, rel=0.01)
+        assert fitted.material.trained_with["chain_limit"] == pytest.approx(60.0, rel=0.02)
+        summary = json.loads((tmp_path / "out" / "tear" / "summary.json").read_text())
+        assert summary["force"] == f"my-rubber@{version + 1}"
+        assert summary["crack"]["broken_bonds"] > 50
+        assert (tmp_path / "tear.html").stat().st_size > 50_000
+        assert (tmp_path / "cantilever-scene.png").stat().st_size > 5000
+        assert json.loads((tmp_path / "out" / "cantilever" / "summary.json").read_text())["converged"]
+
+
+def two_ranks(folder: Path, printed: list[str]) -> None:
+    _, table, told = printed
+    assert "stress (kPa)" in table
+    assert "points on 2 ranks" in told
+    assert told.count("ranks") == 1
+    assert (folder / "sheet.png").stat().st_size > 5000
+    assert json.loads((folder / "out" / "hole" / "summary.json").read_text())["ranks"] == 2
+
+
+def six_runs(folder: Path, printed: list[str]) -> None:
+    """The study of the file is that of Python: it finds all runs done."""
+    assert (folder / "out" / "radius" / "study.png").stat().st_size > 5000
+    outcomes = list(folder.glob("out/radius/runs/*/outcome.json"))
+    assert len(outcomes) == 6
+    assert all(path.stat().st_mtime_ns < (folder / "out" / "radius" / "study.csv").stat().st_mtime_ns for path in outcomes)
+
+
+def drawn(*names: str):
+    def check(folder: Path, printed: list[str]) -> None:
+        assert all((folder / name).stat().st_size > 5000 for name in names)
+
+    return check
+
+
+PAGES = {
+    "tutorial/first-sheet.md": drawn("sheet.png", "sheet.html"),
+    "tutorial/own-scene.md": drawn("hanger-scene.png"),
+    "tutorial/own-law.md": drawn("artifacts/biderman/1/card.json"),
+    "tutorial/crack.md": drawn("crack.png", "crack.html"),
+    "tutorial/ranks.md": two_ranks,
+    "tutorial/study.md": six_runs,
+    "guide/results.md": drawn("uniaxial-stress_22.png", "sheet.html", "hole-scene.png"),
+}
+"""Pages that are typed, and what must be there then."""
+
+QUICK = ("tutorial/first-sheet.md", "tutorial/own-scene.md")
+
+NEEDS_MPI = pytest.mark.skipif(importlib.util.find_spec("mpi4py") is None, reason='no MPI is installed: pip install "pdsurrogate[mpi]"')
+
+
+def _marked(name: str):
+    marks = [] if name in QUICK else [pytest.mark.slow]  # fits, processes, cracks
+    return pytest.param(name, marks=[*marks, NEEDS_MPI] if name == "tutorial/ranks.md" else marks, id=Path(name).stem)
+
+
+@pytest.mark.parametrize("name", [_marked(name) for name in PAGES])
+def test_pages_do_what_they_say(name, tmp_path):
+    PAGES[name](tmp_path, type_in(DOCS / name, tmp_path))
+
+
+def test_every_page_with_commands_is_typed_or_too_long():
+    """Indented blocks and the lines of measured pages and of contributing, which set up environments or take hours, are read alone."""
+    with_commands = {
+        str(page.relative_to(DOCS))
+        for room in ("tutorial", "guide", "how-to")
+        for page in (DOCS / room).glob("*.md")
+        if any(kind == "sh" for _, kind, _ in blocks_of(page))
+    }
+    assert with_commands == {name for name in PAGES if name != "tutorial/own-scene.md"} | set(TOO_LONG)
