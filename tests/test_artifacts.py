@@ -151,7 +151,7 @@ def test_a_folder_that_holds_a_card_is_a_path(working_folder, fitted):
     shutil.copytree("mine/1", "neo-hookean")
     with pytest.raises(ArtifactError, match=r"is the artefact .*artifacts/neo-hookean/2 by its name, and the folder neo-hookean holds"):
         load_surrogate("neo-hookean")
-    assert load_surrogate("./neo-hookean").name == "mine@1"
+    assert load_surrogate("./neo-hookean").name == "neo-hookean (mine@1 by its card)"
     assert load_surrogate("neo-hookean@2").name == surrogate_for(LAW).name == "neo-hookean@2"
 
 

@@ -12,8 +12,10 @@ from .card import SCHEMA_VERSION, Card
 from .material import with_material
 from .store import (
     ArtifactError,
+    called,
     default_force,
     find_artifact,
+    law_of,
     list_artifacts,
     load_card,
     load_pipeline,
@@ -30,8 +32,10 @@ __all__ = [
     "SCHEMA_VERSION",
     "ArtifactError",
     "Card",
+    "called",
     "default_force",
     "find_artifact",
+    "law_of",
     "list_artifacts",
     "load_card",
     "load_pipeline",

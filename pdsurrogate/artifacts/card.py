@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, ValidationError, WrapValidator
 
-from ..forces import Domain
+from ..forces import Domain, EnergyNetwork
+from ..forces.learnt_energy import energy_shape
 from ..html_tables import html_facts
-from ..scenes.reading import explain
+from ..materials import LAWS, Law
+from ..scenes import MaterialSpec
+from ..scenes.problems import explain
 
 FORMAT = "pdsurrogate artefact"
 SCHEMA_VERSION = 2
@@ -24,7 +29,19 @@ MOST_PLANES = 1000
 MOST_MEMBERS = 999
 """Of a committee."""
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+MOST_STORED = 0.1
+"""RMS error on the plane-stress surface, relative to the force, beyond which a surrogate describes nothing and is not stored."""
+
+SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
+"""Files of an artefact beside its card."""
+
+SAME = 1e-9
+"""Relative difference of numbers of a card that say the same twice."""
+
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
+Count = Annotated[int, Field(strict=True, ge=0)]
 
 
 class CardError(ValueError):
@@ -33,6 +50,73 @@ class CardError(ValueError):
 
 class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def _looked_at(value, check):
+    """A part that is checked, and kept as the plain values that it is written as."""
+    check(value)
+    return value
+
+
+class _Errors(_Part):
+    """Relative errors on one set of states."""
+
+    rms: Share
+    max: Share
+    energy_rms: Share | None = None
+
+
+class _Bin(_Errors):
+    strain: tuple[Share, Share]
+
+
+class _Report(_Part):
+    """What `pdsurrogate.evaluate` finds; other figures that it has are numbers."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Finite]
+
+    stretch_range: tuple[Positive, Positive]
+    n_samples: Annotated[int, Field(strict=True, gt=0)]
+    on_surface: _Errors
+    off_surface: _Errors | None = None
+    by_strain: tuple[_Bin, ...] = ()
+
+
+class _Features(_Part):
+    set: str
+    names: tuple[str, ...]
+    come_from: Annotated[tuple[str, ...], Field(alias="from")]
+    targets: tuple[str, ...]
+    units: str
+
+
+class _Identification(_Part):
+    """Of it a run wants to know which data, and which law was found; the rest is for people."""
+
+    model_config = ConfigDict(extra="allow")
+
+    data: str
+    law: dict[str, Any]
+
+
+class _Training(_Part):
+    """How it was made, for people; a run reads the identification alone."""
+
+    design: dict[str, Any]
+    regressor: str
+    parameters: dict[str, Any]
+    outcome: dict[str, Any]
+    cross_validation: tuple[dict[str, Any], ...]
+    search: tuple[dict[str, Any], ...]
+    identification: _Identification | None = None
+    resampling: dict[str, Any] | None = None
+
+
+_KEPT = WrapValidator(_looked_at), PlainSerializer(lambda value: value)
+Report = Annotated[_Report, *_KEPT]
+Features = Annotated[_Features, *_KEPT]
+Training = Annotated[_Training, *_KEPT]
 
 
 class Material(_Part):
@@ -48,16 +132,16 @@ class Payload(_Part):
 
     contains: str
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-    bytes: Annotated[int, Field(ge=0)]
+    bytes: Count
 
 
 class DomainSpec(_Part):
     """Where the surrogate holds; see `pdsurrogate.forces.Domain`."""
 
-    least_stretch: Annotated[float, Field(gt=0, allow_inf_nan=False)]
-    greatest_stretch: Annotated[float, Field(gt=0, allow_inf_nan=False)]
-    least_bulk: Annotated[float, Field(gt=0, allow_inf_nan=False)]
-    greatest_bulk: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    least_stretch: Positive
+    greatest_stretch: Positive
+    least_bulk: Positive
+    greatest_bulk: Positive
     hull: Annotated[tuple[tuple[Finite, Finite, Finite], ...], Field(min_length=3, max_length=MOST_PLANES)] | None = None
 
     def build(self) -> Domain:
@@ -70,7 +154,7 @@ class MemberSpec(_Part):
 
     material: Material
     domain: DomainSpec
-    errors: dict[str, Any]
+    errors: dict[str, Report]
 
 
 class Card(_Part):
@@ -84,11 +168,11 @@ class Card(_Part):
     description: str
     material: Material
     weight_function: str
-    features: dict[str, Any]
+    features: Features
     scaling: dict[str, Any]
-    training: dict[str, Any]
+    training: Training
     domain: DomainSpec
-    errors: dict[str, Any]
+    errors: dict[str, Report]
     made_with: dict[str, str]
     payloads: dict[str, Payload]
     members: Annotated[tuple[MemberSpec, ...], Field(max_length=MOST_MEMBERS)] = ()
@@ -115,14 +199,13 @@ class Card(_Part):
     __str__ = __repr__
 
     def _repr_html_(self) -> str:
-        error = self.errors.get("box", {}).get("on_surface", {}).get("rms")
         facts = {
             "what": self.description,
             "kind": self.kind,
             "material": ", ".join(f"{key} {value}" for key, value in self.material.trained_with.items()),
             "stretches": f"{self.domain.least_stretch:g} to {self.domain.greatest_stretch:g}",
-            "features": self.features.get("set", ""),
-            "RMS error": "not stated" if error is None else f"{error:.2g}",
+            "features": self.features["set"],
+            "RMS error": f"{self.errors['box']['on_surface']['rms']:.2g}",
             **({"committee": f"{len(self.members)} members"} if self.members else {}),
         }
         return html_facts(f"Artefact {self.name}@{self.version}", facts)
@@ -139,14 +222,15 @@ def read_card(data: bytes, where: str) -> Card:
     if len(data) > MOST_BYTES:
         raise CardError(f"{where}: the card has {len(data)} bytes, which is not a card")
     try:
-        content = json.loads(data.decode("utf-8"), parse_constant=_refuse)
+        text = data.decode("utf-8")
+        content = json.loads(text, parse_constant=_refuse, parse_float=_finite, object_pairs_hook=_without_duplicates)
     except (ValueError, RecursionError) as error:
-        raise CardError(f"{where}: the card is damaged, it is not valid JSON: {error}") from None
+        raise CardError(f"{where}: the card is damaged, it is not valid JSON: {error}; put back what was written") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise CardError(f"{where}: this is not the card of a {FORMAT}")
+        raise CardError(f"{where}: format: this is not the card of a {FORMAT}")
     schema = content.get("schema_version")
     if type(schema) is not int:
-        raise CardError(f"{where}: the card has no schema_version, so it is damaged")
+        raise CardError(f"{where}: schema_version: the card has no schema_version that is a whole number, so it is damaged")
     if schema > SCHEMA_VERSION:
         raise CardError(
             f"{where}: the artefact has schema version {schema}, this pdsurrogate reads {SCHEMA_VERSION}: upgrade pdsurrogate to use it"
@@ -154,10 +238,186 @@ def read_card(data: bytes, where: str) -> Card:
     if schema < SCHEMA_VERSION:
         raise CardError(f"{where}: the artefact has schema version {schema}, which is no longer read: fit it again with this pdsurrogate")
     try:
-        return Card.model_validate(content)
+        return checked_card(content)
+    except RecursionError:
+        raise CardError(f"{where}: the card is damaged: its tables are nested too deeply") from None
+    except CardError as error:
+        raise CardError(f"{where}: the card is damaged: {error}; put back what was written, or store the artefact again") from None
+
+
+def checked_card(content: Mapping[str, Any]) -> Card:
+    """A card of plain values that agree with one another.
+
+    Raises
+    ------
+    CardError
+        Names the fields, what is wrong with them and what would be right.
+    """
+    for field, value in _leaves(content):
+        if not (value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))):
+            raise CardError(f"{field}: must be a finite number, text, a list or a table, not {_shown(value)}")
+    try:
+        card = Card.model_validate(content)
+    except (ValidationError, OverflowError) as error:
+        raise CardError(_told(error) if isinstance(error, ValidationError) else "a whole number is too large") from None
+    for problem in _contradictions(card):
+        raise CardError(problem)
+    return card
+
+
+def law_described(material: Material) -> Law:
+    """The law that a material names, with the parameters that were trained with.
+
+    Raises
+    ------
+    ValueError
+        Names the field that makes no sense, or the law if it is unknown.
+    """
+    try:
+        return MaterialSpec.model_validate(material.trained_with).build()
     except ValidationError as error:
-        raise CardError(f"{where}: the card is damaged: {explain(error)}") from None
+        raise ValueError(f"material.trained_with: {explain(error)}") from None
+
+
+def _contradictions(card: Card) -> Iterator[str]:
+    """What a card says in two ways that differ, and what no artefact is stored with."""
+    files = {SURROGATE, *([MEMBERS] if card.members else [])}
+    for name in sorted(files ^ set(card.payloads) - {PIPELINE}):
+        there = f"with {len(card.members)} members it has {', '.join(sorted(files))} and maybe {PIPELINE}"
+        yield f"payloads.{name}: is {'missing' if name in files else 'unknown'}; {there}"
+    design = card.training["design"]
+    hull = design.get("hull")
+    if (hull is None) != (card.domain.hull is None) or not _same(hull, card.domain.hull):
+        yield "domain.hull: must be the same as training.design.hull"
+    try:
+        reach = math.exp(design["perturbation"]["log_C33"]) if design.get("off_surface") else None
+    except (TypeError, KeyError, OverflowError):
+        yield f"training.design.perturbation: must be a table with the number log_C33, not {_shown(design.get('perturbation'))}"
+    bulk = card.domain.least_bulk, card.domain.greatest_bulk
+    if reach is not None and not _same(bulk, (1 / reach, reach)):
+        right = 1 / reach, reach
+        yield f"domain: least_bulk and greatest_bulk must be {right} by training.design.perturbation.log_C33, not {bulk}"
+    for key, part in (("", card), *((f"members.{number}.", member) for number, member in enumerate(card.members))):
+        yield from (f"{key}{problem}" for problem in _contradictions_of(part, card.kind))
+    identified = card.training.get("identification")
+    if identified is not None and not _same(identified["law"], card.material.trained_with):
+        yield f"training.identification.law: must be material.trained_with, {card.material.trained_with}, not {identified['law']}"
+
+
+def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
+    """The same of one surrogate: its material, domain and errors."""
+    material, domain = part.material, part.domain
+    if material.trained_with.get("law") != material.law:
+        yield f"material.law: must be that of material.trained_with, {_shown(material.trained_with.get('law'))}, not {_shown(material.law)}"
+    if material.law in LAWS:  # a user's own may not be there, and then none is asked for its parameters
+        try:
+            law = law_described(material)
+        except ValueError as error:
+            yield str(error)
+            return
+        right = law.describe()
+        for name in sorted(set(right) - set(material.trained_with)):
+            yield f"material.trained_with.{name}: is missing"
+        shape = energy_shape(law) if kind == EnergyNetwork.kind else law.shape
+        for name in sorted(set(shape) | set(material.shape)):
+            found, meant = (numbers.get(name, "not there") for numbers in (material.shape, shape))
+            if not _same(found, meant):
+                yield f"material.shape.{name}: must be {meant} by material.trained_with, not {found}"
+    if "box" not in part.errors:
+        yield "errors.box: is missing"
+        return
+    for low, high in (("least_stretch", "greatest_stretch"), ("least_bulk", "greatest_bulk")):
+        if getattr(domain, low) > getattr(domain, high):
+            yield f"domain.{low}: must be at most domain.{high}, {getattr(domain, high)}, not {getattr(domain, low)}"
+    examined = part.errors["box"]["stretch_range"]
+    for name, end in zip(("least_stretch", "greatest_stretch"), examined, strict=True):
+        if not _same(getattr(domain, name), end):
+            yield f"domain.{name}: must be that of errors.box.stretch_range, {end}, over which it was examined, not {getattr(domain, name)}"
+    for number, (*normal, distance) in enumerate(domain.hull or ()):
+        if not any(normal) or distance < 0:
+            yield f"domain.hull.{number}: must be n1, n2, d with n1 or n2 other than 0, and d, how far rest lies within, at least 0"
+    box = part.errors["box"]
+    rms, greatest = box["on_surface"]["rms"], box["on_surface"]["max"]
+    if rms > MOST_STORED:
+        yield f"errors.box.on_surface.rms: must be at most {MOST_STORED}, as nothing that is farther off is stored, not {rms}"
+    # Of n errors of that root mean square the greatest is at most this.
+    most = math.sqrt(box["n_samples"]) * rms
+    if not rms * (1 - SAME) <= greatest <= (1 + SAME) * most:
+        yield f"errors.box.on_surface.max: must be from rms to rms sqrt(n_samples), {rms} to {most}, not {greatest}"
+
+
+def _same(one, other) -> bool:
+    """Whether plain values are the same, numbers to `SAME`; tuples are lists."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return set(one) == set(other) and all(_same(one[key], other[key]) for key in one)
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in (one, other))
+    return math.isclose(one, other, rel_tol=SAME, abs_tol=0) if numbers else one == other
+
+
+def _leaves(value: Any, field: str = "") -> Iterator[tuple[str, Any]]:
+    """Everything that is no list and no table, with its dotted field."""
+    if isinstance(value, dict | list | tuple):
+        for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _leaves(inner, f"{field}.{key}" if field else str(key))
+    else:
+        yield field, value
+
+
+WORDS = {
+    "missing": "is missing",
+    "extra_forbidden": "is unknown: take it out",
+    "float_type": "must be a number",
+    "finite_number": "must be a finite number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "string_type": "must be text",
+    "string_unicode": "must be text in Unicode",
+    "string_pattern_mismatch": "must match {pattern}",
+    "greater_than": "must be greater than {gt:g}",
+    "greater_than_equal": "must be at least {ge:g}",
+    "too_short": "must have at least {min_length} entries",
+    "too_long": "must have at most {max_length} entries",
+    "dict_type": "must be a table",
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
+    "tuple_type": "must be a list",
+}
+"""What is wrong with a field, by pydantic's types of it."""
+
+
+def _told(error: ValidationError) -> str:
+    """All problems in one line, each with its field, what would be right and what is there."""
+    lines = []
+    for problem in error.errors():
+        field, kind = ".".join(map(str, problem["loc"])), problem["type"]
+        words = WORDS[kind].format(**problem.get("ctx", {})) if kind in WORDS else problem["msg"]
+        given = "" if kind in ("missing", "extra_forbidden") else f", not {_shown(problem['input'])}"
+        lines.append(f"{field}: {words}{given}")
+    return "; ".join(lines)
+
+
+def _shown(value: Any) -> str:
+    text = {dict: "a table", list: "a list", tuple: "a list"}.get(type(value)) or repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
 
 
 def _refuse(constant: str):
     raise ValueError(f"{constant} is not a number")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text} is too large a number")
+    return value
+
+
+def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise ValueError(f"{key!r} is there twice in one table")
+        found[key] = value
+    return found

@@ -17,7 +17,7 @@ from pathlib import Path
 import joblib
 import numpy as np
 
-from ..array_files import read_arrays
+from ..array_files import DamagedFile, read_arrays
 from ..forces import (
     FORCES,
     EnergyNetwork,
@@ -30,11 +30,24 @@ from ..forces import (
     PolynomialForce,
     SplineForce,
 )
-from ..materials import Law
-from ..scenes import MaterialSpec, Scene
-from .card import FORMAT, NAME_PATTERN, SCHEMA_VERSION, VERSION_PATTERN, Card, CardError, read_card
+from ..materials import LAWS, Law
+from ..scenes import Scene
+from .card import (
+    FORMAT,
+    MEMBERS,
+    NAME_PATTERN,
+    PIPELINE,
+    SCHEMA_VERSION,
+    SURROGATE,
+    VERSION_PATTERN,
+    Card,
+    CardError,
+    checked_card,
+    law_described,
+    read_card,
+)
 
-CARD, SURROGATE, MEMBERS, PIPELINE = "card.json", "surrogate.npz", "members.npz", "pipeline.joblib"
+CARD = "card.json"
 
 WHICH_MEMBER = re.compile(r"(.+)#(all|[1-9][0-9]{0,2})")
 """An artefact, and which of its committee is meant: a member by its number, or all beside what runs."""
@@ -210,11 +223,26 @@ def load_card(reference: str | Path) -> Card:
     >>> card
     <Card of neo-hookean@1: bond-force-network of neo-hookean>
     """
-    card, which = _card_of(find_artifact(reference)), parted(reference)[1]
-    return card if which in (None, ALL) else card.of_member(_number(card, which))
+    folder, which = find_artifact(reference), parted(reference)[1]
+    card = _card_of(folder)
+    return card if which in (None, ALL) else card.of_member(_number(folder, card, which))
 
 
-def _number(card: Card, which: str) -> int:
+def called(folder: Path, card: Card, which: str | None = None) -> str:
+    """What an artefact or a member of its committee is called: ``NAME@VERSION`` by its folder.
+
+    Where its card has another name, as that of a copy has, it stands behind.
+    """
+    placed = Path(os.path.abspath(folder))  # a link by its own name
+    if re.fullmatch(VERSION_PATTERN, placed.name) and re.fullmatch(NAME_PATTERN, placed.parent.name):
+        found = f"{placed.parent.name}@{placed.name}"
+    else:
+        found = placed.name
+    own = f"{card.name}@{card.version}"
+    return (f"{found}#{which}" if which else found) + (f" ({own} by its card)" if found != own else "")
+
+
+def _number(folder: Path, card: Card, which: str) -> int:
     """Number of a member of a committee.
 
     Raises
@@ -224,7 +252,7 @@ def _number(card: Card, which: str) -> int:
     """
     if int(which) > len(card.members):
         has = f"members #1 to #{len(card.members)}" if card.members else NO_COMMITTEE
-        raise ArtifactError(f"{card.name}@{card.version} has no member #{which}: it has {has}")
+        raise ArtifactError(f"{called(folder, card)} has no member #{which}: it has {has}")
     return int(which)
 
 
@@ -238,7 +266,7 @@ def _card_of(folder: Path) -> Card:
     except OSError as error:
         raise ArtifactError(f"{folder}: cannot read the card: {error.strerror}") from None
     try:
-        return read_card(data, str(folder))
+        return read_card(data, str(folder / CARD))
     except CardError as error:
         raise ArtifactError(str(error)) from None
 
@@ -276,38 +304,59 @@ def load_surrogate(reference: str | Path) -> ForceModel:
 def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
     card = _card_of(folder)
     if card.kind not in KINDS:
-        raise ArtifactError(f"{card.name}@{card.version}: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
-    name = f"{card.name}@{card.version}"
+        raise ArtifactError(f"{folder / CARD}: kind: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
     if which not in (None, ALL):
-        return _member(folder, card, _number(card, which))
-    model = _built(name, card, SURROGATE, _checked_payload(folder, card, SURROGATE, MOST_BYTES))
+        return _members(folder, card, [_number(folder, card, which)])[0]
+    name = called(folder, card, which)
+    if which == ALL and not card.members:
+        raise ArtifactError(f"{name}: it has {NO_COMMITTEE}")
+    model = _built(name, folder, card, SURROGATE, _arrays(folder, card, SURROGATE))
     if which is None:
         return model
-    if not card.members:
-        raise ArtifactError(f"{name}#{ALL}: it has {NO_COMMITTEE}")
+    numbers = range(1, len(card.members) + 1)
     members = tuple(
-        Member(_member(folder, card, number), law_of(of_member := card.of_member(number)), _modulus(of_member) / _modulus(card))
-        for number in range(1, len(card.members) + 1)
+        Member(found, law_of(of_member := card.of_member(number)), _modulus(of_member) / _modulus(card))
+        for number, found in zip(numbers, _members(folder, card, numbers), strict=True)
     )
-    return replace(model, name=f"{name}#{ALL}", members=members)
+    return replace(model, members=members)
 
 
-def _member(folder: Path, card: Card, number: int) -> ForceModel:
-    data = _checked_payload(folder, card, MEMBERS, MOST_BYTES)
-    return _built(f"{card.name}@{card.version}#{number}", card.of_member(number), MEMBERS, data, f"{number}.")
+def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[ForceModel]:
+    """Members of a committee by their numbers, from a file that is read once."""
+    arrays = _arrays(folder, card, MEMBERS)
+    held: dict[str, dict] = {}
+    for key, value in arrays.items():
+        number, _, own = key.partition(".")
+        held.setdefault(number, {})[own] = value
+    if set(held) != set(map(str, range(1, len(card.members) + 1))):
+        raise ArtifactError(f"{folder / CARD}: members: must be as many as in {MEMBERS}, {len(held)}, not {len(card.members)}")
+    return [_built(called(folder, card, str(number)), folder, card.of_member(number), MEMBERS, held[str(number)]) for number in numbers]
 
 
-def _built(name: str, card: Card, file: str, data: bytes, before: str = "") -> ForceModel:
-    """The model in the bytes of a payload, of the arrays whose names begin so, with what its card states."""
+def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
     try:
-        payload = {key.removeprefix(before): value for key, value in payload_of(data).items() if key.startswith(before)}
+        return payload_of(_checked_payload(folder, card, file, MOST_BYTES))
+    except DamagedFile as error:
+        raise ArtifactError(f"{called(folder, card)}: {file}: {error}") from None
+
+
+def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> ForceModel:
+    """The model in the arrays of a payload, with what its card states, which must be true of it."""
+    try:
         model = KINDS[card.kind].from_payload(name, payload, card.domain.build(), card.material.law, card.material.shape)
     except (ValueError, TypeError, OverflowError) as error:
-        raise ArtifactError(f"{name}: {file}: {error}") from None
-    stated = card.features.get("set")
-    if model.feature_set != stated:
-        raise ArtifactError(f"{name}: {file} has {model.feature_set} features, the card states {stated}")
-    return replace(model, stated=_stated(card))
+        raise ArtifactError(f"{name}: {file} holds no {card.kind}, the kind of its card: {error}") from None
+    for key, found in (("set", model.feature_set), ("names", list(model.features))):
+        stated = card.features[key]
+        if stated != found:
+            raise ArtifactError(f"{folder / CARD}: features.{key}: must be {found!r}, of which {file} is, not {stated!r}")
+    model = replace(model, stated=_stated(card))
+    if card.material.law in LAWS:
+        try:
+            model.check_material(law_of(card))
+        except ValueError as error:
+            raise ArtifactError(f"{folder / CARD}: material: {file} is not of the material that the card states: {error}") from None
+    return model
 
 
 def law_of(card: Card) -> Law:
@@ -316,12 +365,12 @@ def law_of(card: Card) -> Law:
     Raises
     ------
     ArtifactError
-        If it makes no sense.
+        If it is unknown.
     """
     try:
-        return MaterialSpec.model_validate(card.material.trained_with).build()
+        return law_described(card.material)
     except ValueError as error:
-        raise ArtifactError(f"{card.name}@{card.version}: the card's material makes no sense: {error}") from None
+        raise ArtifactError(f"{card.name}@{card.version}: the card's {error}") from None
 
 
 def _modulus(card: Card) -> float:
@@ -329,16 +378,13 @@ def _modulus(card: Card) -> float:
 
 
 def _stated(card: Card) -> dict[str, float] | None:
-    """Relative errors on the plane-stress surface of the box trained on, and K/mu there, if the card states them all."""
+    """Relative errors on the plane-stress surface of the box trained on, and K/mu there; None of a law that is not there to ask."""
+    errors, trained_with = card.errors["box"]["on_surface"], card.material.trained_with
     try:
-        errors, trained_with = card.errors["box"]["on_surface"], card.material.trained_with
-        return {
-            "rms": float(errors["rms"]),
-            "max": float(errors["max"]),
-            "bulk_ratio": trained_with["bulk_modulus"] / trained_with["shear_modulus"],
-        }
-    except (KeyError, TypeError, ValueError, ZeroDivisionError):
+        bulk_ratio = trained_with["bulk_modulus"] / trained_with["shear_modulus"]
+    except (KeyError, TypeError, ZeroDivisionError):
         return None
+    return {"rms": float(errors["rms"]), "max": float(errors["max"]), "bulk_ratio": bulk_ratio}
 
 
 def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
@@ -476,8 +522,10 @@ def save_artifact(
     """
     target = new_artifact(folder, card["name"], card["version"])
     Path(folder).mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{card['name']}-{card['version']}-", dir=folder))
+    held = Path(tempfile.mkdtemp(prefix=f".{card['name']}-{card['version']}-", dir=folder))
+    temporary = held / card["name"] / card["version"]
     try:
+        temporary.mkdir(parents=True)
         np.savez(temporary / SURROGATE, **surrogate.payload())
         contents = {SURROGATE: "the surrogate's constants: plain arrays, all that a simulation needs"}
         if members:
@@ -488,10 +536,12 @@ def save_artifact(
             joblib.dump(pipeline, temporary / PIPELINE, compress=0, protocol=4)
             contents[PIPELINE] = "fitted scikit-learn pipeline: a pickle of Python objects, loaded only on explicit trust"
         payloads = {name: _describe(temporary / name, what) for name, what in contents.items()}
-        full = Card(format=FORMAT, schema_version=SCHEMA_VERSION, **card, payloads=payloads)
+        try:
+            full = checked_card({"format": FORMAT, "schema_version": SCHEMA_VERSION, **card, "payloads": payloads})
+        except CardError as error:
+            raise ArtifactError(f"{card['name']}@{card['version']}: it cannot be stored with this card: {error}") from None
         (temporary / CARD).write_text(full.to_json(), encoding="utf-8")
         _surrogate_in(temporary, ALL if members else None)
-        temporary.chmod(0o755)
         target.parent.mkdir(exist_ok=True)
         try:
             os.rename(temporary, target)
@@ -500,7 +550,7 @@ def save_artifact(
                 raise
             raise ArtifactError(f"{card['name']}@{card['version']} exists already in {folder}; versions never change") from None
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        shutil.rmtree(held, ignore_errors=True)
     return target
 
 
@@ -511,7 +561,7 @@ def _describe(path: Path, contains: str) -> dict:
 
 def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) -> bytes:
     """Bytes of a payload whose size and digest are those of the card, at most so many."""
-    where = f"{card.name}@{card.version}: {name}"
+    where = f"{called(folder, card)}: {name}"
     if name not in card.payloads:
         raise ArtifactError(f"{where}: the artefact has none")
     stated = card.payloads[name]

@@ -269,7 +269,7 @@ def artifacts(
     as_json: AsJson = False,
 ) -> None:
     """List the artefacts that are found by name, or show one's card."""
-    from ..artifacts import ArtifactError, list_artifacts, load_card
+    from ..artifacts import ArtifactError, called, list_artifacts, load_card
 
     if reference is not None:
         with bad_input(ArtifactError):
@@ -282,18 +282,13 @@ def artifacts(
     for folder in list_artifacts():
         try:
             card = load_card(folder)
-            known.append({"name": card.name, "version": card.version, "kind": card.kind, "law": card.material.law, "path": str(folder)})
+            placed = {"name": folder.parent.name, "version": folder.name, "called": called(folder, card)}
+            known.append({**placed, "kind": card.kind, "law": card.material.law, "path": str(folder)})
         except ArtifactError as error:
             table.add_row(f"{folder.parent.name}@{folder.name}", f"[red]{escape(str(error))}[/]", "", "", str(folder))
             continue
-        error = card.errors.get("box", {}).get("on_surface", {}).get("rms")
-        table.add_row(
-            f"{card.name}@{card.version}",
-            card.material.law,
-            str(card.features.get("set", "")),
-            "" if error is None else f"{error:.1e}",
-            str(folder),
-        )
+        error = f"{card.errors['box']['on_surface']['rms']:.1e}"
+        table.add_row(escape(called(folder, card)), card.material.law, card.features["set"], error, str(folder))
     show(table)
     if as_json:
         print_json(known)

@@ -15,6 +15,7 @@ from sklearn.base import BaseEstimator, clone
 from sklearn.model_selection import KFold
 
 from ..artifacts import new_artifact, save_artifact
+from ..artifacts.card import MOST_STORED
 from ..body import WEIGHT_FUNCTIONS
 from ..forces import Domain
 from ..materials import Law
@@ -25,12 +26,8 @@ from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples, hull_of, reac
 from .target import InputAwareTargetRegressor
 from .validation import force_report, relative_errors
 
-MOST_STORED = 0.1
-"""RMS error on the plane-stress surface, relative to the force, beyond which a surrogate describes nothing and is not stored."""
-
-
 NOTED = 0.01
-"""The same beyond which it is said, as `pdsurrogate run` does of a stored one."""
+"""RMS error on the plane-stress surface, relative to the force, beyond which it is said; beyond `MOST_STORED` nothing is stored."""
 
 MEMBER_STATES = 5_000
 """Of each set by which the members of a committee are compared with their laws."""
@@ -43,13 +40,16 @@ class TooInexact(ValueError):
     """A fitted model that is too far from its law to be of use."""
 
 
-def check_worth_storing(errors: dict, what: str, law: Law) -> None:
-    """Raise `TooInexact` if the report of a model (`force_report`, `evaluate_energy`) says that it is too far from its law; warn if far."""
+def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is stored as", purpose: str = "written") -> None:
+    """Raise `TooInexact` if the report of a model (`force_report`, `evaluate_energy`) says that it is too far from its law; warn if far.
+
+    `role` is what the law is to the model, and `purpose` what the model is not taken for, in messages.
+    """
     rms = errors["on_surface"]["rms"]
     if NOTED < rms <= MOST_STORED:
         shape = "".join(f", {key} = {value:g}" for key, value in law.shape.items())
         warnings.warn(
-            f"{what} is off by {100 * rms:.2g} % RMS from {law.name}{shape}, the law that it was compared with and is stored as: was it "
+            f"{what} is off by {100 * rms:.2g} % RMS from {law.name}{shape}, the law that it was compared with and {role}: was it "
             "fitted to samples of another one, or too coarsely?",
             stacklevel=4,
         )
@@ -66,7 +66,7 @@ def check_worth_storing(errors: dict, what: str, law: Law) -> None:
         low, high = errors["stretch_range"]
         raise TooInexact(
             f"{what} is off by {100 * rms:.3g} % RMS at stretches from {low:g} to {high:g}, more than {100 * MOST_STORED:g} %, and is not "
-            "written: fit it to more samples, with a larger regressor or over a smaller range, and to samples of this law"
+            f"{purpose}: fit it to more samples, with a larger regressor or over a smaller range, and to samples of this law"
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..materials import Law
 from ..materials.law import checked_law
 from .energy import energy_network, evaluate_energy, form_of, range_of_stretches
 from .export import best_of, force_of, surrogate_of
+from .fitting import MEMBER_STATES, check_worth_storing
 from .pipeline import feature_set_of
 from .sampling import COLUMNS
 from .target import InputAwareTargetRegressor
@@ -62,6 +64,25 @@ def force_model_of(model: BaseEstimator, law: Law) -> LearntBondForce | LearntEn
     low, high = range_of_stretches(U_nn**2 + 2 * U_nm**2 + ((J + U_nm**2) / U_nn) ** 2, J)
     bulk = J * J * C33
     return surrogate_of(model, law, Domain(low, high, float(bulk.min()), float(bulk.max())), NAME)
+
+
+def stated_against(model: LearntBondForce | LearntEnergy, law: Law) -> LearntBondForce | LearntEnergy:
+    """A model with the errors against a law that its card would state, were it stored as a surrogate of that law.
+
+    So a run compares a fitted pipeline with its law as it compares the artefact that `pdsurrogate.store` would make of it.
+
+    Raises
+    ------
+    TooInexact
+        Where nothing would be stored.
+    """
+    if isinstance(model, LearntEnergy):
+        errors = evaluate_energy(model, law, n_samples=MEMBER_STATES)
+    else:
+        errors = force_report(model.bond_force, law, (model.domain.least_stretch, model.domain.greatest_stretch), MEMBER_STATES)
+    check_worth_storing(errors, model.name, law, "which the scene asks for", "run")
+    found = errors["on_surface"]
+    return replace(model, stated={"rms": found["rms"], "max": found["max"], "bulk_ratio": law.bulk_modulus / law.shear_modulus})
 
 
 def evaluate(

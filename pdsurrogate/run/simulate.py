@@ -21,7 +21,7 @@ from ..results.checkpoint import CheckpointError
 from ..results.contents import Contents
 from ..results.folder import check_room, make_room, occupied
 from ..results.provenance import provenance
-from ..scenes import Scene, load_scene
+from ..scenes import Scene, SceneError, load_scene
 from ..solvers import Diverging, NotConverged, RanAway, TooFar, Unstable
 from .interruption import Interrupted
 from .levels import go_through, solver_of
@@ -227,9 +227,14 @@ def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
     from sklearn.base import BaseEstimator
 
     if isinstance(force, BaseEstimator):
-        from ..learning.force_model import force_model_of
+        from ..learning.force_model import force_model_of, stated_against
 
-        return scene, force_model_of(force, scene.material.build())
+        law = scene.material.build()
+        model = force_model_of(force, law)
+        try:
+            return scene, stated_against(model, law)
+        except ValueError as error:
+            raise SceneError(f"scene {scene.name}: {error}") from None
     raise TypeError(
         "force must be a force model, the name of one, an artefact (NAME, NAME@VERSION or a path), a fitted bond_force_pipeline or "
         f"energy_pipeline, or an object with a bond_force or an energy, not {force!r}"

@@ -8,11 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..artifacts import load_card, load_surrogate
+from ..artifacts import law_of, load_card, load_surrogate
 from ..body import Body
 from ..forces import FORCES, ForceModel, ForceSettings, InternalForce
 from ..materials import PLANES, Law, NeoHookean, dimension_of, plane_stress
-from ..scenes import MaterialSpec
 from .bodies import regular
 
 PASS, WEAK, STOPS, INAPPLICABLE = "pass", "weak", "stops", "-"
@@ -128,7 +127,7 @@ class Subject:
         """A material that the model describes: its own, or Neo-Hookean rubber with K = 100 mu."""
         if self.reference in FORCES:
             return NeoHookean()
-        return MaterialSpec.model_validate(load_card(self.reference).material.trained_with).build()
+        return law_of(load_card(self.reference))
 
     def body(self, cells: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
         """A square of so many points a side, or a cube; see `pdsurrogate.stress_test.bodies.regular`."""

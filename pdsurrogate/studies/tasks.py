@@ -116,7 +116,7 @@ class FitTask:
             {
                 **summary,
                 **card.errors["box"],
-                "outcome": card.training.get("outcome", {}),
+                "outcome": card.training["outcome"],
                 "cross_validation": folds,
                 "cross_validated_rms": (sum(row["rms"] ** 2 for row in folds) / len(folds)) ** 0.5 if folds else None,
                 "seconds_total": time.perf_counter() - began,
