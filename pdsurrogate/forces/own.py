@@ -115,8 +115,17 @@ class OwnBondForce(ForceSurrogate):
         self._callback = _CALLED(self._evaluate_block)  # kept: its address is handed around
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
-        """Dimensionless (t_n, t_tau) of theory (9); see `ForceSurrogate.bond_force`."""
-        return self._force(*bond_arrays(stretch, rotation, length, C33, J))
+        """Dimensionless (t_n, t_tau) of theory (9); see `ForceSurrogate.bond_force`.
+
+        Raises
+        ------
+        ValueError
+            If it is not finite; says at which bond.
+        """
+        try:
+            return self._force(*bond_arrays(stretch, rotation, length, C33, J))
+        except OwnForceInvalid as error:
+            raise ValueError(str(error)) from error
 
     def _force(self, stretch, rotation, length, C33, J) -> np.ndarray:
         if self._gives_force:
@@ -203,7 +212,7 @@ class OwnBondForce(ForceSurrogate):
             If it is slightly so.
         """
         try:
-            found = self.bond_force(*TRIAL)
+            found = self._force(*bond_arrays(*TRIAL))
             if self._gives_force:
                 self._check_rest()
                 self._check_isotropy(found)
@@ -300,7 +309,7 @@ class OwnBondForce(ForceSurrogate):
 
     def _check_rest(self) -> None:
         lengths = np.array(TRIAL[2])
-        force = self.bond_force(1.0, 0.0, lengths, 1.0, 1.0)
+        force = self._force(*bond_arrays(1.0, 0.0, lengths, 1.0, 1.0))
         worst = np.linalg.norm(force, axis=1).argmax()
         t_n, t_tau = force[worst]
         self._judge(
@@ -313,7 +322,7 @@ class OwnBondForce(ForceSurrogate):
         """A bond turned the other way has the force mirrored; the stress by bonds along and across has the axes of the stretch."""
         stretch, rotation, length, C33, J = (np.array(quantity) for quantity in TRIAL)
         size = np.linalg.norm(found, axis=1).max()
-        mirrored = self.bond_force(stretch, -rotation, length, C33, J) * [1, -1]
+        mirrored = self._force(stretch, -rotation, length, C33, J) * [1, -1]
         off = np.linalg.norm(mirrored - found, axis=1)
         worst = off.argmax()
         self._judge(

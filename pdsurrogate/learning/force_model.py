@@ -10,7 +10,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
 from ..artifacts import load_surrogate
-from ..forces import Domain, ForceModel, ForceSurrogate, LearntBondForce, LearntEnergy
+from ..forces import AnalyticBondForce, Domain, ForceModel, ForceSurrogate, LearntBondForce, LearntEnergy
 from ..forces.bond_energy import EnergySurrogate
 from ..materials import Law
 from ..materials.law import checked_law
@@ -18,9 +18,9 @@ from .energy import energy_network, evaluate_energy, form_of, range_of_stretches
 from .export import best_of, force_of, surrogate_of
 from .fitting import MEMBER_STATES, check_worth_storing
 from .pipeline import feature_set_of
-from .sampling import COLUMNS
+from .sampling import COLUMNS, BondSamples
 from .target import InputAwareTargetRegressor
-from .validation import force_report
+from .validation import force_report, relative_errors
 
 NAME = "fitted pipeline"
 
@@ -66,10 +66,17 @@ def force_model_of(model: BaseEstimator, law: Law) -> LearntBondForce | LearntEn
     return surrogate_of(model, law, Domain(low, high, float(bulk.min()), float(bulk.max())), NAME)
 
 
-def stated_against(model: LearntBondForce | LearntEnergy, law: Law) -> LearntBondForce | LearntEnergy:
-    """A model with the errors against a law that its card would state, were it stored as a surrogate of that law.
+def stated_against(model: LearntBondForce | LearntEnergy, law: Law, states: np.ndarray) -> LearntBondForce | LearntEnergy:
+    """A model with its errors against a law where it was fitted, as the card of an artefact states them of its domain.
 
-    So a run compares a fitted pipeline with its law as it compares the artefact that `pdsurrogate.store` would make of it.
+    So a run judges a fitted pipeline and the artefact that `pdsurrogate.store` makes of it for that law by the same measure.
+
+    Parameters
+    ----------
+    model : LearntBondForce or LearntEnergy
+    law : Law
+    states : ndarray, shape (n, 5) or (n, 2)
+        Inputs that it was fitted to: of an energy its domain is all of them, of a bond force also what they were perturbed by.
 
     Raises
     ------
@@ -77,11 +84,12 @@ def stated_against(model: LearntBondForce | LearntEnergy, law: Law) -> LearntBon
         Where nothing would be stored.
     """
     if isinstance(model, LearntEnergy):
-        errors = evaluate_energy(model, law, n_samples=MEMBER_STATES)
+        found = evaluate_energy(model, law, n_samples=MEMBER_STATES)["on_surface"]
     else:
-        errors = force_report(model.bond_force, law, (model.domain.least_stretch, model.domain.greatest_stretch), MEMBER_STATES)
-    check_worth_storing(errors, model.name, law, "which the scene asks for", "run")
-    found = errors["on_surface"]
+        some = states[:: -(-len(states) // MEMBER_STATES)]
+        found = relative_errors(model.bond_force, BondSamples(some, AnalyticBondForce(law).bond_force(*some.T), {}))
+    reach = model.domain.least_stretch, model.domain.greatest_stretch
+    check_worth_storing({"on_surface": found, "stretch_range": reach}, model.name, law, "which the scene asks for", "run")
     return replace(model, stated={"rms": found["rms"], "max": found["max"], "bulk_ratio": law.bulk_modulus / law.shear_modulus})
 
 

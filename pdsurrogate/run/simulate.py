@@ -227,12 +227,13 @@ def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
     from sklearn.base import BaseEstimator
 
     if isinstance(force, BaseEstimator):
+        from ..learning.export import best_of
         from ..learning.force_model import force_model_of, stated_against
 
         law = scene.material.build()
         model = force_model_of(force, law)
         try:
-            return scene, stated_against(model, law)
+            return scene, stated_against(model, law, best_of(force).training_inputs_)
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
     raise TypeError(
