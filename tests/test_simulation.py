@@ -176,12 +176,13 @@ def test_the_default_method_falls_back_on_relaxation():
 
 
 def test_a_buckled_sheet_is_not_taken_for_the_compressed_one():
-    """`run uniaxial --set stretches=0.5 --set spacing=0.2` gave 15 % of the stress and `converged: true`.  Rounding starts the buckle."""
-    scene = pd.load_scene("uniaxial", {"spacing": 0.2, "stretches": [0.5]})
+    """`run uniaxial --set stretches=0.5 --set spacing=0.2` gave 15 % of the stress and `converged: true`.  A cut starts the buckle here."""
+    described = {"spacing": 0.2, "stretches": [0.5]}
+    cut = pd.load_scene("uniaxial", {**described, "precuts": [{"start": [1.5, 0.9], "end": [1.5, 1.0]}]})
     with pytest.raises(
-        SimulationFailed, match=r"the body buckles between the stretches 0\.5.*; equilibrium was followed to stretch 0\.5"
+        SimulationFailed, match=r"the body buckles between the stretches 0\.8.*; equilibrium was followed to stretch 0\.8"
     ) as caught:
-        simulate(scene, "neo-hookean")
+        simulate(cut, "neo-hookean")
     result = caught.value.result
     assert not result.summary["converged"]
     failed = [row for row in result.convergence if "failure" in row]
@@ -190,8 +191,20 @@ def test_a_buckled_sheet_is_not_taken_for_the_compressed_one():
         for row, before in zip(failed, accepted_before(result.convergence), strict=True)
     }
     assert shares == {1, 2, 4, 8, 16, 32, 64}
-    exact = simulate(scene, "analytic").levels[0]
-    assert abs(exact["nominal_stress_error"]) < 1e-5
+
+
+@pytest.mark.parametrize("force", ["neo-hookean", "analytic"])
+def test_without_a_cut_it_is_compressed_or_refused(force):
+    """In double precision it stays straight; in single precision that is up to rounding, and so to the versions of numpy and LLVM."""
+    try:
+        result = simulate(pd.load_scene("uniaxial", {"spacing": 0.2, "stretches": [0.5]}), force)
+    except SimulationFailed as failure:
+        refused = str(failure)
+    else:
+        assert abs(result.levels[0]["nominal_stress_error"]) < 1e-5
+        return
+    assert force == "neo-hookean"
+    assert "the body buckles between the stretches 0.5" in refused
 
 
 def accepted_before(history):
