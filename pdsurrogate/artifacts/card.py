@@ -253,9 +253,7 @@ def checked_card(content: Mapping[str, Any]) -> Card:
     CardError
         Names the fields, what is wrong with them and what would be right.
     """
-    for field, value in _leaves(content):
-        if not (value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))):
-            raise CardError(f"{field}: must be a finite number, text, a list or a table, not {_shown(value)}")
+    check_plain(content)
     try:
         card = Card.model_validate(content)
     except (ValidationError, OverflowError) as error:
@@ -263,6 +261,13 @@ def checked_card(content: Mapping[str, Any]) -> Card:
     for problem in _contradictions(card):
         raise CardError(problem)
     return card
+
+
+def check_plain(content: Mapping[str, Any]) -> None:
+    """Raise CardError if there is something that a card cannot hold."""
+    for field, value in _leaves(dict(content)):
+        if not (value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))):
+            raise CardError(f"{field}: must be a finite number, text, a list or a table, not {_shown(value)}")
 
 
 def law_described(material: Material) -> Law:

@@ -17,6 +17,7 @@ from pathlib import Path
 import joblib
 import numpy as np
 
+from ..arguments import check_path
 from ..array_files import DamagedFile, read_arrays
 from ..forces import (
     FORCES,
@@ -104,6 +105,8 @@ def own_folder() -> Path:
 
 def next_version(folder: str | Path, name: str) -> str:
     """The version for a new artefact: one above the highest that the folder holds of that name, from 1 on."""
+    check_path(folder, "folder")
+    _check_name(name)
     versions = _versions(Path(folder) / name) if (Path(folder) / name).is_dir() else []
     return str(_version_key(versions[-1].name)[0] + 1) if versions else "1"
 
@@ -153,6 +156,7 @@ def find_artifact(reference: str | Path) -> Path:
     ArtifactError
         If there is none, and lists what there is; or if the text means an artefact by name and another one as a folder.
     """
+    check_path(reference, "an artefact's reference")
     reference, _ = parted(reference)
     text = str(reference)
     if isinstance(reference, Path) or text.startswith(".") or os.sep in text or (os.altsep or os.sep) in text:
@@ -477,15 +481,25 @@ def new_artifact(folder: str | Path, name: str, version: str) -> Path:
     ArtifactError
         If it exists already (versions are immutable), or name or version are not allowed, such as the name of a force model.
     """
-    for key, value, pattern in (("name", name, NAME_PATTERN), ("version", version, VERSION_PATTERN)):
-        if not isinstance(value, str) or not re.fullmatch(pattern, value):
-            raise ArtifactError(f"{key} {value!r} is not allowed: it must be text that matches {pattern}")
-    if name in FORCES:
-        raise ArtifactError(f"name {name!r} is not allowed: it is that of a force model, which would be taken for the artefact")
+    if not str(folder):
+        raise ArtifactError("a folder of artefacts is needed, and its name is empty; None is that in which they are found by name")
+    _check_name(name)
+    _check_matches("version", version, VERSION_PATTERN)
     target = Path(folder) / name / version
     if target.exists():
         raise ArtifactError(f"{name}@{version} exists already in {folder}; versions never change, choose another")
     return target
+
+
+def _check_name(name) -> None:
+    _check_matches("name", name, NAME_PATTERN)
+    if name in FORCES:
+        raise ArtifactError(f"name {name!r} is not allowed: it is that of a force model, which would be taken for the artefact")
+
+
+def _check_matches(key: str, value, pattern: str) -> None:
+    if not isinstance(value, str) or not re.fullmatch(pattern, value):
+        raise ArtifactError(f"{key} {value!r} is not allowed: it must be text that matches {pattern}")
 
 
 def save_artifact(

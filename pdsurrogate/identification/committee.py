@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from joblib import Parallel, delayed
 from sklearn.base import clone
+from sklearn.utils import check_X_y
+
+from ..arguments import check_estimator, check_jobs, check_seed, check_whole_number
 
 
 def committee(
@@ -57,10 +60,15 @@ def committee(
     >>> len(members)
     2
     """
-    X, y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
-    if n_members < 2:
-        raise ValueError(f"a committee has at least two members, not {n_members}")
+    check_estimator(regressor, "regressor")
+    check_whole_number(n_members, "n_members", 2)
+    check_seed(random_state)
+    check_jobs(n_jobs)
+    X, y = check_X_y(X, y)
     tests = np.arange(len(y)) if tests is None else np.asarray(tests)
+    for what, rows in (("tests", tests), ("sample_weight", sample_weight)):
+        if rows is not None and np.shape(rows) != y.shape:
+            raise ValueError(f"{what} must have one entry for each of the {len(y)} rows, not shape {np.shape(rows)}")
     kinds = np.unique(tests)
     if len(kinds) < 2:
         raise ValueError("a committee is drawn from at least two tests; there is one")

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..arguments import check_path
+
 MODES: dict[str, Callable] = {
     "uniaxial": lambda stretch: stretch**-0.5,
     "equibiaxial": lambda stretch: stretch,
@@ -127,6 +129,7 @@ def load_test_data(reference: str | Path) -> TestData:
     >>> data.up_to(3.0).stretches.shape[1]
     2
     """
+    check_path(reference, "test data")
     name = str(reference)
     if name in test_data_names():
         text = (resources.files(__package__) / f"{name}.csv").read_text("utf-8")

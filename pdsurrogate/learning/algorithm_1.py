@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..arguments import check_seed, check_whole_number
+from ..body import WEIGHT_FUNCTIONS
 from ..materials import Law
-from .sampling import BondSamples, checked_count, checked_law, checked_range, force_factor, force_on_bonds, log_stretches, on_surface
+from ..materials.law import check_number
+from .sampling import BondSamples, checked_law, checked_range, force_factor, force_on_bonds, log_stretches, on_surface
 
 LENGTHS, ORIENTATIONS = 2, 5
 """Bond lengths for every deformation gradient of Algorithm 1, and orientations for every length."""
@@ -56,7 +59,13 @@ def algorithm_1(
     (200, 5)
     """
     checked_law(law)
-    checked_count(n_samples)
+    check_whole_number(n_samples, "n_samples", 1)
+    check_seed(random_state)
+    check_number(horizon, "horizon")
+    if not 0 < horizon < np.inf:
+        raise ValueError(f"horizon must be positive and finite, not {horizon}")
+    if weight not in WEIGHT_FUNCTIONS:
+        raise ValueError(f"unknown weight {weight!r}; there are {', '.join(WEIGHT_FUNCTIONS)}")
     low, high = checked_range(stretch_range)
     random = np.random.default_rng(random_state)
     pairs = max(1, round(n_samples / (LENGTHS * ORIENTATIONS)))

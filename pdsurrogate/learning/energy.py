@@ -13,7 +13,8 @@ from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.validation import check_is_fitted
 
-from ..artifacts import new_artifact, save_artifact
+from ..arguments import check_is, check_seed, check_share, check_text, check_whole_number
+from ..artifacts import save_artifact
 from ..forces import Domain, EnergyNetwork, IsochoricNetwork, LearntEnergy
 from ..forces.bond_energy import EnergySurrogate
 from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
@@ -21,9 +22,9 @@ from ..materials import Law, plane_stress
 from ..materials.law import checked_law
 from .energy_form import EnergyForm, EnergySamples, checked_derivatives, checked_invariants
 from .export import best_of
-from .fitting import MEMBER_STATES, check_worth_storing, member_cards, versions
+from .fitting import MEMBER_STATES, check_storing, check_validation, check_worth_storing, committee_of, versions
 from .isochoric import ISOCHORIC
-from .sampling import checked_count, checked_range, hull_of, log_stretches, stretches_of_strain
+from .sampling import checked_range, hull_of, log_stretches, stretches_of_strain
 from .sobolev import SobolevNetwork, SobolevRegressor
 from .target import InputAwareTargetRegressor
 from .validation import strain_bins
@@ -175,9 +176,11 @@ def energy_design(
     [0.7, 2.0]
     """
     checked_law(law)
-    checked_count(n_samples)
+    check_whole_number(n_samples, "n_samples", 1)
+    check_share(near_rest, "near_rest")
+    check_seed(random_state)
     form = ISOCHORIC if isochoric else SHEET
-    low, high = checked_range(stretch_range or form.stretch_range)
+    low, high = checked_range(form.stretch_range if stretch_range is None else stretch_range)
     logs = form.draw(np.random.default_rng(random_state), n_samples, low, high, near_rest)
     design = {
         "name": form.name,
@@ -269,6 +272,9 @@ def energy_surrogate_of(model: InputAwareTargetRegressor, law: Law, samples: Ene
     >>> pd.energy_surrogate_of(model.fit(samples.X, samples.y), law, samples)
     <IsochoricNetwork unsaved of neo-hookean>
     """
+    check_text(name, "name")
+    check_is(samples, EnergySamples, "samples", "energy_design draws")
+    checked_law(law)
     network_of(model)
     if form_of(model) is not samples.form:
         raise ValueError(f"the pipeline is of an {form_of(model).name} and the samples are of an {samples.form.name}")
@@ -356,7 +362,8 @@ def evaluate_energy(
         raise TypeError(f"an energy surrogate is evaluated, such as energy_surrogate_of makes of a pipeline, not a {type(model).__name__}")
     form = ISOCHORIC if isinstance(model, IsochoricNetwork) else SHEET
     domain = model.domain
-    low, high = stretch_range or ((domain.least_stretch, domain.greatest_stretch) if domain else (0.5, 4.0))
+    own = (domain.least_stretch, domain.greatest_stretch) if domain else (0.5, 4.0)
+    low, high = checked_range(own if stretch_range is None else stretch_range)
     samples = energy_design(law, n_samples, (low, high), 0.0, random_state, form is ISOCHORIC)
 
     def errors(samples):
@@ -423,6 +430,7 @@ def cross_validate_energy(
     >>> len(pd.cross_validate_energy(model, samples, folds=2))
     2
     """
+    check_validation(model, samples, EnergySamples, "energy_design", folds, random_state, progress)
     rows = []
     for number, (train, test) in enumerate(KFold(folds, shuffle=True, random_state=random_state).split(samples.X)):
         progress(number)
@@ -459,21 +467,22 @@ def store_energy(
     >>> path.parts[-2:]
     ('my-energy', '1')
     """
-    new_artifact(folder, name, version)
-    model = best_of(model)
-    surrogate = energy_surrogate_of(model, checked_law(law), samples, f"{name}@{version}")
-    errors = evaluate_energy(surrogate, law)
-    check_worth_storing(errors, f"{name}@{version}", law)
-    regressor, form = model.regressor_[-1], samples.form
+    check_storing(samples, EnergySamples, law, folder, name, version, description, cross_validation, search, identification, members)
+    form = samples.form
     if members and form is SHEET:
         raise ValueError("a committee is of bond forces, or of isochoric energies; the energy of a sheet has none")
-    committee = []
-    for number, (one, drawn, described) in enumerate(members, 1):
-        which = f"{name}@{version}#{number}"
-        found = energy_surrogate_of(best_of(one), checked_law(described), drawn, which)
-        report = evaluate_energy(found, described, n_samples=MEMBER_STATES)
-        check_worth_storing(report, which, described)
-        committee.append((found, report, described))
+    model, title = best_of(model), f"{name}@{version}"
+    surrogate = energy_surrogate_of(model, law, samples, title)
+    errors = evaluate_energy(surrogate, law)
+    check_worth_storing(errors, title, law)
+    committee, cards = committee_of(
+        members,
+        title,
+        lambda one, drawn, described, which: energy_surrogate_of(best_of(one), described, drawn, which),
+        lambda found, drawn, described: evaluate_energy(found, described, n_samples=MEMBER_STATES),
+        form.shape,
+    )
+    regressor = model.regressor_[-1]
     parameters = {
         key: list(value) if isinstance(value, tuple) else getattr(value, "__name__", value) for key, value in regressor.get_params().items()
     }
@@ -505,6 +514,6 @@ def store_energy(
         # Of a sheet the box's corners are states of little use that its errors are of.
         "errors": {"box": errors} | ({"stretches 0.8 to 4": evaluate_energy(surrogate, law, (0.8, 4.0))} if form is SHEET else {}),
         "made_with": versions(),
-        "members": member_cards(committee, [form.shape(described) for *_, described in committee]),
+        "members": cards,
     }
-    return save_artifact(folder, card, surrogate, model, [found for found, *_ in committee])
+    return save_artifact(folder, card, surrogate, model, committee)

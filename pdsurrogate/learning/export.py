@@ -137,9 +137,19 @@ def force_of(model) -> Callable:
                 f"{', '.join(COLUMNS)}, alone or within a bond_force_pipeline, which makes features of them"
             )
         return lambda *bond: _quietly(model, np.stack(np.broadcast_arrays(*bond), axis=1))
+    if isinstance(model, type):
+        raise TypeError(f"{model.__name__} is a class: give an instance of it")
     if callable(model):
-        return model
+        return lambda *bond: _checked_forces(model, *np.broadcast_arrays(*np.atleast_1d(*bond)))
     raise ValueError(f"a {type(model).__name__} is no model of a bond force")
+
+
+def _checked_forces(function: Callable, *bond) -> np.ndarray:
+    """What a user's function gives of bonds, if that is two numbers of each."""
+    force = np.asarray(function(*bond))
+    if force.shape != (len(bond[0]), 2):
+        raise ValueError(f"a function of bonds must give t_n and t_tau of each, an array of shape {(len(bond[0]), 2)}, not {force.shape}")
+    return force
 
 
 def _force_of_pipeline(model: InputAwareTargetRegressor) -> Callable:

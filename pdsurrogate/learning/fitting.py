@@ -14,8 +14,20 @@ from joblib import Parallel, delayed
 from sklearn.base import BaseEstimator, clone
 from sklearn.model_selection import KFold
 
+from ..arguments import (
+    check_called,
+    check_estimator,
+    check_is,
+    check_jobs,
+    check_path,
+    check_seed,
+    check_tables,
+    check_text,
+    check_whole_number,
+    kind_of,
+)
 from ..artifacts import new_artifact, save_artifact
-from ..artifacts.card import MOST_STORED
+from ..artifacts.card import MOST_STORED, check_plain
 from ..body import WEIGHT_FUNCTIONS
 from ..forces import Domain
 from ..materials import Law
@@ -102,9 +114,90 @@ def cross_validate(
     >>> [row["rms"] < 1e-2 for row in pd.cross_validate(model, samples, folds=2)]
     [True, True]
     """
+    check_validation(model, samples, BondSamples, "wide_design", folds, random_state, progress)
+    check_jobs(n_jobs)
     splits = _told(KFold(folds, shuffle=True, random_state=random_state).split(samples.X), progress)
     errors = Parallel(n_jobs)(delayed(_error_left_out)(clone(model), samples, train, test) for train, test in splits)
     return [{"fold": number, **error} for number, error in enumerate(errors)]
+
+
+def check_validation(model, samples, kind: type, maker: str, folds: int, random_state: int, progress: Callable) -> None:
+    """Raise TypeError or ValueError for what a cross-validation cannot be made of."""
+    check_estimator(model)
+    check_is(samples, kind, "samples", f"{maker} draws")
+    check_whole_number(folds, "folds", 2, len(samples))
+    check_seed(random_state)
+    check_called(progress, "progress")
+
+
+def check_storing(
+    samples,
+    kind: type,
+    law,
+    folder,
+    name,
+    version,
+    description,
+    cross_validation,
+    search,
+    identification,
+    members,
+) -> None:
+    """Raise TypeError or ValueError for what `pdsurrogate.store` cannot make an artefact of; ArtifactError for a name that is taken."""
+    check_is(samples, kind, "samples", "a design draws")
+    checked_law(law)
+    check_path(folder, "folder")
+    new_artifact(folder, name, version)
+    check_text(description, "description")
+    check_tables(cross_validation, "cross_validation")
+    check_tables(search, "search")
+    if not isinstance(identification, dict | None):
+        raise TypeError(f"identification must be a dictionary, or None, not {kind_of(identification)}")
+    check_plain({"cross_validation": cross_validation, "search": search, "identification": identification})
+    if not isinstance(members, list | tuple):
+        raise TypeError(f"members must be a list of tuples, each a fitted model, its samples and its law, not {kind_of(members)}")
+    for number, member in enumerate(members, 1):
+        if not isinstance(member, list | tuple) or len(member) != 3:
+            raise TypeError(f"member {number} must be a tuple of a fitted model, its samples and its law, not {kind_of(member)}")
+        check_is(member[1], kind, f"the samples of member {number}", "a design draws")
+        checked_law(member[2])
+
+
+def committee_of(members: Sequence[tuple], title: str, built: Callable, examined: Callable, shape: Callable) -> tuple[list, list[dict]]:
+    """Surrogates of the members of a committee, and what its card says of them.
+
+    Parameters
+    ----------
+    members : sequence of tuple
+        See `pdsurrogate.store`.
+    title : str
+        ``NAME@VERSION``.
+    built : callable
+        ``built(model, samples, law, title)``: the surrogate of a member.
+    examined : callable
+        ``examined(surrogate, samples, law)``: its errors.
+    shape : callable
+        The dimensionless parameters of a law that matter to it.
+
+    Raises
+    ------
+    TooInexact
+        See `check_worth_storing`.
+    """
+    surrogates, cards = [], []
+    for number, (model, samples, law) in enumerate(members, 1):
+        which = f"{title}#{number}"
+        surrogates.append(built(model, samples, law, which))
+        report = examined(surrogates[-1], samples, law)
+        check_worth_storing(report, which, law)
+        cards.append(
+            {
+                "material": {"law": law.name, "trained_with": law.describe(), "shape": shape(law)},
+                "domain": asdict(surrogates[-1].domain),
+                "errors": {"box": {key: report[key] for key in ("stretch_range", "n_samples", "on_surface")}},
+            }
+        )
+    return surrogates, cards
 
 
 def _told(splits: Iterable, progress: Callable[[int], None]) -> Iterator:
@@ -133,22 +226,22 @@ def store_bond_force(
     members: Sequence[tuple] = (),
 ) -> Path:
     """Write the artefact of a model of a bond force with a full card; see `pdsurrogate.store`."""
-    new_artifact(folder, name, version)
-    checked_law(law)
-    committee = []
-    for number, (one, drawn, described) in enumerate(members, 1):
-        which = f"{name}@{version}#{number}"
-        found, _ = taken_over(one, checked_law(described), domain_of(drawn), which, drawn.X)
-        report = force_report(found.bond_force, described, tuple(drawn.design["stretch_range"]), MEMBER_STATES)
-        check_worth_storing(report, which, described)
-        committee.append((found, report, described))
+    check_storing(samples, BondSamples, law, folder, name, version, description, cross_validation, search, identification, members)
+    title = f"{name}@{version}"
+    committee, cards = committee_of(
+        members,
+        title,
+        lambda one, drawn, described, which: taken_over(one, described, domain_of(drawn), which, drawn.X)[0],
+        lambda found, drawn, described: force_report(found.bond_force, described, tuple(drawn.design["stretch_range"]), MEMBER_STATES),
+        lambda described: described.shape,
+    )
     if search is None and hasattr(model, "cv_results_"):
         search = search_table(model)
     model = best_of(model)
-    surrogate, resampling = taken_over(model, law, domain_of(samples), f"{name}@{version}", samples.X)
+    surrogate, resampling = taken_over(model, law, domain_of(samples), title, samples.X)
     low, high = samples.design["stretch_range"]
     errors = {"box": force_report(surrogate.bond_force, law, (low, high))}
-    check_worth_storing(errors["box"], f"{name}@{version}", law)
+    check_worth_storing(errors["box"], title, law)
     if low > 0.5 and reachable_stretches(law) == (0.5, 4.0):
         errors["outside_box"] = force_report(surrogate.bond_force, law, (0.5, 4.0))
     regressor = regressor_of(model) if isinstance(model, InputAwareTargetRegressor) else model
@@ -184,22 +277,10 @@ def store_bond_force(
         "domain": asdict(surrogate.domain),
         "errors": errors,
         "made_with": versions(),
-        "members": member_cards(committee, [described.shape for *_, described in committee]),
+        "members": cards,
     }
     kept = model if isinstance(model, BaseEstimator) else None
-    return save_artifact(folder, card, surrogate, kept, [found for found, *_ in committee])
-
-
-def member_cards(committee: list[tuple], shapes: list[dict]) -> list[dict]:
-    """What a card says of the members of a committee: surrogates, reports and laws, and the shape of each law."""
-    return [
-        {
-            "material": {"law": law.name, "trained_with": law.describe(), "shape": shape},
-            "domain": asdict(found.domain),
-            "errors": {"box": {key: report[key] for key in ("stretch_range", "n_samples", "on_surface")}},
-        }
-        for (found, report, law), shape in zip(committee, shapes, strict=True)
-    ]
+    return save_artifact(folder, card, surrogate, kept, committee)
 
 
 def _scaling(model) -> dict:

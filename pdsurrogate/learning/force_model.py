@@ -18,7 +18,7 @@ from .energy import energy_network, evaluate_energy, form_of, range_of_stretches
 from .export import best_of, force_of, surrogate_of
 from .fitting import MEMBER_STATES, check_worth_storing
 from .pipeline import feature_set_of
-from .sampling import COLUMNS, BondSamples
+from .sampling import COLUMNS, BondSamples, checked_range
 from .target import InputAwareTargetRegressor
 from .validation import force_report, relative_errors
 
@@ -142,5 +142,6 @@ def evaluate(
     if isinstance(model, ForceModel) and not isinstance(model, ForceSurrogate):
         raise TypeError(f"{model.name} has no bond force of its own to evaluate")
     domain = getattr(model, "domain", None)
-    stretches = stretch_range or ((domain.least_stretch, domain.greatest_stretch) if isinstance(domain, Domain) else (0.5, 4.0))
+    own = (domain.least_stretch, domain.greatest_stretch) if isinstance(domain, Domain) else (0.5, 4.0)
+    stretches = checked_range(own if stretch_range is None else stretch_range)
     return force_report(force_of(model), law, stretches, n_samples, random_state)

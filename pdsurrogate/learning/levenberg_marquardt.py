@@ -139,8 +139,10 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         if self.validation_fraction + self.test_fraction >= 1:
             raise ValueError("validation_fraction and test_fraction leave nothing to train on")
         sizes = np.atleast_1d(self.hidden_layer_sizes).astype(int)
-        if (sizes < 1).any():
-            raise ValueError(f"every hidden layer needs at least one unit, hidden_layer_sizes is {self.hidden_layer_sizes}")
+        if not sizes.size or (sizes < 1).any():
+            raise ValueError(
+                f"there is at least one hidden layer, and each needs at least one unit, hidden_layer_sizes is {self.hidden_layer_sizes}"
+            )
         X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
         y = np.asarray(y, dtype=np.float64)
         self._single_output = y.ndim == 1

@@ -66,7 +66,7 @@ def bond_force_pipeline(
     >>> model.predict(samples.X).shape
     (500, 2)
     """
-    if features not in FEATURE_SETS:
+    if not isinstance(features, str) or features not in FEATURE_SETS:
         raise ValueError(f"unknown features {features!r}; there are {', '.join(FEATURE_SETS)}")
     factor = None if weight is None else partial(force_factor, horizon=horizon, weight=weight, shear_modulus=shear_modulus)
     anchored = FEATURE_SETS[features].anchored

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from numbers import Integral
 
 import numpy as np
 
+from ..arguments import check_seed, check_share, check_whole_number
 from ..body import WEIGHT_FUNCTIONS
 from ..materials import Law, plane_stress
 from ..materials.law import checked_law
@@ -92,7 +92,10 @@ def wide_design(
     (300, 5)
     """
     checked_law(law)
-    checked_count(n_samples)
+    check_whole_number(n_samples, "n_samples", 1)
+    check_share(near_rest, "near_rest")
+    check_share(off_surface, "off_surface")
+    check_seed(random_state)
     low, high = checked_range(stretch_range)
     random = np.random.default_rng(random_state)
     logs = log_stretches(random, n_samples, low, high, near_rest)
@@ -237,14 +240,6 @@ def force_factor(length, horizon: float, weight: str, shear_modulus: float):
     return function.function(length, horizon) * length * shear_modulus / (function.moments[0] * horizon**4)
 
 
-def checked_count(n_samples) -> None:
-    """Raise TypeError or ValueError if a number of samples is none."""
-    if not isinstance(n_samples, Integral) or isinstance(n_samples, bool):
-        raise TypeError(f"n_samples must be a whole number, not {n_samples!r}")
-    if n_samples < 1:
-        raise ValueError(f"n_samples must be at least 1, not {n_samples}")
-
-
 def checked_range(stretch_range) -> tuple[float, float]:
     """A range of principal stretches, which the undeformed state lies within: forces, domains and errors all start from there.
 
@@ -253,7 +248,12 @@ def checked_range(stretch_range) -> tuple[float, float]:
     ValueError
         If it is none.
     """
-    low, high = (float(value) for value in stretch_range)
+    try:
+        low, high = map(float, stretch_range)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"stretch_range must be two numbers, the least principal stretch and the greatest, not {stretch_range!r}"
+        ) from None
     if not (np.isfinite(high) and 0 < low < 1 < high):
         raise ValueError(f"a range of principal stretches needs 0 < least < 1 < greatest, finite, not {low:g} and {high:g}")
     return low, high

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..arguments import kind_of
 from ..artifacts import next_version, own_folder
 from ..materials import Law
 from .energy import store_energy
@@ -78,6 +79,8 @@ def store(
     >>> path.parts[-2:]
     ('my-rubber', '1')
     """
+    if not isinstance(samples, BondSamples | EnergySamples):
+        raise TypeError(f"samples must be BondSamples or EnergySamples, such as wide_design and energy_design draw, not {kind_of(samples)}")
     folder = own_folder() if folder is None else folder
     version = next_version(folder, name) if version is None else version
     keep = store_energy if isinstance(samples, EnergySamples) else store_bond_force

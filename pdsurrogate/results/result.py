@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from ..arguments import check_path
 from ..body import Body, CellMesh
 from ..html_tables import html_facts, html_table
 from ..scenes import Scene, Units
@@ -377,6 +378,7 @@ def load_result(folder: str | Path) -> Result:
     >>> pd.load_result(folder)
     <Result of uniaxial with neo-hookean@2: 48 points, 1 state>
     """
+    check_path(folder, "folder")
     folder = Path(folder)
     name = saved_scene(folder)
     if name is None:

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+from ..arguments import check_is
 from ..body import Body
 from ..discretisation import discretise, surface_of
 from ..results import figures, views
@@ -64,6 +65,7 @@ def preview(scene: Scene) -> Figure:
     >>> [text.get_text() for text in figure.legends[0].get_texts()]
     ['east: x2 = 0', 'west: x2 = 0', 'north: x1 = 0', 'south: x1 = 0', 'holes: pressure 1', 'probe']
     """
+    check_is(scene, Scene, "scene", "load_scene gives")
     body, lower, upper = discretise(scene)
     try:
         regions = BodyRegions(scene, body, lower, upper, lambda: surface_of(scene, body, lower, upper))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numba
 import numpy as np
@@ -44,6 +44,7 @@ MOST_GATHERED = 500_000
 first rank 0.16 GB and 10 s of its processor, in which the others wait."""
 
 
+@runtime_checkable
 class Progress(Protocol):
     """Where a simulation reports to."""
 

@@ -12,9 +12,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from .. import artifacts
+from ..arguments import check_is, check_path, check_whole_number
 from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
 from ..kernels.compile import compilation_clock
-from ..kernels.threads import thread_count
+from ..kernels.threads import most_threads, thread_count
 from ..ranks import communicator
 from ..results import Result
 from ..results.checkpoint import CheckpointError
@@ -156,7 +157,13 @@ def simulate(
     elif not isinstance(scene, Scene):
         raise TypeError(f"scene must be a Scene, or the name or file of one, not {scene!r}")
     scene, model = _model_of(force, scene)
+    if progress is not None:
+        check_is(progress, Progress, "progress", "an object with the methods of pdsurrogate.run.simulate.Progress")
     progress = progress or Silent()
+    if folder is not None:
+        check_path(folder, "folder")
+    if threads is not None:
+        check_whole_number(threads, "threads", 1, most_threads())
     if resume and folder is None:
         raise ValueError("a run is resumed from the folder of its results: give it")
     if resume and overwrite:

@@ -11,6 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from ..arguments import check_path
 from .model import Scene
 from .problems import SceneError, explain
 
@@ -50,6 +51,7 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
     >>> pd.load_scene("uniaxial", {"material.shear_modulus": 2.0}, spacing=0.1)
     <Scene uniaxial: rectangle, spacing 0.1 cm, neo-hookean, 3 stretches>
     """
+    check_path(reference, "a scene's reference")
     text, source = _text_of(reference)
     try:
         data = tomllib.loads(text)

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from ..arguments import check_path
 from ..scenes import MaterialSpec, SceneError, scene_names
 from ..scenes.problems import explain, suggestion
 from ..scenes.strict_model import Finite, Positive, StrictModel, Whole
@@ -240,6 +241,7 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
         return given, "study", Path()
     if isinstance(given, Mapping):
         return _checked(dict(given), "study"), "study", Path()
+    check_path(given, "a study")
     path = Path(given)
     try:
         data = tomllib.loads(path.read_text("utf-8"))

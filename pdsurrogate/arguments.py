@@ -1,0 +1,82 @@
+"""What callers of public functions give, checked before work starts: an error names the argument and what would be right."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from numbers import Integral, Real
+from typing import Any
+
+
+def check_whole_number(value: Any, what: str, least: int, most: int | None = None) -> None:
+    """Raise TypeError if a value is no whole number, ValueError if it is less than `least` or more than `most`."""
+    if not isinstance(value, Integral) or isinstance(value, bool):
+        raise TypeError(f"{what} must be a whole number, not {value!r}")
+    if most is not None and not least <= value <= most:
+        raise ValueError(f"{what} must be from {least} to {most}, not {value}")
+    if value < least:
+        raise ValueError(f"{what} must be at least {least}, not {value}")
+
+
+def check_seed(value: Any) -> None:
+    """Raise TypeError or ValueError if a ``random_state`` is no whole number from 0 on that every generator takes."""
+    check_whole_number(value, "random_state", 0, 2**32 - 1)
+
+
+def check_share(value: Any, what: str) -> None:
+    """Raise TypeError or ValueError if a value is no number from 0 to 1."""
+    if not isinstance(value, Real) or isinstance(value, bool):
+        raise TypeError(f"{what} must be a number from 0 to 1, not {value!r}")
+    if not 0 <= value <= 1:
+        raise ValueError(f"{what} must be from 0 to 1, not {value}")
+
+
+def check_path(value: Any, what: str) -> None:
+    """Raise TypeError if a value is neither text nor a path."""
+    if not isinstance(value, str | os.PathLike):
+        raise TypeError(f"{what} must be text or a path, not {value!r}")
+
+
+def check_text(value: Any, what: str) -> None:
+    """Raise TypeError if a value is no text."""
+    if not isinstance(value, str):
+        raise TypeError(f"{what} must be text, not {value!r}")
+
+
+def check_is(value: Any, kind: type, what: str, such_as: str) -> None:
+    """Raise TypeError if a value is of another class; `such_as` says where one comes from."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{what} must be {kind.__name__}, such as {such_as}, not {kind_of(value)}")
+
+
+def check_estimator(value: Any, what: str = "model") -> None:
+    """Raise TypeError if a value cannot be cloned, fitted and asked as scikit-learn's estimators are."""
+    if isinstance(value, type):
+        raise TypeError(f"{what} must be an estimator, not its class: give {value.__name__}()")
+    if not all(callable(getattr(value, name, None)) for name in ("fit", "predict", "get_params")):
+        raise TypeError(f"{what} must be an estimator with fit, predict and get_params, not {kind_of(value)}")
+
+
+def check_jobs(value: Any) -> None:
+    """Raise TypeError or ValueError if a number of joblib's jobs is none: a whole number other than 0, or None."""
+    if value is not None and (not isinstance(value, Integral) or isinstance(value, bool)):
+        raise TypeError(f"n_jobs must be a whole number or None, not {value!r}")
+    if value == 0:
+        raise ValueError("n_jobs must be at least 1, or -1 for all cores, not 0")
+
+
+def check_called(value: Callable, what: str) -> None:
+    """Raise TypeError if a value cannot be called."""
+    if not callable(value):
+        raise TypeError(f"{what} must be a function, not {value!r}")
+
+
+def check_tables(value: Iterable | None, what: str) -> None:
+    """Raise TypeError if a value is neither a list of dictionaries nor None."""
+    if value is not None and not (isinstance(value, list | tuple) and all(isinstance(row, dict) for row in value)):
+        raise TypeError(f"{what} must be a list of dictionaries, or None, not {kind_of(value)}")
+
+
+def kind_of(value: Any) -> str:
+    """A value in a message: plain ones as they are, all others by their class."""
+    return repr(value) if value is None or isinstance(value, bool | int | float | str | bytes) else f"a {type(value).__name__}"
