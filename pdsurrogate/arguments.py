@@ -8,13 +8,13 @@ from numbers import Integral, Real
 from typing import Any
 
 
-def check_whole_number(value: Any, what: str, least: int, most: int | None = None) -> None:
+def check_whole_number(value: Any, what: str, least: int | None = None, most: int | None = None) -> None:
     """Raise TypeError if a value is no whole number, ValueError if it is less than `least` or more than `most`."""
     if not isinstance(value, Integral) or isinstance(value, bool):
         raise TypeError(f"{what} must be a whole number, not {value!r}")
-    if most is not None and not least <= value <= most:
+    if least is not None and most is not None and not least <= value <= most:
         raise ValueError(f"{what} must be from {least} to {most}, not {value}")
-    if value < least:
+    if least is not None and value < least:
         raise ValueError(f"{what} must be at least {least}, not {value}")
 
 

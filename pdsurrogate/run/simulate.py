@@ -15,7 +15,7 @@ from .. import artifacts
 from ..arguments import check_is, check_path, check_whole_number
 from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
 from ..kernels.compile import compilation_clock
-from ..kernels.threads import most_threads, thread_count
+from ..kernels.threads import thread_count
 from ..ranks import communicator
 from ..results import Result
 from ..results.checkpoint import CheckpointError
@@ -163,7 +163,7 @@ def simulate(
     if folder is not None:
         check_path(folder, "folder")
     if threads is not None:
-        check_whole_number(threads, "threads", 1, most_threads())
+        check_whole_number(threads, "threads")  # how many there are is told by `thread_count`
     if resume and folder is None:
         raise ValueError("a run is resumed from the folder of its results: give it")
     if resume and overwrite:
