@@ -17,6 +17,7 @@ import scipy
 import pdsurrogate as pd
 from pdsurrogate.results import vtk
 from pdsurrogate.results.measures import POINT_FIELDS
+from pdsurrogate.studies.table import KEYS_OF_LEVELS, KEYS_OF_RUNS
 
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "docs" / "guide" / "results.md").read_text()
@@ -189,6 +190,11 @@ def test_every_key_of_the_summary_is_in_its_table(folders):
     ) - {"levels", "ranks"}  # of several ranks
     levels = set().union(*(level for summary in summaries for level in summary["levels"]))
     assert levels == set(table_under("key in `levels`"))
+
+
+def test_studies_take_every_key_as_a_quantity():
+    assert {key.partition(".")[0] for key in table_under("key of `summary.json`")} == set(KEYS_OF_RUNS)
+    assert set(table_under("key in `levels`")) == set(KEYS_OF_LEVELS)
 
 
 def test_every_field_of_a_state_is_in_its_table(folders):

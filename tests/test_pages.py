@@ -111,7 +111,7 @@ def six_runs(folder: Path, printed: list[str]) -> None:
 
 def drawn(*names: str):
     def check(folder: Path, printed: list[str]) -> None:
-        assert all((folder / name).stat().st_size > 5000 for name in names)
+        assert all((folder / name).stat().st_size > 2000 for name in names)
 
     return check
 

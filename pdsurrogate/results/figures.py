@@ -17,9 +17,20 @@ STYLE = {
     "axes.titlesize": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
+    "axes.formatter.useoffset": False,
     "figure.dpi": 150,
     "savefig.bbox": "tight",
 }
+
+
+INCHES_OF_A_LETTER = 0.075
+"""Width in the font of `STYLE`, on average."""
+
+ONE_COLOUR = 1e-4
+"""Of the greatest value: fields that differ by less are shown in one colour.  Equilibria are found to some 1e-6."""
+
+MOST_TICKS = 6
+"""Along the axis of a curve: more numbers, of times above all, would run into each other."""
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -34,9 +45,9 @@ def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
 
 
 def limits_of(values: np.ndarray) -> tuple[float, float]:
-    """Ends of a scale of colours: what is nearly one value is shown in one colour, since rounding is not worth a rainbow."""
+    """Ends of a scale of colours: what is nearly one value is shown in one colour, since what a solver leaves is not worth a rainbow."""
     low, high = float(values.min()), float(values.max())
-    return low, low + max(high - low, 1e-9 * max(abs(low), abs(high), 1e-300))
+    return low, low + max(high - low, ONE_COLOUR * max(abs(low), abs(high), 1e-300))
 
 
 def draw_cells(axis, cells: np.ndarray, values: np.ndarray, **limits):
@@ -59,6 +70,7 @@ def loading_figure(stretches: list[float], stresses: list[float], references: li
             axis.plot(*zip(*references, strict=True), "o", mfc="none", color="black", label="reference")
             axis.legend(frameon=False)
         axis.set(xlabel="stretch", ylabel=f"nominal stress ({unit})")
+        axis.locator_params(axis="x", nbins=MOST_TICKS)
         return figure
 
 
@@ -72,6 +84,7 @@ def forces_figure(t: list[float], forces: dict[str, list[float]], unit: str) -> 
         if forces:
             axis.legend(frameon=False)
         axis.set(xlabel="t", ylabel=f"force on the body ({unit})")
+        axis.locator_params(axis="x", nbins=MOST_TICKS)
         return figure
 
 
@@ -84,8 +97,10 @@ def energies_figure(label: str, places: list[float], energies: dict[str, list[fl
         axis = figure.subplots()
         for name, values in energies.items():
             axis.plot(places, values, ".-" if len(places) < 30 else "-", lw=1.2, ms=4, label=name.replace("_", " "))
-        axis.legend(frameon=False)
+        # Above: within the curves, which may go anywhere, it would lie over one.
+        figure.legend(loc="outside upper center", ncols=3, frameon=False)
         axis.set(xlabel=label, ylabel=f"energy ({unit})")
+        axis.locator_params(axis="x", nbins=MOST_TICKS)
         return figure
 
 
@@ -101,7 +116,7 @@ def contour_figure(
     values : list of ndarray, shape (n,)
         What they are coloured by.
     label : str
-        Of the colour bars.
+        Of the colour bars; where one is too short for it, it stands in the titles.
     titles : list of str
     scale : tuple of float, optional
         Ends of the scale of colours of all; by default those of the values of each.
@@ -113,13 +128,17 @@ def contour_figure(
             inches = 6.0 / extents[:, 0].max()
             figure = Figure(figsize=(7.2, (extents[:, 1] * inches + 0.35).sum()), layout="constrained")
             axes = figure.subplots(len(cells), 1, squeeze=False, gridspec_kw={"height_ratios": extents[:, 1]})[:, 0]
+            shortest = extents[:, 1].min() * inches
         else:
             inches = 7.2 / (extents[:, 0].sum() * 1.3)
             figure = Figure(figsize=(7.2, extents[:, 1].max() * inches + 0.5), layout="constrained")
             axes = figure.subplots(1, len(cells), squeeze=False, gridspec_kw={"width_ratios": extents[:, 0]})[0]
+            shortest = extents[:, 1].max() * inches
+        if len(label) * INCHES_OF_A_LETTER > shortest:
+            titles, label = [f"{label}, {title}" for title in titles], ""
         for axis, corners, value, title in zip(axes, cells, values, titles, strict=True):
             drawn = draw_cells(axis, corners, value, clim=scale or limits_of(value))
-            axis.set_title(title, pad=2)
+            axis.set_title(title, pad=4)
             # One scale of length for all: every axis shows as much as the largest body needs along its common side.
             middle = corners.mean(axis=(0, 1))
             if wide:

@@ -17,6 +17,12 @@ from .vtk import CELL_TYPES
 SIZE = (1400, 700)
 """Of a picture, in pixels."""
 
+COLOUR_BAR = {
+    **{"vertical": True, "position_x": 0.8, "position_y": 0.2, "width": 0.07, "height": 0.6},
+    **{"n_labels": 5, "fmt": "%.3g", "title_font_size": 20, "label_font_size": 18},
+}
+"""Beside the cut, in parts of its half of the picture."""
+
 
 def save(
     cells: CellMesh, moved: np.ndarray, values: np.ndarray, label: str, title: str, path: Path, scale: tuple[float, float] | None = None
@@ -44,12 +50,17 @@ def save(
     drawn = pyvista.Plotter(off_screen=True, shape=(1, 2), window_size=SIZE, border=False)
     for number, part in enumerate((grid, cut)):
         drawn.subplot(0, number)
-        drawn.add_mesh(part.warp_by_vector("u"), scalars=label, cmap="turbo", clim=limits, show_scalar_bar=number == 1)
+        # Shaded no more than shows the shape: a colour that light darkens is another value.  A cut is flat.
+        light = {"ambient": 0.45, "diffuse": 0.6} if number == 0 else {"lighting": False}
+        drawn.add_mesh(part.warp_by_vector("u"), scalars=label, cmap="turbo", clim=limits, show_scalar_bar=False, **light)
         # From outside as by matplotlib; of the cut, its lower coordinate runs to the right and the other one up.
         eye = views.EYE if number == 0 else np.eye(3)[axis] * (-1 if axis == 1 else 1)
         drawn.view_vector(eye, viewup=np.eye(3)[2 if number == 0 or axis != 2 else 1])
         drawn.enable_parallel_projection()
+    drawn.add_scalar_bar(label, **COLOUR_BAR)
     drawn.subplot(0, 0)
-    drawn.add_text(title, font_size=10)
+    drawn.add_text(title, font_size=12)
+    drawn.subplot(0, 1)
+    drawn.add_text(f"cut at x{axis + 1} = {middle:.4g}, undeformed", font_size=12)
     write_with(path, lambda temporary: drawn.screenshot(str(temporary)))
     drawn.close()

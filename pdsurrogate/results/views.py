@@ -58,7 +58,7 @@ def contour_figure(
             outside = figure.add_subplot(len(moved), 2, 2 * number + 1, projection="3d", computed_zorder=False)
             draw_outside(outside, cells, nodes, matplotlib.colormaps["turbo"](limits(value)))
             outside.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-            outside.set_box_aspect(high - low, zoom=1.1)
+            outside.set_box_aspect(high - low, zoom=1.25)
             outside.set_title(title, pad=0)
             cut = figure.add_subplot(len(moved), 2, 2 * number + 2)
             polygons, owners = section(cells, nodes, axis, middle)
@@ -67,8 +67,8 @@ def contour_figure(
             cut.add_collection(drawn)
             cut.set(aspect="equal", xlim=(low[across[0]], high[across[0]]), ylim=(low[across[1]], high[across[1]]))
             cut.set_axis_off()
-            cut.set_title(f"cut at x{axis + 1} = {middle:.4g} of the undeformed body", pad=2)
-            figure.colorbar(drawn, ax=cut, label=label, fraction=0.05, pad=0.01)
+            cut.set_title(f"cut at x{axis + 1} = {middle:.4g}, undeformed", pad=2)
+            figure.colorbar(drawn, ax=cut, label=label, fraction=0.05, pad=0.05, shrink=0.8)
         return figure
 
 

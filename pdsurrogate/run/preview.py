@@ -8,6 +8,7 @@ import matplotlib
 import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -145,7 +146,7 @@ def _in_the_plane(scene: Scene, body: Body, marks: list[_Mark], outline: np.ndar
     low, high = polygons.min(axis=(0, 1)), polygons.max(axis=(0, 1))
     extent = (high - low).max()
     size = (high - low) / extent * 5.0
-    figure = Figure(figsize=(size[0] + 2.6, max(size[1] + 0.8, 1.6)), layout="constrained")
+    figure = Figure(figsize=(size[0] + 2.6, max(size[1] + 0.8, 1.6)), layout=ConstrainedLayoutEngine(w_pad=0.15))
     axis = figure.subplots()
     colours, of_marks = _colours(body, marks)
     edges = {"edgecolors": "white", "linewidths": 0.3} if len(body) <= MOST_CELLS_WITH_EDGES else {"edgecolors": "face", "linewidths": 0.2}
@@ -194,7 +195,12 @@ def _in_space(scene: Scene, body: Body, marks: list[_Mark]) -> Figure:
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(high - low, zoom=0.95)
     axes.set_axis_on()
-    axes.set(xticks=[], yticks=[], zticks=[], xlabel="x1", ylabel="x2", zlabel="x3")
+    lengths = [
+        f"x{number}: {one:.4g} to {other:.4g} {scene.units.length}" for number, (one, other) in enumerate(zip(low, high, strict=True), 1)
+    ]
+    axes.set(xticks=[], yticks=[], zticks=[], xlabel=lengths[0], ylabel=lengths[1], zlabel=lengths[2])
+    for each in (axes.xaxis, axes.yaxis, axes.zaxis):
+        each.labelpad = -5  # there are no ticks between it and the axis
     axes.set_title(_title(scene, body))
     _legend(figure, scene, marks, of_marks)
     return figure

@@ -113,7 +113,9 @@ class StudyResult:
 
     def figure(self):
         """Every quantity that changes against every parameter, a matplotlib figure; None where there is nothing to draw."""
-        return study_figure(self.rows, list(self.study.parameters))
+        places = (self.folder / RUNS / row[RUN] for row in self.rows if row[FAILURE] is None)
+        units = next((summary["units"] for place in places if (summary := _summary(place)) and "units" in summary), {})
+        return study_figure(self.rows, list(self.study.parameters), units)
 
 
 class StudyInterrupted(RuntimeError):

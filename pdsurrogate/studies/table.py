@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import matplotlib
@@ -23,20 +23,21 @@ OF_STEPS = ("converged", "t", "forces", "moments", "probes.*.displacement", "cra
 OF_FITS = ("on_surface.rms", "on_surface.max", "cross_validated_rms", "outcome.n_iter", "seconds_total")
 """Columns where none are asked for, of scenes with grips, of scenes with steps, and of fits: of these, what a run has."""
 
-COMPARED = ("nominal_stress", "lateral_displacement", "greatest_lateral_displacement", "roughness")
+COMPARED = ("nominal_stress", "lateral_displacement", "greatest_lateral_displacement")
 """Of a level, what a reference may say as well."""
 
 KEYS_OF_RUNS = (
     *("scene", "force", "material", "materials", "plane", "thickness", "n_points", "n_bonds", "n_directed_bonds", "n_ghost_points"),
     *("spacing", "cell_size", "horizon", "precision", "correction", "support", "ranks", "threads", "converged", "failure", "interrupted"),
     *("residual", "n_force_evaluations", "seconds_total", "seconds_compile", "ns_per_directed_bond", "fallback_fraction"),
+    "beyond_data",
     *("fraction_outside_domain", "unsupported_points", "units", "grip_areas", "levels", "digests", "scene_as_run", "provenance"),
     *("peak_nominal_stress", "n_steps", "critical_stretch", "crack"),
 )
 KEYS_OF_LEVELS = (
     *("stretch", "t", "step", "time", "forces", "moments", "displacements", "energy", "kinetic_energy", "stability", "probes"),
     *(f"{key}{ending}" for key in COMPARED for ending in ("", "_reference", "_error")),
-    *("nominal_stress_grip", "nominal_stress_area", "nominal_stress_work_conjugate", "residual", "evaluations", "method"),
+    *("nominal_stress_grip", "nominal_stress_area", "nominal_stress_work_conjugate", "roughness", "residual", "evaluations", "method"),
 )
 KEYS_OF_CRACKS = ("start", "tips", "broken_bonds", "failed_points", "through")
 KEYS_OF_FITS = (
@@ -48,6 +49,20 @@ KEYS_OF_FITS = (
 
 RUN, FAILURE = "run", "failure"
 """First and last column: the folder of the run, and why it failed."""
+
+UNITS = {
+    "length": (
+        *("spacing", "cell_size", "horizon", "lateral_displacement", "greatest_lateral_displacement", "displacements", "displacement"),
+        *("radius", "inner_radius", "outer_radius", "semi_axes", "size", "length", "centre", "lower"),
+    ),
+    "stress": (
+        *("nominal_stress", "peak_nominal_stress", "nominal_stress_work_conjugate", "stress", "shear_modulus", "bulk_modulus"),
+        *("traction", "pressure"),
+    ),
+    "force": ("forces",),
+    "energy": ("moments", "energy", "kinetic_energy"),
+}
+"""Quantities of runs, and parameters of scenes, by the unit that they have: by any part of their dotted keys, but as a word of its own."""
 
 MOST_DRAWN = 6
 """Quantities and parameters in a figure, each."""
@@ -131,7 +146,14 @@ def _cell(value: Any) -> str:
     return json.dumps(value) if isinstance(value, dict | list | tuple) else str(value)
 
 
-def study_figure(rows: list[dict[str, Any]], parameters: list[str]) -> Figure | None:
+def label_of(key: str, units: Mapping[str, str]) -> str:
+    """A key with its unit in brackets, where it has one."""
+    parts = [part.removesuffix("_reference") for part in key.split(".")]
+    kind = next((kind for kind, names in UNITS.items() if set(names) & set(parts)), None)
+    return f"{key} ({units[kind]})" if kind in units else key
+
+
+def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mapping[str, str]) -> Figure | None:
     """Every quantity that changes, against every parameter; None where there is nothing to draw.
 
     Parameters
@@ -139,6 +161,8 @@ def study_figure(rows: list[dict[str, Any]], parameters: list[str]) -> Figure | 
     rows : list of dict
     parameters : list of str
         Columns to draw against, the first `MOST_DRAWN` of those that change.
+    units : mapping
+        Names of the units of length, stress, force and energy, as a run's summary has them; none of fits.
     """
     across = [key for key in parameters if len({_cell(row.get(key)) for row in rows}) > 1][:MOST_DRAWN]
     others = [key for key in columns_of(rows) if key not in (RUN, FAILURE, *parameters)]
@@ -146,7 +170,7 @@ def study_figure(rows: list[dict[str, Any]], parameters: list[str]) -> Figure | 
     if not across or not down:
         return None
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(1.0 + 2.4 * len(across), 0.6 + 1.8 * len(down)), layout="constrained")
+        figure = Figure(figsize=(1.0 + 2.6 * len(across), 0.6 + 2.3 * len(down)), layout="constrained")
         axes = figure.subplots(len(down), len(across), squeeze=False, sharey="row", sharex="col")
         for row_of_axes, quantity in zip(axes, down, strict=True):
             for axis, key in zip(row_of_axes, across, strict=True):
@@ -156,9 +180,9 @@ def study_figure(rows: list[dict[str, Any]], parameters: list[str]) -> Figure | 
                 axis.plot([shown[id(row)] for row in drawn], [row[quantity] for row in drawn], "o", ms=3.5, alpha=0.7)
                 if words:
                     axis.set_xticks(range(len(words)), words, rotation=30, ha="right")
-            row_of_axes[0].set_ylabel(quantity)
+            row_of_axes[0].set_ylabel(label_of(quantity, units))
         for axis, key in zip(axes[-1], across, strict=True):
-            axis.set_xlabel(key)
+            axis.set_xlabel(label_of(key, units))
         return figure
 
 
