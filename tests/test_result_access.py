@@ -59,8 +59,13 @@ def test_plots(stretched, tmp_path):
         figure = stretched.plot(field, level=0)
         assert isinstance(figure, Figure)
         figure.savefig(tmp_path / "x.png")
-    assert [axis.get_ylabel() for axis in stretched.plot("stress_11").axes] == ["", "stress_11 (kPa)"]
-    assert stretched.plot().axes[1].get_ylabel() == "|displacement| (cm)"
+    # The bar beside a sheet so low is too short for its label; beside a higher one it has it.
+    body, bar = stretched.plot("stress_11").axes
+    assert (body.get_title(), bar.get_ylabel()) == (f"stress_11 (kPa), {stretched.title(1)}", "")
+    assert stretched.plot().axes[0].get_title() == f"|displacement| (cm), {stretched.title(1)}"
+    square = pd.simulate(pd.load_scene("uniaxial", {"body.size": [1.0, 1.0], "spacing": 0.25, "stretches": [1.2]}), "neo-hookean")
+    body, bar = square.plot("stress_11").axes
+    assert (body.get_title(), bar.get_ylabel()) == (square.title(0), "stress_11 (kPa)")
     values = stretched.field("displacement_2")
     for limits, expected in ((None, (values.min(), values.max())), ((-1.0, 2.0), (-1.0, 2.0))):
         (drawn,) = stretched.plot("displacement_2", limits=limits).axes[0].collections
