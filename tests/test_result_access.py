@@ -9,6 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import pdsurrogate as pd
+from pdsurrogate.results import figures
 from pdsurrogate.results.files import write_json
 from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.results.provenance import git_state
@@ -206,3 +207,11 @@ def test_what_cannot_be_read_back_is_told(stretched, tmp_path):
     (tmp_path / "uniaxial.pvd").write_text("<VTKFile")
     with pytest.raises(ValueError, match="the result cannot be read"):
         pd.load_result(tmp_path)
+
+
+def test_what_a_solver_leaves_has_one_colour():
+    """The stress of a homogeneous state differs by a millionth: it is no rainbow, and its numbers have no offset beside the bar."""
+    low, high = figures.limits_of(np.array([2.3, 2.3 * (1 + 1e-6)]))
+    assert high - low == pytest.approx(1e-4 * 2.3, rel=1e-3)
+    assert figures.limits_of(np.array([-1.0, 3.0])) == (-1.0, 3.0)
+    assert not figures.STYLE["axes.formatter.useoffset"]

@@ -23,7 +23,7 @@ from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.studies.description import load_study
 from pdsurrogate.studies.designs import parameters_of_runs
 from pdsurrogate.studies.parallel import Workers
-from pdsurrogate.studies.table import KEYS_OF_CRACKS, KEYS_OF_FITS, KEYS_OF_LEVELS, KEYS_OF_RUNS, quantities_in
+from pdsurrogate.studies.table import KEYS_OF_CRACKS, KEYS_OF_FITS, KEYS_OF_LEVELS, KEYS_OF_RUNS, label_of, quantities_in, study_figure
 from pdsurrogate.studies.tasks import tasks_of
 
 TINY = {"scene": "uniaxial", "force": "analytic", "set": {"stretches": 1.2, "spacing": 0.5}}
@@ -393,3 +393,29 @@ def test_the_table_of_another_study_is_not_replaced_unasked(tmp_path):
     (tmp_path / "study.json").write_text("{}")
     with pytest.raises(FolderTaken, match="does not tell its study"):
         pd.study(other, tmp_path, jobs=1)
+
+
+UNITS = {"length": "cm", "stress": "kPa", "force": "kPa cm^2", "energy": "kPa cm^3"}
+
+
+@pytest.mark.parametrize(
+    ("key", "label"),
+    [
+        ("holes.0.radius", "holes.0.radius (cm)"),
+        ("material.bulk_modulus", "material.bulk_modulus (kPa)"),
+        ("probes.tip.displacement.0", "probes.tip.displacement.0 (cm)"),
+        ("forces.right.0", "forces.right.0 (kPa cm^2)"),
+        ("nominal_stress_reference", "nominal_stress_reference (kPa)"),
+        ("nominal_stress_error", "nominal_stress_error"),
+        ("n_force_evaluations", "n_force_evaluations"),
+    ],
+)
+def test_axes_of_the_figure_have_units(key, label):
+    assert label_of(key, UNITS) == label
+    assert label_of(key, {}) == key
+
+
+def test_the_figure_names_what_it_draws():
+    rows = [{"run": "a", "spacing": 0.1, "nominal_stress": 1.0}, {"run": "b", "spacing": 0.2, "nominal_stress": 1.1}]
+    (axis,) = study_figure(rows, ["spacing"], UNITS).axes
+    assert (axis.get_xlabel(), axis.get_ylabel()) == ("spacing (cm)", "nominal_stress (kPa)")

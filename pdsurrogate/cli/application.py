@@ -109,6 +109,10 @@ def progress_bar(title: str) -> Iterator[Callable[..., None]]:
         yield told
 
 
+SOONEST = 0.5
+"""Seconds after which a rate is told: before, it is that of what was there already."""
+
+
 class Rate:
     """How many of something are done in a second, or in a minute where that is less than one in a second."""
 
@@ -123,7 +127,7 @@ class Rate:
     def after(self, count: float) -> str:
         """The rate when so many are done, with a comma before it; empty where it is not known yet."""
         elapsed, done = time.monotonic() - self._began, count - self._first
-        if elapsed <= 0 or done <= 0:
+        if elapsed < SOONEST or done <= 0:
             return ""
         rate = done / elapsed
         return f", {rate:.3g} {self._what}/s" if rate >= 1 else f", {60 * rate:.3g} {self._what}/min"
