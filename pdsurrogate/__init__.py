@@ -76,6 +76,7 @@ _HOMES = {
     "algorithm_1": "learning.algorithm_1",
     "bond_force_pipeline": "learning",
     "committee": "identification",
+    "committee_spread": "identification",
     "critical_stretch_of": "run.fracture",
     "cross_validate": "learning",
     "cross_validate_energy": "learning",

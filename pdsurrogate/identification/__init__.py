@@ -1,6 +1,6 @@
 """From test data to the parameters of a law."""
 
-from .committee import committee
+from .committee import committee, committee_spread
 from .data import MODES, TestData, load_test_data, test_data_names
 from .energy import EnergyRegressor
 from .regressor import LawRegressor
@@ -14,6 +14,7 @@ __all__ = [
     "LawRegressor",
     "TestData",
     "committee",
+    "committee_spread",
     "figure",
     "held_out_modes",
     "load_test_data",

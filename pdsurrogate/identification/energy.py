@@ -56,6 +56,9 @@ class EnergyRegressor(StressRegressor):
         By which the hull of the data is taken to hold beyond them, in log-stretch.
     bulk_ratio : float, default=100
         K/mu of the law that comes out: such tests do not tell it.
+    offset : float, default=0.0
+        By which the sizes of the exponents begin beyond 1; less than their step of 0.25.  Nothing tells where the grid of exponents
+        stands: members of a committee draw it.
 
     Attributes
     ----------
@@ -91,15 +94,21 @@ class EnergyRegressor(StressRegressor):
         "max_terms": [Interval(Integral, 1, 8, closed="both")],
         "margin": [Interval(Real, 0, 1, closed="both")],
         "bulk_ratio": [Interval(Real, 0, None, closed="neither")],
+        "offset": [Interval(Real, 0, STEP, closed="left")],
     }
 
     law = "energy"
     """Its name in reports, where a `LawRegressor` names its law."""
 
-    def __init__(self, max_terms=8, margin=0.05, bulk_ratio=100.0):
+    def __init__(self, max_terms=8, margin=0.05, bulk_ratio=100.0, offset=0.0):
         self.max_terms = max_terms
         self.margin = margin
         self.bulk_ratio = bulk_ratio
+        self.offset = offset
+
+    def redrawn(self, random):
+        """A copy with another offset of the exponents."""
+        return super().redrawn(random).set_params(offset=random.uniform(0, STEP))
 
     def fit(self, X, y, sample_weight=None, groups=None):
         """Fit the weights.
@@ -134,7 +143,7 @@ class EnergyRegressor(StressRegressor):
         self.cross_validation_ = self._cross_validated(X, y, root, groups)
         most = (1 + AS_GOOD) * min(row["relative_rms"] for row in self.cross_validation_) + 1e-9
         chosen = next(row for row in self.cross_validation_ if row["relative_rms"] <= most)
-        exponents, weights = self._fitted(X, y, root, dictionary(chosen["greatest"], -chosen["least"]))
+        exponents, weights = self._fitted(X, y, root, dictionary(chosen["greatest"], -chosen["least"], self.offset))
         if not weights.sum() > 0:
             warnings.warn("no rubber has such stresses: they do not rise with the stretch, and next to nothing is fitted", stacklevel=2)
             exponents, weights = np.array([2.0]), np.array([1e-6 * max(np.abs(y).max(), 1e-300)])
@@ -163,7 +172,7 @@ class EnergyRegressor(StressRegressor):
     def _cross_validated(self, X, y, root, groups) -> list[dict]:
         rows, kinds = [], np.unique(groups)
         for greatest, least in product(POSITIVE, NEGATIVE):
-            exponents, error, size = dictionary(greatest, least), 0.0, 0.0
+            exponents, error, size = dictionary(greatest, least, self.offset), 0.0, 0.0
             for kind in kinds if len(kinds) > 1 else ():
                 left = groups == kind
                 found = self._fitted(X[~left], y[~left], root[~left], exponents)
@@ -234,10 +243,10 @@ def line_through_rest(logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return off, along
 
 
-def dictionary(greatest: float, least: float) -> np.ndarray:
-    """Exponents from -least to -1 and from 1 to the greatest."""
-    down = np.arange(LEAST_EXPONENT, least + STEP / 2, STEP)
-    return np.concatenate([-down[::-1], np.arange(LEAST_EXPONENT, greatest + STEP / 2, STEP)])
+def dictionary(greatest: float, least: float, offset: float = 0.0) -> np.ndarray:
+    """Exponents about from -least to -1 and from 1 to the greatest, all larger in size by an offset."""
+    sizes = np.arange(LEAST_EXPONENT, max(greatest, least) + STEP / 2, STEP)
+    return np.concatenate([-sizes[sizes <= least][::-1] - offset, sizes[sizes <= greatest] + offset])
 
 
 def stresses(X, exponents) -> np.ndarray:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
-from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from ..materials import Law, plane_stress
@@ -52,6 +52,10 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         """Nominal stress, shape (n_samples,); NaN past the law's limit."""
         check_is_fitted(self)
         return nominal_stress(self.law_, self._stretches(validate_data(self, X, dtype=np.float64, reset=False)))
+
+    def redrawn(self, random: np.random.Generator) -> StressRegressor:
+        """An unfitted copy for a committee: where a setting is neither the data's nor the user's to tell, with another one, drawn."""
+        return clone(self)
 
     def _stretches(self, X: np.ndarray) -> np.ndarray:
         """Two columns of positive stretches; a ValueError if they are not."""
