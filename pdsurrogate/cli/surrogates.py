@@ -89,7 +89,8 @@ def fit(
             if committee:
                 with status(f"Fitting {committee} drawings from {data}"):
                     laws = members_of(model, rows, committee, seed)
-                found["committee"] = f"each fitted to half of {len(set(rows.tests))} tests, seed {seed}"
+                own = " with exponents of its own" if free else ""
+                found["committee"] = f"each fitted to half of {len(set(rows.tests))} tests{own}, seed {seed}"
             print_identified(found)
             if found["r_squared"] and max(found["r_squared"].values()) <= 0:
                 raise ValueError(
