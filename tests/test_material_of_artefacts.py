@@ -42,12 +42,12 @@ def test_moduli_that_were_identified_come_along(store):
     scene = pd.load_scene("uniaxial")
     assert scene.units.stress == "kPa"
     for data, factor in (("treloar", 1000.0), ("mine.csv", 1.0)):
-        changed, _ = with_material(scene, store(f"of-{data}", law, {"data": data}))
+        changed, _ = with_material(scene, store(f"of-{data}", law, {"data": data, "law": law.describe()}))
         found = changed.material.build()
         assert found.shear_modulus == pytest.approx(0.27 * factor, rel=1e-12)
         assert found.bulk_modulus == pytest.approx(54.0 * factor, rel=1e-12)
     terms = pd.Ogden(moduli=(0.63, 0.0012, -0.01))
-    changed, model = with_material(scene, store("terms", terms, {"data": "treloar"}))
+    changed, model = with_material(scene, store("terms", terms, {"data": "treloar", "law": terms.describe()}))
     assert changed.material.build().moduli == pytest.approx((630.0, 1.2, -10.0), rel=1e-12)
     model.check_material(changed.material.build())
 
@@ -75,3 +75,15 @@ def test_the_command_says_which_material_it_takes(store):
     done = CliRunner().invoke(app, ["run", "uniaxial", *changes, "--force", str(store("said", pd.Gent(chain_limit=CHAIN_LIMIT)))])
     assert done.exit_code == 0, done.output
     assert 'Material of said@1: {law="gent", chain_limit=62.82566463708167}' in done.output
+
+
+def test_an_artefact_that_is_off_is_said_at_every_run(tmp_path):
+    law = pd.NeoHookean()
+    samples = pd.wide_design(pd.Gent(chain_limit=40.0), 400, (0.7, 2.0), random_state=0)
+    model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(5)).fit(samples.X, samples.y)
+    with pytest.warns(UserWarning, match=r"off by [\d.]+ % RMS from neo-hookean"):
+        path = pd.store(model, samples, law, tmp_path, "off", "1", "x")
+    with pytest.warns(
+        UserWarning, match=r"off@1 is off by [\d.]+ % RMS from neo-hookean, the law that it was stored as: what it gives is off"
+    ):
+        with_material(pd.load_scene("uniaxial"), path)

@@ -214,3 +214,24 @@ def test_what_is_not_finite_on_the_way_is_laid_to_the_users_own(own, message):
         with pytest.raises(SimulationFailed, match=message) as failed:
             stretched(own, *stretches, **changes)
         assert not any(blamed in str(failed.value) for blamed in ("the limit of", "spacing", "safety"))
+
+
+class Energy:
+    def __init__(self, W, W1, W2):
+        self.W, self.W1, self.W2 = W, W1, W2
+
+    def energy(self, I1bar, I2bar):
+        return self.W(I1bar, I2bar), self.W1 + 0 * I1bar, self.W2 + 0 * I2bar
+
+
+def test_an_energy_of_another_modulus_is_said():
+    """A factor of 2 that was forgotten."""
+    halved = Energy(lambda I1, I2: 0.2 * (I1 - 3) + 0.05 * (I2 - 3), 0.2, 0.05)
+    with pytest.warns(UserWarning, match=r"Energy: energies are in units of the shear modulus, .* of 0\.5 of it at rest"):
+        pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=1.1), halved)
+
+
+def test_a_value_that_is_not_finite_is_named_before_the_run():
+    cut = Energy(lambda I1, I2: np.where(I1 > 4, np.nan, 0.4 * (I1 - 3) + 0.1 * (I2 - 3)), 0.4, 0.1)
+    with pytest.raises(SceneError, match=r"Energy: energy gives W = nan, dW/dI1bar = 0\.4, .* which is not finite, at I1bar = 4\.5"):
+        pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=1.1), cut)

@@ -32,6 +32,9 @@ MOST_MEMBERS = 999
 MOST_STORED = 0.1
 """RMS error on the plane-stress surface, relative to the force, beyond which a surrogate describes nothing and is not stored."""
 
+NOTED = 0.01
+"""The same error beyond which whoever stores or runs a surrogate is told."""
+
 SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
 """Files of an artefact beside its card."""
 

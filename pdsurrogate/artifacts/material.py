@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import MISSING, fields
 from pathlib import Path
 
 from ..forces import FORCES, ForceModel
 from ..materials import Law
 from ..scenes import MaterialSpec, Scene, SceneError, load_scene, scene_names
-from .card import Card
+from .card import NOTED, Card
 from .store import law_of, load_card, load_surrogate
 
 DATA_OF_THE_PACKAGE = ("treloar", "kawabata")
@@ -38,12 +39,21 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
         If the artefact cannot be read.
     SceneError
         If the scene was told another material than the artefact's; says in all digits which, and how to take the artefact's.
+
+    Warns
+    -----
+    UserWarning
+        If the artefact is off from its material by more than `NOTED`, by its card.
     """
     model = load_surrogate(reference)
     if isinstance(reference, str) and reference in FORCES:
         return scene, model
     own = scene.material.build()
     card = load_card(reference)
+    rms = card.errors["box"]["on_surface"]["rms"]
+    if rms > NOTED:
+        off = f"{model.name} is off by {100 * rms:.2g} % RMS from {card.material.law}, the law that it was stored as"
+        warnings.warn(f"{off}: what it gives is off as well", stacklevel=3)
     try:
         model.check_material(own)
         described = own

@@ -49,6 +49,9 @@ and a force is none of isotropic rubber, and is refused; by more than the second
 NOTED_OF_QUOTIENTS = 2e-3
 """The same of derivatives: what a difference quotient in single precision may be off by itself is half of it."""
 
+NEAR_REST = 3.0001
+"""Invariants at which the shear modulus of an energy is taken: at 3 itself its derivatives may not be defined."""
+
 LEAST_SLOPE = 5e-3
 """Derivatives by the invariants, in units of the shear modulus, that are taken for 0: a hundredth of those at rest."""
 
@@ -209,7 +212,7 @@ class OwnBondForce(ForceSurrogate):
         Warns
         -----
         UserWarning
-            If it is slightly so.
+            If it is slightly so, or an energy has another shear modulus than 1.
         """
         try:
             found = self._force(*bond_arrays(*TRIAL))
@@ -218,6 +221,7 @@ class OwnBondForce(ForceSurrogate):
                 self._check_isotropy(found)
             else:
                 self._check_derivatives()
+                self._check_modulus()
         except (OwnForceFailed, OwnForceInvalid) as error:
             raise ValueError(str(error)) from error
         except Warning:  # made an error by whoever called
@@ -237,7 +241,11 @@ class OwnBondForce(ForceSurrogate):
             step = np.zeros_like(at)
             step[number] = DIFFERENCE * at[number]
             quotients.append((self.energy(*(at + step))[0] - self.energy(*(at - step))[0]) / (2 * step[number]))
-        derivatives, quotients = np.stack(self.energy(*at)[1:]), np.stack(quotients)
+        found = np.stack(self.energy(*at))
+        bad = np.flatnonzero(~(np.isfinite(found) & np.isfinite(quotients).all(axis=0)).all(axis=0))
+        if len(bad):
+            raise OwnForceInvalid(f"{self._energy_not_finite(*at[:, bad[0]], *found[:, bad[0]])}, or is not close by")
+        derivatives, quotients = found[1:], np.stack(quotients)
         # Each against its own size, but what is a hundredth of the other against that.
         sizes = np.maximum(np.abs(derivatives), np.abs(quotients)).max(axis=1, keepdims=True)
         sizes = np.maximum(sizes, max(0.01 * sizes.max(), 1e-300))
@@ -250,6 +258,18 @@ class OwnBondForce(ForceSurrogate):
             f"{derivatives[number, worst]:.6g}, and a difference quotient of W is {quotients[number, worst]:.6g}",
             NOTED_OF_QUOTIENTS,
         )
+
+    def _check_modulus(self) -> None:
+        """In units of the shear modulus an energy has one of 1; another is most likely a factor that was forgotten."""
+        near = np.array([NEAR_REST])
+        _, W1, W2 = self.energy(near, near)
+        modulus = 2 * (W1 + W2).item()
+        if not abs(modulus - 1) <= MOST_OFF:
+            warnings.warn(
+                f"{self.name}: energies are in units of the shear modulus, and this one has a shear modulus 2 (dW/dI1bar + dW/dI2bar) of "
+                f"{modulus:.4g} of it at rest, where 1 was expected: the material will be {modulus:.4g} times as stiff as the scene says",
+                stacklevel=4,
+            )
 
     def _try_beyond(self, I1: np.ndarray, I2: np.ndarray) -> None:
         """Try an energy where the bonds of a run take an invariant farther than it was tried.

@@ -27,7 +27,7 @@ from ..arguments import (
     kind_of,
 )
 from ..artifacts import new_artifact, save_artifact
-from ..artifacts.card import MOST_STORED, check_plain
+from ..artifacts.card import MOST_STORED, NOTED, check_plain
 from ..body import WEIGHT_FUNCTIONS
 from ..forces import Domain
 from ..materials import Law
@@ -37,9 +37,6 @@ from .pipeline import feature_set_of, parts_of
 from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples, hull_of, reachable_stretches
 from .target import InputAwareTargetRegressor
 from .validation import force_report, relative_errors
-
-NOTED = 0.01
-"""RMS error on the plane-stress surface, relative to the force, beyond which it is said; beyond `MOST_STORED` nothing is stored."""
 
 MEMBER_STATES = 5_000
 """Of each set by which the members of a committee are compared with their laws."""
