@@ -141,7 +141,8 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         sizes = np.atleast_1d(self.hidden_layer_sizes).astype(int)
         if not sizes.size or (sizes < 1).any():
             raise ValueError(
-                f"there is at least one hidden layer, and every hidden layer needs at least one unit, hidden_layer_sizes is {self.hidden_layer_sizes}"
+                "there is at least one hidden layer, and every hidden layer needs at least one unit, "
+                f"hidden_layer_sizes is {self.hidden_layer_sizes}"
             )
         X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
         y = np.asarray(y, dtype=np.float64)
