@@ -11,8 +11,6 @@ from several_ranks import HERE, run, several
 
 from pdsurrogate.stress_test.conformance import TABLE
 
-pytestmark = pytest.mark.xdist_group("ranks")
-
 
 @cache
 def arrays(ranks, steps, *models):

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from several_ranks import run, several
 
-pytestmark = pytest.mark.xdist_group("ranks")
-
 
 @several
 @pytest.mark.parametrize(
