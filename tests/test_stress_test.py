@@ -82,9 +82,11 @@ def test_in_space_a_learnt_energy_passes_and_nosb_shows_its_modes(monkeypatch):
 def test_every_model_on_every_case(plane):
     """Surrogates on symmetric features and energies pass all that physics allows; the exact bond force does as well.
 
-    With a fiftieth of the steps of dynamics; `pipelines/stress_report.py` takes them all.
+    With a fiftieth of the steps of dynamics, and in space without the two energies whose exact laws take as long as all others together;
+    `pipelines/stress_report.py` takes them all.
     """
-    for model in stress_test(threads=1, quick=True, planes=[plane])["models"]:
+    models = [name for name in all_models(plane) if name not in ("arruda-boyce-isochoric", "full-network-isochoric")]
+    for model in stress_test(models, threads=1, quick=True, planes=[plane])["models"]:
         if model["force"] not in ("nosb", "ba-nosb", "neo-hookean-paper"):
             assert weak(model) <= (BOND_FORCES if plane == "stress" else set()), model["force"]
 
