@@ -1,4 +1,4 @@
-"""Gent's law of rubber whose chains have a greatest extension; the paper's Eq. (32)."""
+"""Gent's law of rubber whose chains have a limited extension; the paper's Eq. (32)."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -67,7 +67,7 @@ class Gent(InvariantLaw):
         gap = 1 - (I1 - 3) / limit
         gap = select(gap > 0, gap, np.nan)
         zero = 0 * I1
-        # 0 * gap carries the NaN, which the kernels' logarithm does not.
+        # 0 * gap passes NaN on, which the kernels' logarithm does not.
         return 0 * gap - limit / 2 * logarithm(gap), 1 / (2 * gap), zero, 1 / (2 * limit * gap * gap), zero, zero
 
     @staticmethod

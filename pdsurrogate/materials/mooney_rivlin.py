@@ -1,4 +1,4 @@
-"""The law of Mooney and Rivlin: linear in both invariants."""
+"""The law of Mooney and Rivlin, linear in both invariants."""
 
 from dataclasses import dataclass
 from typing import ClassVar
