@@ -159,7 +159,7 @@ class Ghosts:
         return moved
 
     def _feet(self, points: np.ndarray) -> np.ndarray:
-        """Return the places on every plane where each ghost is reflected, shape (m, planes, d); only planes of the ghost's own count."""
+        """Return the places on every plane where each ghost is reflected, shape (m, planes, d), meaningful for planes that reflect it."""
         feet = np.repeat(self.points[:, None], len(self.planes), axis=1)
         for number, plane in enumerate(self.planes):
             # A ghost that a later plane reflects again had, before that, its source's place along the later plane's axis.

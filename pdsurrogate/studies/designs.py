@@ -1,4 +1,4 @@
-"""Which values the parameters of a study take in each of its runs."""
+"""Designs: the values of the parameters of a study in each of its runs."""
 
 from __future__ import annotations
 
@@ -13,12 +13,9 @@ from .description import MOST_RUNS, Distribution, Study
 
 
 def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
-    """Values by dotted key, run by run; the last parameter of a grid changes fastest.
+    """Return the values by dotted key, run by run; the last parameter of a grid changes fastest.
 
-    Raises
-    ------
-    SceneError
-        If lists that go together are of unequal length, or a grid has more than `MOST_RUNS` runs.
+    Raise SceneError if the lists of a zip differ in length, or a grid has more than `MOST_RUNS` runs.
     """
     keys = list(study.parameters)
     if study.design == "grid":
@@ -41,7 +38,7 @@ def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
 
 
 def _shares(study: Study, dimension: int) -> np.ndarray:
-    """Places in the unit cube, shape (samples, dimension)."""
+    """Return places in the unit cube, shape (samples, dimension)."""
     random = np.random.default_rng(study.seed)
     if study.design == "random":
         return random.random((study.samples, dimension))
@@ -51,7 +48,7 @@ def _shares(study: Study, dimension: int) -> np.ndarray:
 
 
 def _drawn(values: tuple | Distribution, shares: np.ndarray) -> list:
-    """Quantiles of a distribution; of a list, whose entries are as probable as each other."""
+    """Return quantiles of a distribution, or of a list whose entries have equal probability."""
     if isinstance(values, Distribution):
         quantiles = values.build().ppf(shares)
         return [int(value) if values.discrete else float(value) for value in quantiles]
