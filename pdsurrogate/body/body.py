@@ -208,7 +208,7 @@ class Cells:
             raise ValueError(f"the spacing must be positive and finite, not {spacing}")
         number = math.prod(float(high - low) / spacing for low, high in zip(lower, upper, strict=True))
         if not number <= MOST_POINTS:
-            raise ValueError(f"spacing {spacing:g} makes {number:.3g} points; at most {MOST_POINTS:.3g} are taken")
+            raise ValueError(f"spacing {spacing:g} makes {number:.3g} points; the limit is {MOST_POINTS:.3g}; take a larger spacing")
         counts, sides = [], []
         for low, high, axis in zip(lower, upper, (f"x{number + 1}" for number in range(len(lower))), strict=True):
             length = float(high - low)
@@ -314,7 +314,8 @@ class Bonds:
         estimate = n / 2 * min(len(points), np.pi * reach**2 if body.dimension == 2 else 4 / 3 * np.pi * reach**3)
         if estimate > MOST_BONDS:
             raise ValueError(
-                f"a horizon of {body.horizon / body.spacing:.3g} spacings makes {estimate:.1g} bonds; at most {MOST_BONDS:.1g} are taken"
+                f"a horizon of {body.horizon / body.spacing:.3g} spacings makes {estimate:.1g} bonds; the limit is {MOST_BONDS:.1g}; "
+                "take a smaller horizon"
             )
         # The tolerance includes points at exactly the horizon, whose computed distance may exceed it by rounding.
         pairs = cKDTree(points).query_pairs(body.horizon * (1 + 1e-9), output_type="ndarray")

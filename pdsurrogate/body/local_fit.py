@@ -98,8 +98,8 @@ def fields_at(
 ) -> tuple[tuple[sparse.csr_array, ...], tuple[sparse.csr_array, ...]]:
     """Return maps to displacements and tensors at places in a body, from those of the points around them, component by component.
 
-    They are those of `interpolation`, except that in space the points near a plane of symmetry have images: displacements along the plane
-    use them; the one across does not, since its image moves with the plane.
+    They are those of `interpolation`, except that in three dimensions the points near a plane of symmetry have images: displacements along
+    the plane use them; the one across does not, since its image moves with the plane.
 
     Parameters
     ----------
@@ -151,8 +151,8 @@ def _polynomials(
     lost = empty_rows(linear[0])
     if lost.any():
         raise ValueError(
-            f"{_text(places[rest[lost.argmax()]])}: the points of the body beside it, as far as no hole or cut lies between, are fewer "
-            f"than {too_few(body)}, and tell no deformation; a smaller spacing has more of them"
+            f"{_text(places[rest[lost.argmax()]])}: the deformation there is undefined, since the points near it, no hole or cut between, "
+            f"are fewer than {too_few(body)}; take a smaller spacing"
         )
     return [_filled(rows, others, rest) for rows, others in zip(quadratic, linear, strict=True)]
 
@@ -165,8 +165,8 @@ def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[s
     (k, sides, d) are the unit normals of the sides that meet at a node, NaN where there are fewer. There is one map for all components, or
     one for each; rows are empty where the points near a node are too few or in one row.
 
-    In space the points near a plane of symmetry have images, and a face in the plane is no side of the body: the motion along the plane is
-    fitted to points and images, the motion across it to the points only, since an image moves with the plane.
+    In three dimensions the points near a plane of symmetry have images, and a face in the plane is no side of the body: the motion along
+    the plane is fitted to points and images, the motion across it to the points only, since an image moves with the plane.
     """
     rows = _on_boundary(body, nodes, normals)
     mirrors = _mirrors(body)

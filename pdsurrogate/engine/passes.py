@@ -232,7 +232,7 @@ class BoundPass:
         if array is before:
             return
         if array.dtype != before.dtype or array.shape != before.shape or not array.flags.c_contiguous:
-            raise TypeError(f"{self._pass.__name__}: {name} must be an array like the one before, in C order")
+            raise TypeError(f"{self._pass.__name__}: {name} must be an array in C order with the type and shape of the one it replaces")
         self._kept[name] = array
         self._words[self._places[name]] = _address(array)
 

@@ -52,8 +52,8 @@ def start_threads() -> None:
         return
     if _runs_already():
         warnings.warn(
-            "numba's threads ran before pdsurrogate could set how they wait: beside other work, two threads may be far slower than one; "
-            f"set GOMP_SPINCOUNT={SPIN_COUNT} in the environment, or import and use pdsurrogate first",
+            "numba's threads were started before pdsurrogate could set how they wait: if other work uses the cores, two threads may be "
+            f"far slower than one; set GOMP_SPINCOUNT={SPIN_COUNT} in the environment, or import and use pdsurrogate first",
             ThreadsSpinWarning,
             stacklevel=2,
         )

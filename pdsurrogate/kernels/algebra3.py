@@ -242,7 +242,7 @@ def plus_diagonal(F, value):
 
 @inlined
 def right_cauchy_green(F):
-    """C = F^T F."""
+    """Return C = F^T F."""
     return (
         F[0] * F[0] + F[1] * F[1] + F[2] * F[2],
         F[0] * F[3] + F[1] * F[4] + F[2] * F[5],
@@ -255,14 +255,14 @@ def right_cauchy_green(F):
 
 @inlined
 def response_state(F, volume_ratio):
-    """What a response of a solid is asked with: tr C, tr cof C and det F; there is no volume ratio apart from det F."""
+    """Return the arguments of a three-dimensional response: tr C, tr cof C and det F; the volume ratio is det F itself."""
     G = cofactor(F)
     return squared_norm(F), squared_norm(G), determinant(F)
 
 
 @inlined
 def first_piola(F, state, result, unit):
-    """P = p F + r F C + q cof F, times a unit, from the result of a response (p, q, r)."""
+    """Return P = (p F + r F C + q cof F) unit, from a response's result (p, q, r)."""
     p, q, r = result[0] * unit, result[1] * unit, result[2] * unit
     G, H = cofactor(F), times_symmetric(F, right_cauchy_green(F))
     return (
@@ -280,7 +280,7 @@ def first_piola(F, state, result, unit):
 
 @inlined
 def sum_outer_products(positions, neighbours, weights, start, stop, point, out):
-    """``out[point] = sum over b in start … stop of (positions[neighbours[b]] - positions[point]) (x) weights[b]``."""
+    """Write ``out[point] = sum over b in start … stop of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns."""
     y1, y2, y3 = positions[point, 0], positions[point, 1], positions[point, 2]
     s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = s8 = 0.0
     for b in range(start, stop):
@@ -305,7 +305,7 @@ def sum_outer_products(positions, neighbours, weights, start, stop, point, out):
 
 @inlined
 def sum_signed_records(records, start, stop, indices, first, last, factor, point, out):
-    """``out[point] = factor * (sum of records[start … stop] - sum of records[indices[first … last]])``, summed in double."""
+    """Write ``out[point] = factor * (sum of records[start … stop] - sum of records[indices[first … last]])``, summed in double."""
     s0 = s1 = s2 = 0.0
     for b in range(start, stop):
         s0 += np.float64(records[b, 0])

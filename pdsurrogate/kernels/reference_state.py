@@ -11,7 +11,7 @@ from .by_dimension import ByDimension
 
 LEAST_SHAPE_QUALITY = 1e-3
 """Shape quality below which the bonds of a point do not span the plane or space. It is 1 for a full horizon, and about 0.6 at an intact
-corner: 0.59 in the plane, 0.61 in space at 1.75 spacings and 0.58 at 3.015.
+corner: 0.59 in the plane, 0.61 in three dimensions at 1.75 spacings and 0.58 at 3.015.
 """
 
 NO_CORRECTION, SCALAR_CORRECTION, TENSOR_CORRECTION = 0, 1, 2

@@ -129,7 +129,7 @@ def _compare(law, expression, values, states, arguments, derivatives, modulus) -
             where = ", ".join(f"{label} = {value:.4g}" for label, value in zip(arguments, states[:, first], strict=True))
             raise ValueError(
                 f"{law.name}: {name} is {given[row, first]:.6g} at {where}, but differences make it {right[first]:.6g}: "
-                f"mend {name} in the law's `{expression}`, or what it is the derivative of"
+                f"correct {name} in the law's `{expression}`, or the function of which it is the derivative"
             )
     return given[:, 0]
 

@@ -29,10 +29,10 @@ def directions() -> np.ndarray:
 
 @dataclass(frozen=True)
 class FullNetwork(PrincipalStretchLaw):
-    """Psi = n kT N <y beta + log(beta/sinh(beta))> + U(J3), y = l(r)/sqrt(N), beta = L^-1(y), averaged over all directions r.
+    """Full-network law, Psi = n kT N <y beta + log(beta/sinh(beta))> + U(J3), averaged over all directions r of a chain.
 
-    Every chain is stretched as its direction is, l(r)^2 = r . Cbar r.  The law ends where the most stretched chain is straight, at a
-    greatest isochoric stretch of sqrt(N): there and past it every response is NaN.
+    Here y = l(r)/sqrt(N) and beta = L^-1(y), with l(r)^2 = r . Cbar r the squared stretch in the direction of the chain. The law ends where
+    the most stretched chain is straight, at a greatest isochoric stretch of sqrt(N): there and beyond every response is NaN.
 
     Parameters
     ----------

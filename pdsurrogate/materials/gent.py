@@ -11,7 +11,7 @@ from .law import InvariantLaw
 
 @dataclass(frozen=True)
 class Gent(InvariantLaw):
-    """Psi = -mu Jm/2 log(1 - (I1bar - 3)/Jm) + K/2 ((J3^2 - 1)/2 - log J3).
+    """Gent's law, Psi = -mu Jm/2 log(1 - (I1bar - 3)/Jm) + K/2 ((J3^2 - 1)/2 - log J3).
 
     The law ends at I1bar - 3 = Jm: there and past it every response is NaN, which the plane-stress solution reports as an error.
 

@@ -43,7 +43,7 @@ class HomogeneousState:
 def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stress") -> HomogeneousState:
     """Return the state of a sheet at two given in-plane stretches; `plane` is one of `SHEETS`."""
     if plane not in SHEETS:
-        raise ValueError(f"plane: two stretches say what a sheet does; it must be {' or '.join(SHEETS)}, not {plane}")
+        raise ValueError(f"plane must be {' or '.join(SHEETS)} for two given stretches of a sheet, not {plane}")
     for value in (stretch, lateral_stretch):
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"a stretch must be positive and finite, not {value}")

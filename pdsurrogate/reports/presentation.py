@@ -56,7 +56,7 @@ def caution(rows: list[dict]) -> str:
     most = max(max(row["disturbance_1"], row["disturbance_all"]) for row in rows)
     if most <= UNDISTURBED:
         return ""
-    return f"The cores were shared: arithmetic took up to {most:.2f} times as long beside some timings as at best; read no ratio closer."
+    return f"Other work used the cores: the reference arithmetic took up to {most:.2f} times its best; ratios are no more accurate."
 
 
 def as_csv(report: dict) -> str:

@@ -231,7 +231,7 @@ def mirror(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
 
 
 def linear_momentum(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
-    """Test the sum of all forces over the sum of their magnitudes; the limit is 1e-12, as rounding of some 2,000 bond forces leaves less."""
+    """Test the sum of all forces over the sum of their magnitudes; the limit is 1e-12, and rounding of some 2,000 forces leaves less."""
     force, errors = _notched(subject), []
     for deformation in deformations:
         forces = _settled(force, deformation(force.body.points))

@@ -82,7 +82,7 @@ class Distribution(StrictModel):
             raise ValueError(f"{self.distribution} needs {', '.join(missing)}; it has {', '.join(takes)}")
         frozen = kind(**given)
         if not np.isfinite(frozen.ppf([0.25, 0.5, 0.75])).all():
-            raise ValueError(f"{self.distribution} makes no sense with {', '.join(f'{key}={value:g}' for key, value in given.items())}")
+            raise ValueError(f"{self.distribution} is undefined for {', '.join(f'{key}={value:g}' for key, value in given.items())}")
         return frozen
 
 
@@ -175,17 +175,19 @@ class Study(StrictModel):
             raise ValueError("parameters: there are none; name one and give its values, or its distribution")
         if self.fit is not None and (self.force is not None or self.set):
             key = "force" if self.force is not None else "set"
-            raise ValueError(f"{key}: belongs to a scene; what all fits have in common is said in [fit]")
+            raise ValueError(f"{key}: belongs to a scene; put settings common to all fits in [fit]")
         if self.force is not None and FORCE in self.parameters:
-            raise ValueError("force: is a parameter as well; say it in one place")
+            raise ValueError("force: is also a parameter; set it in one place only")
         both = [key for key in self.set if key in self.parameters]
         if both:
-            raise ValueError(f"set.{both[0]}: is a parameter as well; say it in one place")
+            raise ValueError(f"set.{both[0]}: is also a parameter; set it in one place only")
         drawn = self.design in ("random", "latin-hypercube")
         if drawn and self.samples is None:
-            raise ValueError(f"samples: design={self.design} needs their number")
+            raise ValueError(f"samples: design={self.design} needs the number of samples")
         if not drawn and self.samples is not None:
-            raise ValueError(f"samples: design={self.design} takes all values of the lists; design=random or latin-hypercube draws samples")
+            raise ValueError(
+                f"samples: design={self.design} uses every value of the lists; to draw samples, use design=random or design=latin-hypercube"
+            )
         for key, values in self.parameters.items():
             if not drawn and isinstance(values, Distribution):
                 raise ValueError(f"parameters.{key}: a distribution needs design=random or design=latin-hypercube, not {self.design}")

@@ -22,14 +22,14 @@ def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
         number = math.prod(len(values) for values in study.parameters.values())
         if number > MOST_RUNS:
             raise SceneError(
-                f"parameters: a grid of {number} runs; at most {MOST_RUNS} are taken, and design=latin-hypercube draws from it"
+                f"parameters: the grid has {number} runs, the limit is {MOST_RUNS}; to draw from it, use design=latin-hypercube"
             )
         rows = itertools.product(*study.parameters.values())
     elif study.design == "zip":
         lengths = {key: len(values) for key, values in study.parameters.items()}
         if len(set(lengths.values())) > 1:
             told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
-            raise SceneError(f"parameters: with design=zip all lists are of one length, but {told} values")
+            raise SceneError(f"parameters: design=zip needs lists of equal length, but {told} values")
         rows = zip(*study.parameters.values(), strict=True)
     else:
         columns = [_drawn(values, share) for values, share in zip(study.parameters.values(), _shares(study, len(keys)).T, strict=True)]

@@ -75,7 +75,7 @@ class Workers:
                 raise SceneError(f"{key}: must be a whole number of at least 1, not {value!r}")
         if scheduler is not None:
             if jobs is not None:
-                raise SceneError("jobs: a scheduler runs as many at the same time as its workers have threads; start those you want")
+                raise SceneError("jobs: with a scheduler the number of jobs is that of its workers' threads; leave jobs out")
             if importlib.util.find_spec("distributed") is None:
                 raise SceneError('scheduler: Dask is not installed; pip install "pdsurrogate[dask]"')
             return cls(1, threads or 1, scheduler)
@@ -89,7 +89,7 @@ class Workers:
         """Warning if more threads are requested than there are cores, else None."""
         cores = joblib.cpu_count()
         if self.scheduler is None and self.jobs * self.threads > max(cores, self.threads):
-            return f"{self.jobs} jobs of {self.threads} threads share {cores} cores, and will wait for each other"
+            return f"{self.jobs} jobs of {self.threads} threads share {cores} cores and will slow each other down"
         return None
 
     def carry_out(self, tasks: dict[str, Task], folder: Path) -> Iterator[Outcome]:
@@ -115,7 +115,7 @@ class Workers:
                         ends[place] += 1
                         if ends[place] >= MOST_ENDS:
                             del left[place]
-                            yield Outcome(place, f"its process was ended from without, {MOST_ENDS} times; out of memory?")
+                            yield Outcome(place, f"its process was killed {MOST_ENDS} times, possibly for lack of memory")
 
     def _parallel(self, client) -> joblib.Parallel:
         # Each worker gets one run at a time: only that run is lost with the worker.

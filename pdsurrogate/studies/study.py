@@ -192,7 +192,7 @@ def study(
     (2, 0)
     """
     if communicator().size > 1:
-        raise ValueError("a study divides its runs among jobs or a Dask scheduler's workers, not among ranks: start it without mpiexec")
+        raise ValueError("a study runs in parallel by jobs or a Dask scheduler, not by ranks: start it without mpiexec")
     described, source, home = load_study(description)
     try:
         check_quantities(described)
@@ -202,7 +202,7 @@ def study(
     except ValueError as error:
         raise type(error)(f"{source}: {error}") from None
     if not str(folder):
-        raise ValueError("a folder is needed for the results, and its name is empty")
+        raise ValueError("folder: its name is empty; name a folder for the results")
     folder = Path(folder).resolve()
     places = [task.digest[:DIGITS] for task in tasks]
     by_place = dict(zip(places, tasks, strict=True))
@@ -253,9 +253,9 @@ def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool)
         there, lost = written["study"], set(written["runs"]) - set(places)
         differences = told(differences_of(there, study.model_dump(mode="json")))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise FolderTaken(f"{folder / DESCRIPTION} does not tell its study and would be replaced; {WAY_OUT}") from None
+        raise FolderTaken(f"{folder / DESCRIPTION} is not a valid description of a study and would be replaced; {WAY_OUT}") from None
     if lost:
-        why = f": {differences}" if differences else ", as its force or mesh was another one"
+        why = f": {differences}" if differences else ": its force or mesh differs"
         raise FolderTaken(f"{folder} holds the table of a study with {len(lost)} runs that this one has not{why}; {WAY_OUT}")
 
 

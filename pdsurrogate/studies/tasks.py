@@ -58,7 +58,7 @@ class SceneTask:
         """Simulate, from the checkpoint in the folder if there is one."""
         model = _model(self.force, self.scene)
         if _scene_digest(self.scene, model) != self.digest:
-            raise RuntimeError("the mesh or the force is not the one that it was where the study was begun")
+            raise RuntimeError("the mesh or the force has changed since the study was started")
         options = {"threads": threads, "folder": folder}
         failure = None
         try:
@@ -154,7 +154,7 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
     check_size(scene, memory)
     force = parameters.get(FORCE, study.force)
     if force is not None and not isinstance(force, str):
-        raise SceneError(f"force: must be the name or path of one, not {force!r}")
+        raise SceneError(f"force: must be the name or path of a force model, not {force!r}")
     if force is None:
         model = artifacts.default_force(scene)
     else:
