@@ -1,9 +1,10 @@
 """Loads, stores and sums of short records, written with explicit vector instructions.
 
 A point's position is a record of two or three doubles, its state or gradient one of four or nine reals. LLVM compiles indexed loads in a
-loop over bonds into gather instructions, one component at a time; loading a whole record at once is two to three times faster
-(``pdsurrogate compare`` measures the passes; ``tests/test_kernels.py`` compares each function with plain loops). Records are transposed
-into the rows of a block, so that everything after the load is an ordinary loop over bonds.
+loop over bonds into gather instructions, one component at a time; loading a whole record at once is faster. Each function states its gain
+over a plain loop, by ``python pipelines/vector_loads.py`` on a processor with AVX-512, in single and in double precision; one that gains
+less than 1.3 has no place here. ``tests/test_kernels.py`` compares the results. Records are transposed into the rows of a block, so that
+everything after the load is an ordinary loop over bonds.
 """
 
 from functools import cache
@@ -67,7 +68,7 @@ def gather_pairs(typingctx, records, positions, first, second, at, sums, differe
     """Write sums of the records and differences of the positions of the ends of four pairs in the plane, one row per component.
 
     ``sums[r, column + k] = records[first[at + k], r] + records[second[at + k], r]`` for r in 0 … 3 and ``differences[r, column + k] =
-    positions[second[at + k], r] - positions[first[at + k], r]`` for r in 0, 1, each for k in 0 … 3.
+    positions[second[at + k], r] - positions[first[at + k], r]`` for r in 0, 1, each for k in 0 … 3. Gain 3.7 and 2.7.
     """
     signature = types.void(records, positions, first, second, types.int64, sums, differences, types.int64)
 
@@ -87,7 +88,7 @@ def gather_pairs(typingctx, records, positions, first, second, at, sums, differe
 
 @intrinsic
 def gather_pairs_in_space(typingctx, records, positions, first, second, at, sums, differences, column):
-    """Write sums and differences as `gather_pairs` does, of records of nine reals and positions of three."""
+    """Write sums and differences as `gather_pairs` does, of records of nine reals and positions of three; gain 2.5 and 2.2."""
     signature = types.void(records, positions, first, second, types.int64, sums, differences, types.int64)
 
     def codegen(context, builder, signature, arguments):
@@ -117,7 +118,7 @@ def gather_pairs_in_space(typingctx, records, positions, first, second, at, sums
 def put_records(length):
     """Return an intrinsic that writes four records: ``records[at + k, r] = rows[r, column + k]`` for r below `length`, k in 0 … 3.
 
-    LLVM scatters records that are not of two or four reals one component at a time, at several times the cost.
+    LLVM scatters longer records one component at a time. Gain 1.8 and 1.9 for four reals, 2.4 and 1.4 for nine, none for two.
     """
 
     @intrinsic
@@ -173,7 +174,7 @@ def _vector(builder, values):
 
 @intrinsic
 def subtract_positions(typingctx, positions, first, second, at, out, column):
-    """Write the differences of positions as `gather_pairs` does, without sums."""
+    """Write the differences of positions as `gather_pairs` does, without sums; gain 2.0 and 1.9."""
     signature = types.void(positions, first, second, types.int64, out, types.int64)
 
     def codegen(context, builder, signature, arguments):
@@ -210,7 +211,10 @@ def _store_rows(context, builder, array_type, array, columns, column):
 
 @intrinsic
 def sum_outer_products(typingctx, positions, neighbours, weights, start, stop, point, out):
-    """Write ``out[point] = sum over b in start … stop of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns."""
+    """Write ``out[point] = sum over b in start … stop of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns.
+
+    Gain 2.2 and 1.5.
+    """
     signature = types.void(positions, neighbours, weights, types.uint64, types.uint64, types.uint64, out)
 
     def codegen(context, builder, signature, arguments):
@@ -249,7 +253,10 @@ def sum_outer_products(typingctx, positions, neighbours, weights, start, stop, p
 
 @intrinsic
 def sum_matrix_products(typingctx, matrices, neighbours, vectors, start, stop, point, out):
-    """Write ``out[point] = sum over b in start … stop of (matrices[point] + matrices[neighbours[b]]) vectors[b]``, matrices by columns."""
+    """Write ``out[point] = sum over b in start … stop of (matrices[point] + matrices[neighbours[b]]) vectors[b]``, matrices by columns.
+
+    Gain 2.8 and 2.5.
+    """
     signature = types.void(matrices, neighbours, vectors, types.uint64, types.uint64, types.uint64, out)
 
     def codegen(context, builder, signature, arguments):
@@ -273,7 +280,7 @@ def sum_matrix_products(typingctx, matrices, neighbours, vectors, start, stop, p
 
 @intrinsic
 def sum_matrix_products_in_space(typingctx, matrices, neighbours, vectors, start, stop, point, out):
-    """Write sums as `sum_matrix_products` does, of matrices of nine reals and vectors of three."""
+    """Write sums as `sum_matrix_products` does, of matrices of nine reals and vectors of three; gain 1.8 and 2.5."""
     signature = types.void(matrices, neighbours, vectors, types.uint64, types.uint64, types.uint64, out)
     double = ir.DoubleType()
 
@@ -309,7 +316,10 @@ def sum_matrix_products_in_space(typingctx, matrices, neighbours, vectors, start
 
 @intrinsic
 def sum_signed_records(typingctx, records, start, stop, indices, first, last, factor, point, out):
-    """Write ``out[point] = factor * (sum of records[start … stop] - sum of records[indices[first … last]])``, summed in double."""
+    """Write ``out[point] = factor * (sum of records[start … stop] - sum of records[indices[first … last]])``, summed in double.
+
+    The records have two reals; gain 2.3 and 1.6.
+    """
     signature = types.void(records, *[types.uint64] * 2, indices, *[types.uint64] * 2, types.float64, types.uint64, out)
 
     def codegen(context, builder, signature, arguments):
@@ -413,7 +423,10 @@ def _in_steps(builder, start, stop, step, body):
 
 @intrinsic
 def outer_products(typingctx, positions, neighbours, weights, start, stop, point, out):
-    """Write ``out[b - start] = (positions[neighbours[b]] - positions[point]) (x) weights[b]`` for b in start … stop, by columns."""
+    """Write ``out[b - start] = (positions[neighbours[b]] - positions[point]) (x) weights[b]`` for b in start … stop, by columns.
+
+    Gain 1.4 in double precision.
+    """
     signature = types.void(positions, neighbours, weights, types.uint64, types.uint64, types.uint64, out)
 
     def codegen(context, builder, signature, arguments):
@@ -435,7 +448,7 @@ def outer_products(typingctx, positions, neighbours, weights, start, stop, point
 
 @intrinsic
 def sum_listed_records(typingctx, records, listed, start, stop, out, at):
-    """Write ``out[at] = sum of records[listed[b]] for b in start … stop``, records of four doubles."""
+    """Write ``out[at] = sum of records[listed[b]] for b in start … stop``, records of four doubles; gain 3.1."""
     signature = types.void(records, listed, types.uint64, types.uint64, out, types.uint64)
 
     def codegen(context, builder, signature, arguments):
@@ -449,7 +462,10 @@ def sum_listed_records(typingctx, records, listed, start, stop, out, at):
 
 @intrinsic
 def sum_quad_records(typingctx, records, start, stop, indices, first, last, point, out):
-    """Write ``out[point] = sum of records[start … stop] + sum of records[indices[first … last]]``, records of four, summed in double."""
+    """Write ``out[point] = sum of records[start … stop] + sum of records[indices[first … last]]``, records of four, summed in double.
+
+    Gain 3.8 and 1.8.
+    """
     signature = types.void(records, *[types.uint64] * 2, indices, *[types.uint64] * 2, types.uint64, out)
 
     def codegen(context, builder, signature, arguments):
@@ -478,7 +494,7 @@ def multiply_pairs(dimension):
     """Return an intrinsic that multiplies the records of pairs with those of their ends, all of d + d d reals in single precision.
 
     ``out[b] = records[b] . (points[second[b]] + s * points[first])`` for b in start … stop, where s is -1 for the first d reals and 1 for
-    the others.
+    the others. Gain 1.9 in the plane, 2.3 in three dimensions.
     """
     length = dimension + dimension**2
 
@@ -517,7 +533,7 @@ def sum_scaled_records(dimension):
     """Return an intrinsic that sums records of pairs, of d + d d reals in single precision, each times a factor.
 
     The sums run over b in start … stop and, at ``indices[first … last]``, over pairs of which the point is the other end:
-    ``vectors[point]`` is the difference of both sums of the first d reals, ``matrices[point]`` the sum of those of the others.
+    ``vectors[point]`` is the difference of both sums of the first d reals, ``matrices[point]`` the sum of those of the others. Gain 5.
     """
     length = dimension + dimension**2
 
@@ -567,7 +583,7 @@ def sum_scaled_records(dimension):
 def sum_weighted_rows(width):
     """Return an intrinsic for rows of `width` reals in single precision: ``out[point] = sum over e in start … stop of w[e] x[columns[e]]``.
 
-    LLVM gathers eight entries at a time, which rows of seven never fill.
+    LLVM gathers eight entries at a time, which rows of seven never fill. Gain 2.2 for two reals, 3.7 for seven, 1.2 for one.
     """
 
     @intrinsic
