@@ -243,7 +243,7 @@ def _folded(rows: sparse.csr_array, images: _Images, signs: np.ndarray | None = 
 
 
 def too_few(body: Body) -> str:
-    """Describe the points that do not define a deformation."""
+    """Return the words by which messages describe points that are too few to define a deformation."""
     return "three or in one row" if body.dimension == 2 else "four or in one layer"
 
 

@@ -33,7 +33,7 @@ _WAITING = ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")
 
 
 class ThreadsSpinWarning(RuntimeWarning):
-    """Warning that the kernels' threads spin while they wait, because numba started them before pdsurrogate could set it."""
+    """Warning that waiting threads occupy their cores, because numba's threads were started before pdsurrogate could change that."""
 
 
 _started = False
@@ -86,7 +86,7 @@ _most: int | None = None
 
 
 def most_threads() -> int:
-    """Return the number of threads that numba was started with, or the limit set by `at_most`."""
+    """Return the greatest number of threads: that which numba was started with, or the limit set by `at_most`."""
     return _most or numba.config.NUMBA_NUM_THREADS
 
 
