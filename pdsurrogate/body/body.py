@@ -74,6 +74,8 @@ class Body:
         Points that a mesh file has a name for.
     mesh_cells : CellMesh, optional
         Cells of the mesh that the points were made of, for pictures; without them the points are of a lattice.
+    faces : mapping of str to str, optional
+        Groups that are all of an edge or face of the bounding box, and its name.
     part : Whole
         What this body is of a larger one; all of it, but where several ranks share a run.
 
@@ -100,6 +102,7 @@ class Body:
     cell: Sequence[float] | np.ndarray | None = None
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     mesh_cells: CellMesh | None = None
+    faces: Mapping[str, str] = field(default_factory=dict)
     part: Whole = WHOLE
     ghosts: Ghosts = field(init=False)
 

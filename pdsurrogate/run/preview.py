@@ -12,6 +12,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from scipy.spatial import cKDTree
 
 from ..arguments import check_is
 from ..body import Body
@@ -27,6 +28,10 @@ from ..solvers.regions import BodyRegions, along_edge
 PLAIN, MOST_CELLS_WITH_EDGES = "#d9dde3", 4000
 FEW = 8
 """Points of a region that are shown by dots, since their cells are hardly seen."""
+
+SIGHT, WITHIN = 0.75, 0.6
+"""Cells from a place, towards the eye, from which it is looked whether points lie in between, and from a point that is its own: over a side
+that faces the eye the first place of the way is 0.77 cells and more from the nearest point, half a cell beneath it."""
 
 ARROW = 0.12
 """Length of an arrow over the extent of the body."""
@@ -189,9 +194,11 @@ def _in_space(scene: Scene, body: Body, marks: list[_Mark]) -> Figure:
             axes.quiver(*begin, *along, color=colour, lw=2, zorder=5)
     for cut in scene.precuts:
         axes.add_collection3d(Poly3DCollection([_rim(cut)], facecolors=(0, 0, 0, 0.25), edgecolors="black", zorder=6))
+    tree, reach = cKDTree(body.points), np.linalg.norm(high - low)
     for probe in scene.probes:
-        axes.plot(*([value] for value in probe.at), "x", color="black", ms=6, zorder=7)
-        axes.text(*probe.at, f" {probe.name}", zorder=8)
+        hidden = _hidden(np.array(probe.at), tree, body.cell.min(), reach)
+        axes.plot(*([value] for value in probe.at), "x", color="black", ms=6, zorder=7, alpha=0.35 if hidden else 1)
+        axes.text(*probe.at, f" {probe.name}{' (hidden)' if hidden else ''}", zorder=8, alpha=0.6 if hidden else 1)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(high - low, zoom=0.95)
     axes.set_axis_on()
@@ -204,6 +211,12 @@ def _in_space(scene: Scene, body: Body, marks: list[_Mark]) -> Figure:
     axes.set_title(_title(scene, body))
     _legend(figure, scene, marks, of_marks)
     return figure
+
+
+def _hidden(place: np.ndarray, points: cKDTree, cell: float, reach: float) -> bool:
+    """Whether a place lies inside the body, or on a side of it that faces away: whether points are on the way from it to the eye."""
+    way = np.arange(SIGHT, reach / cell, SIGHT / 2)[:, None] * cell * views.EYE
+    return bool((points.query(place + way)[0] < WITHIN * cell).any())
 
 
 def _rim(cut: ParallelogramCut | DiscCut) -> np.ndarray:

@@ -20,6 +20,15 @@ if TYPE_CHECKING:
     from .loads import Loads
 
 
+ONE_SIDED = 0.1
+"""Horizons from a point to the middle of its neighbours, along a plane, from which it lies beside a free side: full horizons have it at the
+point, halves 0.4 away."""
+
+
+class FoldedOver(InvalidState):
+    """A free side has bulged over the plane that it is bonded to, where it would lie against it."""
+
+
 @dataclass(frozen=True)
 class HeldPoints:
     """Points of which some components follow the loading parameter.
@@ -34,6 +43,8 @@ class HeldPoints:
     components : tuple of int
     displacement : callable
         Displacement at a value of the parameter, shape (d,) or (k, d); only held components are read.
+    place : ndarray, shape (d,), optional
+        That the points are the nearest to: together they are a support at one place, which keeps nothing from turning about it.
     """
 
     name: str
@@ -41,6 +52,7 @@ class HeldPoints:
     points: np.ndarray
     components: tuple[int, ...]
     displacement: Callable[[float], np.ndarray]
+    place: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -245,7 +257,18 @@ class Loading(ABC):
             if beyond[worst] > 1e-6 * self.body.spacing:
                 what = f"it lies {beyond[worst]:.3g} beyond the {held.name}, on the side of its own image"
                 error = InvalidState(at_point(self.body, worst, what))
+                if len(held.components) > 1 and self._beside_free_side(worst, plane.axis):
+                    what += "; the free side beside it bulges over what it is bonded to, and would lie against it"
+                    error = FoldedOver(at_point(self.body, worst, what))
             self.body.part.agree(error)
+
+    def _beside_free_side(self, point: int, axis: int) -> bool:
+        """Whether the neighbours of a point are on one side of it, along a plane that an axis is normal to."""
+        bonds = self.body.bonds
+        neighbours = bonds.neighbours[bonds.pointers[point] : bonds.pointers[point + 1]]
+        arms = self.body.all_points[neighbours] - self.body.points[point]
+        middle = np.average(arms, axis=0, weights=self.body.all_volumes[neighbours])
+        return bool(np.linalg.norm(np.delete(middle, axis)) > ONE_SIDED * self.body.horizon)
 
     def reactions(self, force: InternalForce, on_points: np.ndarray | None = None) -> Reactions:
         """Forces of all holders on the body in the state last evaluated.
