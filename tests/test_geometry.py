@@ -251,3 +251,44 @@ def test_the_section_of_a_picture_is_called_deformed():
     titles = [axis.get_title() for axis in figure.axes]
     assert any(title.startswith("deformed section, at rest at x") for title in titles)
     assert not any("undeformed" in title for title in titles)
+
+
+def test_bodies_in_pieces_that_are_all_held_are_remarked_on():
+    cut = {"start": (-0.1, 0.5), "end": (1.3, 0.5)}
+    sheet = {"body": {"shape": "rectangle", "size": (1.2, 1.0)}, "spacing": 0.1, "precuts": (cut,)}
+    message = "the body is in 2 pieces with no bonds between them, as where a cut goes all the way"
+    with pytest.warns(UserWarning, match=message):
+        run_of(**sheet, prescribed=({"region": "left", **CLAMPED},))
+    grips = {"grips": ({"edge": "left"}, {"edge": "right", "travel": 1.0}), "stretches": (1.1,), "steps": ()}
+    with pytest.warns(UserWarning, match=message):
+        run_of(**sheet, **grips)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"prescribed": ({"region": "left", "x1": 0.0},)}, "prescribed: nothing keeps the body from moving along x2"),
+        ({"prescribed": ({"region": "left", **CLAMPED}, {"region": "bottom", "x1": 0.1})}, "prescribed.0 and prescribed.1 move point 0"),
+        ({"loads": ({"region": "left", "traction": (1.0, 0.0)},)}, "loads.0.region: it takes in facets of the left edge, which is held by"),
+        ({"body": {"shape": "circle", "radius": 0.5}}, "prescribed: the body has no straight edge with material at its left end"),
+        ({"spacing": 1e-7}, "spacing 1e-07 makes 1.2e+14 points"),
+    ],
+)
+def test_the_preview_refuses_what_a_run_refuses(changes, message):
+    sheet = {"body": {"shape": "rectangle", "size": (1.2, 1.0)}, "spacing": 0.1, "prescribed": ({"region": "left", **CLAMPED},)}
+    scene = pd.Scene(name="sheet", material=RUBBER, steps=(1.0,), **{**sheet, **changes})
+    told = []
+    for look in (pd.preview, lambda scene: Run(scene, pd.load_surrogate("bond-energy"), Silent())):
+        with pytest.raises(pd.SceneError) as caught:
+            look(scene)
+        told.append(str(caught.value))
+    assert told[0] == told[1]
+    assert message in told[0]
+
+
+def test_where_a_mesh_is_too_coarse_nobody_is_told_to_take_a_smaller_spacing(tmp_path):
+    """Four squares in a row: their points lie on one line."""
+    mesh = {"shape": "mesh", "file": str(write_triangles(tmp_path / "coarse.vtu", 1, (1.0, 1.0)))}
+    with pytest.raises(pd.SceneError, match="take a finer mesh, of cells of about one size") as caught:
+        run_of(body=mesh, prescribed=({"region": "left", **CLAMPED}, {"region": "right", "x1": 0.1}))
+    assert "smaller spacing" not in str(caught.value)

@@ -142,6 +142,11 @@ class Body:
         """2 or 3."""
         return self.points.shape[1]
 
+    @property
+    def finer(self) -> str:
+        """Name what has more points where there are too few, for messages."""
+        return "a smaller spacing" if self.mesh_cells is None else "a finer mesh, of cells of about one size"
+
     def weigh(self, length: np.ndarray) -> np.ndarray:
         """Weight function at the given bond lengths."""
         return WEIGHT_FUNCTIONS[self.weight].function(length, self.horizon)
@@ -379,8 +384,8 @@ def _check_distance_of_planes(body: Body) -> None:
             # Reflected in one plane and then in the other, a point has moved by twice their distance.
             nearest = 2 * distance - np.ptp(body.points[:, plane.axis])
             if plane.axis == other.axis and nearest <= body.horizon * (1 + 1e-9):
-                enough = distance * body.spacing / body.horizon
+                enough = f"a spacing of {distance * body.spacing / body.horizon:.3g} or less" if body.mesh_cells is None else body.finer
                 raise ValueError(
                     f"the body is {distance:g} long between its reflected grips, too short for a horizon of {body.horizon:g}, "
-                    f"which reaches images of images; take a spacing of {enough:.3g} or less, or hold points (support=points)"
+                    f"which reaches images of images; take {enough}, or hold points (support=points)"
                 )

@@ -148,7 +148,7 @@ def _polynomials(
     if lost.any():
         raise ValueError(
             f"{_text(places[rest[lost.argmax()]])}: the points of the body beside it, as far as no hole or cut lies between, are fewer "
-            f"than {too_few(body)}, and tell no deformation; a smaller spacing has more of them"
+            f"than {too_few(body)}, and tell no deformation; {body.finer} has more of them"
         )
     return [_filled(rows, others, rest) for rows, others in zip(quadratic, linear, strict=True)]
 

@@ -16,14 +16,17 @@ from scipy.spatial import cKDTree
 
 from ..arguments import check_is
 from ..body import Body
-from ..discretisation import discretise, surface_of
+from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
 from ..results import figures, views
 from ..scenes import Scene, SceneError
 from ..scenes.model import EDGES
 from ..scenes.shapes import Precut
 from ..scenes.solids import DiscCut, ParallelogramCut
 from ..solvers.grips import points_of_hold
+from ..solvers.loads import Loads
+from ..solvers.reductions import LOCAL
 from ..solvers.regions import BodyRegions, along_edge
+from .run import loading_of
 
 PLAIN, MOST_CELLS_WITH_EDGES = "#d9dde3", 4000
 FEW = 8
@@ -62,7 +65,7 @@ def preview(scene: Scene) -> Figure:
     Raises
     ------
     SceneError
-        If the body cannot be built, or a region is empty.
+        If the body cannot be built, a region is empty, or a run would refuse how the body is held and loaded.
 
     Examples
     --------
@@ -72,14 +75,17 @@ def preview(scene: Scene) -> Figure:
     ['east: x2 = 0', 'west: x2 = 0', 'north: x1 = 0', 'south: x1 = 0', 'holes: pressure 1', 'probe']
     """
     check_is(scene, Scene, "scene", "load_scene gives")
+    check_size(scene, memory_here())
     body, lower, upper = discretise(scene)
     try:
         regions = BodyRegions(scene, body, lower, upper, lambda: surface_of(scene, body, lower, upper))
         marks = _marks(scene, body, lower, upper, regions)
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
+        loading_of(scene, body, lower, upper, regions, Loads(scene, body, regions) if scene.loads else None, LOCAL)
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
+    grip_areas(scene, lower, upper)
     with matplotlib.rc_context(figures.STYLE):
         if scene.dimension == 3:
             return _in_space(scene, body, marks)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -212,6 +213,12 @@ class Loading(ABC):
         bonds, n = self.body.bonds, len(self.body)
         within = bonds.second < n if intact is None else (bonds.second < n) & intact
         return self._reductions.pieces(n, bonds.first[within], bonds.second[within])
+
+    def _remark_on_pieces(self, count: int) -> None:
+        """Say that the body is in several pieces, each of which is held."""
+        if count > 1 and self.body.part.leads:
+            why = f"as where a cut goes all the way, or a wall is thinner than the spacing, {self.body.spacing:.3g}"
+            warnings.warn(f"the body is in {count} pieces with no bonds between them, {why}; each is held by itself", stacklevel=2)
 
     def at(self, parameter: float) -> str:
         """Words for a value of the parameter."""

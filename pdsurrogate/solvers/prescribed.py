@@ -207,8 +207,9 @@ class PrescribedLoading(Loading):
             advice = f"hold {ways} of a region by 0 against it, or let the steps be in dynamics"
             if count > 1:
                 thin = f"as where a wall is thinner than the spacing, {self.body.spacing:.3g}, or a cut goes all the way"
-                advice = f"there are {count} pieces with no bonds between them, {thin}: take a smaller spacing, or {advice}"
+                advice = f"there are {count} pieces with no bonds between them, {thin}: take {self.body.finer}, or {advice}"
             raise ValueError(f"prescribed: nothing keeps {what} from {' or '.join(motions)}; {advice}")
+        self._remark_on_pieces(count)
 
     def _constraints(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Places (k, d) and components (k,) that are held at rest, and the point of the body that each belongs to."""

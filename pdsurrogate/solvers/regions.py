@@ -223,7 +223,7 @@ class BodyRegions:
         if len(lost):
             raise ValueError(
                 f"{self._key(reference)}: the body is too thin at {_text(surface.nodes[lost[0]])}, where the points beside the boundary, "
-                f"with which it moves, are fewer than {too_few(self._body)}; take a smaller spacing"
+                f"with which it moves, are fewer than {too_few(self._body)}; take {self._body.finer}"
             )
         return found
 
