@@ -247,7 +247,10 @@ def _print_crack(summary) -> None:
 def _print_cells(result) -> None:
     """Say which cells were taken where squares of the spacing do not fill the body."""
     summary, asked, unit = result.summary, result.scene.spacing, result.summary["units"]["length"]
-    if any(side != asked for side in summary["cell_size"]):
+    if result.scene.body.shape == "mesh":
+        told = f"The mesh has a spacing of {summary['spacing']:.6g} {unit}; the horizon is {summary['horizon']:.6g} {unit}"
+        out.print(told, soft_wrap=True)
+    elif any(side != asked for side in summary["cell_size"]):
         out.print(
             f"Cells of {' x '.join(f'{side:.6g}' for side in summary['cell_size'])} {unit} fill the body, the nearest to the spacing of "
             f"{asked:g}; the horizon is {summary['horizon']:.6g} {unit}",

@@ -83,6 +83,15 @@ class Silent:
         """Say nothing."""
 
 
+def loading_of(
+    scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray, regions: BodyRegions, loads: Loads | None, reductions: LocalReductions
+) -> Loading:
+    """Return the conditions of a scene on its body; see `GripLoading` and `PrescribedLoading` for what is refused."""
+    if scene.stretched:
+        return GripLoading(scene, body, lower, upper, reductions)
+    return PrescribedLoading(scene, body, lower, upper, regions, loads, scene.material.build().shear_modulus, reductions)
+
+
 @dataclass
 class Run:
     """One simulation under way.
@@ -189,7 +198,7 @@ class Run:
         settings = settings_of(scene)
         try:
             self.loads = Loads(scene, self.body, self.regions) if scene.loads else None
-            self.loading = self._loading(lower, upper)
+            self.loading = loading_of(scene, self.body, lower, upper, self.regions, self.loads, self.reductions)
             self.body.part.clear(self.loading.free)  # what others own they move
             self._check_speeds()
             numba.set_num_threads(self.threads)
@@ -259,13 +268,6 @@ class Run:
         """Shear modulus of the material in which shear waves are slowest."""
         return min(law.shear_modulus for law in (self.law, *(part.material.build() for part in self.scene.materials)))
 
-    def _loading(self, lower, upper) -> Loading:
-        scene = self.scene
-        if scene.stretched:
-            return GripLoading(scene, self.body, lower, upper, self.reductions)
-        conditions = self.regions, self.loads, self.law.shear_modulus, self.reductions
-        return PrescribedLoading(scene, self.body, lower, upper, *conditions)
-
     def _check_speeds(self) -> None:
         """Refuse held parts that move apart faster than shear waves: what the body does then hangs on the motion it is started with."""
         begin = self.loading.rest
@@ -297,7 +299,7 @@ class Run:
                 where = ("in one plane", "two layers of points or more in every direction")
             raise ValueError(
                 f"body: the bonds of {len(alone)} of its points, the first at {place_of(self.body, alone[0])}, lie {where[0]}; the body "
-                f"needs {where[1]} everywhere, {self.body.spacing:.4g} apart"
+                f"needs {where[1]} everywhere, {self.body.spacing:.4g} apart: take {self.body.finer}"
             )
 
     def warm_up(self) -> None:

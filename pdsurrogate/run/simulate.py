@@ -24,6 +24,7 @@ from ..results.folder import check_room, make_room, occupied
 from ..results.provenance import provenance
 from ..scenes import Scene, SceneError, load_scene
 from ..solvers import Diverging, NotConverged, RanAway, TooFar, Unstable
+from ..solvers.conditions import FoldedOver
 from .interruption import Interrupted
 from .levels import go_through, solver_of
 from .materials import checked_models, models_of
@@ -74,6 +75,8 @@ ADVICE = {
     Unstable: "push it less far, or follow it in dynamics",
     RanAway: "a load may have a maximum, as the pressure in a balloon has: to go beyond it prescribe displacements in its place, or follow "
     "it in dynamics",
+    FoldedOver: "contact is not followed, and a finer spacing shows the fold sooner: push it less far, make the free side hollow, or let "
+    "the body slide there, with the components along the plane left free",
     InvalidState: "take a finer spacing; or the material itself does not reach this far",
 }
 """What to change, by what went wrong between levels in equilibrium."""

@@ -243,7 +243,8 @@ class Scene(StrictModel):
     `grips` and `stretches`, the levels of the loading programme in the order given: the distance of the two grips over its undeformed
     value.  The general one is `prescribed` displacements and `loads` on `regions`, and `steps` of the loading parameter t, which begins
     at 0.  Of a body that `spacing` does not divide the nearest cells are taken that fill it; the horizon is `horizon_ratio` times the
-    smaller side of a cell, by default 3.15 in the plane and 1.75 in space.  The plane is one of stress where none is given, and space of
+    smaller side of a cell, by default 3.15 in the plane and 1.75 in space.  A mesh has its own spacing, the side of a square or cube as
+    large as its cells are, and needs none.  The plane is one of stress where none is given, and space of
     a body in space; places, directions and forces have as many components as the body has dimensions.
 
     Examples
@@ -263,7 +264,7 @@ class Scene(StrictModel):
 
     name: SceneName
     title: str = ""
-    spacing: Positive
+    spacing: Positive | None
     stretches: tuple[Level, ...] = ()
     body: AnyBody
     holes: tuple[AnyShape, ...] = ()
@@ -334,6 +335,19 @@ class Scene(StrictModel):
     def stretched(self) -> bool:
         """Whether the loading is said in the short way: grips and stretches."""
         return bool(self.grips)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spacing_of_a_mesh(cls, value: Any) -> Any:
+        """Ask a mesh for no spacing."""
+        asked = isinstance(value, Mapping) and "spacing" not in value and shape_of(value.get("body")) == "mesh"
+        return {**value, "spacing": None} if asked else value
+
+    @model_validator(mode="after")
+    def _spaced(self) -> Scene:
+        if self.spacing is None and not isinstance(self.body, Mesh):
+            raise ValueError("spacing: a number is needed; only a mesh has a spacing of its own")
+        return self
 
     @model_validator(mode="after")
     def _one_dimension(self) -> Scene:
@@ -505,7 +519,8 @@ class Scene(StrictModel):
         programme, kind = (self.stretches, "stretch") if self.stretched else (self.steps, "step")
         count = len(programme)
         told = f"{count} {kind}{'' if count == 1 else 'es' if kind == 'stretch' else 's'}" if count else "dynamics"
-        return f"<Scene {self.name}: {self.body.shape}, spacing {self.spacing:g} {self.units.length}, {self.material.law}, {told}>"
+        spacing = "" if self.spacing is None else f", spacing {self.spacing:g} {self.units.length}"
+        return f"<Scene {self.name}: {self.body.shape}{spacing}, {self.material.law}, {told}>"
 
     __str__ = __repr__
 
