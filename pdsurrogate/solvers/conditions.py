@@ -268,16 +268,27 @@ class Loading(ABC):
         levers = None
         if any(plane.turn is not None for plane in self._planes):
             levers = self._reductions.total_of_parts(self._levers_on_planes(force, crossing))
-        forces, at_points = np.zeros((len(self.names), dimension)), None
-        for number, plane in enumerate(self._planes):
-            for component in plane.components:
-                forces[plane.holders[component], component] += on_planes[number, component]
-        if any(part.holder is not None for part in self._held):
-            at_points = -(self._on_points(force) if on_points is None else on_points) * (1 - self.free)
+        if on_points is None and self._holds_points:
+            on_points = self._on_points(force)
+        return self.reactions_of(self._reductions.total_of_parts(on_planes), levers, on_points)
+
+    @property
+    def _holds_points(self) -> bool:
+        return any(part.holder is not None for part in self._held)
+
+    def reactions_of(self, on_planes: np.ndarray, levers: np.ndarray | None, on_points: np.ndarray | None) -> Reactions:
+        """Forces of all holders by those on planes, with their levers, and by internal force and loads on every point."""
+        forces, at_points = np.zeros((len(self.names), self.body.dimension)), None
+        if self._holds_points:
+            at_points = -on_points * (1 - self.free)
             for part, owned in zip(self._held, self._owned, strict=True):
                 for component, points in owned.items():
                     forces[part.holder, component] += at_points[points, component].sum()
-        return Reactions(self._reductions.total_of_parts(forces), self._reductions.total_of_parts(on_planes), at_points, levers)
+            forces = self._reductions.total_of_parts(forces)
+        for number, plane in enumerate(self._planes):
+            for component in plane.components:
+                forces[plane.holders[component], component] += on_planes[number, component]
+        return Reactions(forces, on_planes, at_points, levers)
 
     def moments(self, force: InternalForce, reactions: Reactions) -> np.ndarray:
         """Moments of the holders' forces about the origin of the coordinates.
