@@ -259,7 +259,7 @@ class Run:
         return self.ranks.to_all(self.body.part.gather(found))
 
     @property
-    def least_modulus(self) -> float:
+    def _least_modulus(self) -> float:
         """Shear modulus of the material in which shear waves are slowest."""
         return min(law.shear_modulus for law in (self.law, *(part.material.build() for part in self.scene.materials)))
 
@@ -279,7 +279,7 @@ class Run:
             begin = stage.to
 
     def _check_speed(self, inertia: Inertia, speed: float) -> None:
-        units, wave = self.scene.units, math.sqrt(self.least_modulus / inertia.density)
+        units, wave = self.scene.units, math.sqrt(self._least_modulus / inertia.density)
         if speed <= wave:
             return
         if inertia.duration is None:

@@ -39,10 +39,10 @@ logger = logging.getLogger(__name__)
 STEPS_PER_ROW = 20
 """Steps between rows of the history, which every output has as well.
 
-Work and damped energy are summed in every step by the trapezoidal rule; in the plane, with grips and a force that has no energy, so that no
-account can close, over these rows.  What viscosity takes needs the forces at the positions: in a row they are evaluated, and where the force
-has an energy also in every step from a bond's breaking until as many steps later, since they change fast there; in other steps they are
-followed (`ExplicitDynamics.elastic`)."""
+Work and damped energy are summed in every step by the trapezoidal rule; in the plane, with grips and a force that has no energy, over
+these rows, since no account can close.  The part of viscosity needs the forces at the positions.  They are evaluated in a row and, where
+the force has an energy, in every step from a bond's breaking until as many steps later, because they change fast there, and while what is
+held changes its velocity; in other steps they are followed (`ExplicitDynamics.elastic`)."""
 
 SECONDS_BETWEEN_CHECKPOINTS = 60.0
 
@@ -54,16 +54,21 @@ a body that is unloaded, and has given back nearly all it held, is off by a shar
 MOST_STEPS = 1e9
 """A run of more steps, weeks even on the smallest body, is a slip in the units of the density or of the rate."""
 
-LEAST_VISCOSITY = 0.7
-"""Retardation time of scenes with fracture that say none, in spacings over the speed of shear waves.  What snaps back from a crack are waves
-as short as a bond: this takes their energy within a few steps.  Strips torn by `bond-energy` close their accounts within 1 % with it; with
-none they gain up to half of what was put in (`docs/guide/cracks.md`)."""
+CRACK_VISCOSITY = 0.7
+"""Retardation time of scenes with fracture that give none, in spacings over the speed of shear waves.
+
+Material that snaps back from a crack moves in waves as short as a bond, and this time takes their energy within a few steps.  Strips torn
+by `bond-energy` close their accounts within 0.1 % with it; without it they gain half of the energy put in (`docs/guide/cracks.md`)."""
 
 GAP_WARNED, GAP_FAILED = 0.01, 0.05
-"""Share of the energy put in by which the account of a force that has an energy may be off: more is said, and still more is a failure."""
+"""Shares of the energy put in: an account that is off by more than the first is warned of, and by more than the second is a failure."""
 
 MEND_GAP = "a smaller dynamics.safety or more dynamics.viscosity mends it"
-"""What helps where an account is off: forces that are less linear within a step, or less motion as short as a bond."""
+"""Advice where an account is off: within a shorter step forces are closer to linear, and viscosity takes motion as short as a bond."""
+
+LEAST_UNEVENNESS = 0.01
+"""Share of the way of what is held within the viscosity that may be off from its present velocity where elastic forces are followed: what
+viscosity takes of the work of holders is off by as much."""
 
 LEAST_RATIO = 0.1
 """det F, of areas in the plane, below which a point that has lost bonds counts as failed: intact rubber in a tear stays above 0.5."""
@@ -161,12 +166,12 @@ class Transient:
             run.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
 
     def _viscosity(self) -> float:
-        """Of the stage; where it says none, what a crack needs, or none."""
+        """Return the retardation time of the stage: the scene's own, or by default the time that a crack needs."""
         if self.spec.viscosity is not None:
             return self.spec.viscosity
         if self.damage is None:
             return 0.0
-        return LEAST_VISCOSITY * self.run.body.spacing * math.sqrt(self.spec.density / self.run.least_modulus)
+        return CRACK_VISCOSITY * self.run.body.spacing * math.sqrt(self.spec.density / self.run.law.shear_modulus)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What a checkpoint holds of the dynamics."""
@@ -247,7 +252,7 @@ class Transient:
             if asked:
                 self._last_row()
                 raise Interrupted
-        if self._keeps_account and "remark" in run.dynamics[-1]:
+        if self._keeps_account and run.dynamics[-1]["remark"] and run.ranks.rank == 0:
             warnings.warn(run.dynamics[-1]["remark"], stacklevel=4)
 
     def _time_due(self, outputs: int) -> float:
@@ -285,12 +290,9 @@ class Transient:
             raise Diverging(f"time {account.time:.4g}: {self._words_for_gap(account.gap)}")
 
     def _words_for_gap(self, gap: float) -> str:
-        made = "gained from nothing" if gap > 0 else "lost"
-        share, units = abs(gap) / self.account.most_put_in, self.run.scene.units
-        return (
-            f"the account of energy is off by {100 * share:.2g} %: {abs(gap):.3g} of the {self.account.most_put_in:.3g} {units.energy} that were "
-            f"put in were {made}"
-        )
+        put_in, unit = max(self.account.most_put_in, self._rounding), self.run.scene.units.energy
+        share, what = 100 * abs(gap) / put_in, "gained from nothing" if gap > 0 else "lost"
+        return f"the account of energy is off by {share:.2g} %: {put_in:.3g} {unit} were put in, and {abs(gap):.3g} were {what}"
 
     def _check_inside(self) -> None:
         """Raise InvalidState if a point has passed through a plane of reflection."""
@@ -317,16 +319,17 @@ class Transient:
     def _limit_step(self) -> None:
         """Say how long the next step may be.
 
-        Where the account is taken in every step what is held has moved up to the end, and not for a part of a step.
+        Where the account is taken in every step what is held has moved up to the end, and not for a part of a step.  No step passes two
+        outputs.
         """
         account, integrator = self.account, self.integrator
         if self._timed:
             # Equal parts of what is left, so that no step before an output is much shorter than the others.
             left = self._time_due(account.outputs + self._due()) - account.time
             integrator.longest = integrator.part_of(left) if left > 0 else integrator.last_step
-        elif self._every_step:
-            left = self.motion.duration - account.time
-            integrator.longest = left if left > 0 else integrator.last_step
+        else:
+            left, apart = self.motion.duration - account.time, self.motion.duration / self.most_outputs
+            integrator.longest = min(left, apart) if self._every_step and left > 0 else apart
 
     def _evaluate_and_break(self) -> None:
         """Break what is stretched too far, and what has lost its support, until the forces are those of what is left."""
@@ -399,7 +402,7 @@ class Transient:
     def _break(self, pairs: np.ndarray) -> None:
         run, crack = self.run, self.run.crack
         if crack["start"] is None:
-            places = starts_of_cracks(self._in_order(pairs, np.zeros(len(pairs), dtype=np.int64)), run.body.horizon)
+            places = starts_of_cracks(*self._in_order(pairs, np.zeros(len(pairs), dtype=np.int64)), run.body.horizon)
             start = {"event": "first bond broken", "time": run.elapsed + self.account.time, run.loading.parameter: run.parameter}
             if "nominal_stress" in run.history[-1]:
                 start["nominal_stress"] = run.history[-1]["nominal_stress"]
@@ -465,7 +468,7 @@ class Transient:
         run.progress.account(self.integrator.steps, kinetic, strain)
 
     def _tell_account(self, held: float) -> None:
-        """Put into the summary's entry of the stage how far energies are from what was put in, of which motion and strain exceed it by `held`."""
+        """Write the account into the summary's entry of the stage; `held` is the energy of motion and strain less the energy put in."""
         account, told = self.account, self.run.dynamics[-1]
         told["energy_put_in"] = float(account.most_put_in)
         if not self._keeps_account:
@@ -476,9 +479,8 @@ class Transient:
         account.greatest_gap = max(account.greatest_gap, account.gap, key=abs)
         scale = max(account.most_put_in, self._rounding)
         told |= {"energy_gap": float(100 * account.gap / scale), "greatest_energy_gap": float(100 * account.greatest_gap / scale)}
-        told.pop("remark", None)
-        if abs(account.greatest_gap) > GAP_WARNED * scale:
-            told["remark"] = f"{self._words_for_gap(account.greatest_gap)}; {MEND_GAP}"
+        wide = abs(account.greatest_gap) > GAP_WARNED * scale
+        told["remark"] = f"{self._words_for_gap(account.greatest_gap)}; {MEND_GAP}" if wide else None
 
     def _kinetic_energy(self) -> float:
         """At the positions, where all other energies are; in the plane with grips that of the half step before."""
@@ -494,7 +496,15 @@ class Transient:
         if self._every_step:
             self._take_work(self._reactions())
             breaking = self._keeps_account and self.integrator.steps - self.account.last_break < STEPS_PER_ROW
-            self._take_damping(evaluate=breaking)
+            self._take_damping(evaluate=breaking or self._uneven())
+
+    def _uneven(self) -> bool:
+        """Whether what is held changes its velocity within the viscosity, so that elastic forces cannot be followed."""
+        if self.viscosity == 0:
+            return False
+        time, step = self.account.time, self.integrator.last_step
+        ahead = self.run.parameter + self.viscosity * self.motion.rate
+        return self.run.loading.unevenness(self.motion.at(time - step), self.run.parameter, ahead) > LEAST_UNEVENNESS
 
     def _take_work(self, reactions: Reactions) -> None:
         """Add the work of what holds and loads since the last time it was taken; the force is still that which moves the body."""
@@ -544,14 +554,14 @@ class Transient:
         account.damped_power, account.damped_time = [*power], account.time
 
     def _elastic_reactions(self, evaluated: bool) -> Reactions:
-        """Of all holders without what viscosity adds: of a force that is evaluated at the positions, or followed as the elastic forces are."""
+        """Return the forces of all holders without viscosity: of the force `evaluated` at the positions, or followed as `elastic` is."""
         account, loading, on_points = self.account, self.run.loading, self.integrator.elastic_with_loads()
         if evaluated:
             found = loading.reactions(self.run.force, on_points)
         else:
-            planes = (np.array(account.on_planes), self._held_reactions.on_planes), (account.levers, self._held_reactions.levers)
-            share = self.integrator.followed
-            on_planes, levers = (None if now is None else old + share * (now - np.array(old)) for old, now in planes)
+            held, share = self._held_reactions, self.integrator.followed
+            planes = (account.on_planes, held.on_planes), (account.levers, held.levers)
+            on_planes, levers = (None if now is None else (1 - share) * np.reshape(old, now.shape) + share * now for old, now in planes)
             found = loading.reactions_of(on_planes, levers, on_points)
         account.on_planes, account.levers = found.on_planes.tolist(), None if found.levers is None else found.levers.tolist()
         return found
@@ -569,8 +579,11 @@ class Transient:
         self._apply()
         if self.damage is not None:
             entry = {"time": run.elapsed + account.time, run.loading.parameter: run.parameter, "broken_bonds": run.crack["broken_bonds"]}
-            places = self._in_order(np.array(account.recent, dtype=np.int64), np.array(account.batches, dtype=np.int64))
+            places, batches = self._in_order(np.array(account.recent, dtype=np.int64), np.array(account.batches, dtype=np.int64))
             tips = crack_tips(places, run.body.horizon)
+            if tips and not any(output["tips"] for output in run.crack["tips"]):
+                # Now with cracks that began a little later.
+                run.crack["start"]["tips"] = starts_of_cracks(places, batches, run.body.horizon)
             # The tip of the largest crack stays where it was while nothing breaks.
             last = run.crack["tips"][-1]["tip"] if run.crack["tips"] else None
             run.crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
@@ -593,16 +606,17 @@ class Transient:
         counted = self.run.body.part.counted_pairs(self.run.body.bonds.first[pairs])
         return pairs if counted is None else pairs[counted]
 
-    def _in_order(self, pairs: np.ndarray, batches: np.ndarray) -> np.ndarray:
-        """Middles (k, d) of broken pairs of the whole body, in the order in which they broke: batches, rising, and their pairs in each."""
+    def _in_order(self, pairs: np.ndarray, batches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Middles (k, d) of broken pairs of the whole body, in the order in which they broke, and their batches (k,), which rise."""
         body = self.run.body
         counted = body.part.counted_pairs(body.bonds.first[pairs])
         if counted is None:
-            return _midpoints(body, pairs)
+            return _midpoints(body, pairs), batches
         pairs, batches = pairs[counted], batches[counted]
         order = np.stack([batches, body.part.numbers[body.bonds.first[pairs]]], axis=1)
         order, places = (np.concatenate(body.part.everywhere(rows)) for rows in (order, _midpoints(body, pairs)))
-        return places[np.lexsort(order.T[::-1])]
+        sequence = np.lexsort(order.T[::-1])
+        return places[sequence], order[sequence, 0]
 
     def _recent_in_whole(self) -> tuple[list[int], list[int]]:
         """Pairs broken of late by their numbers in the whole body, in the order in which they broke, and their batches."""
@@ -658,25 +672,29 @@ def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
     return tips
 
 
-def starts_of_cracks(places: np.ndarray, horizon: float) -> list[list[float]]:
-    """Where bonds that were the first to break have broken, one place for each group of them within a horizon, the largest first.
+def starts_of_cracks(places: np.ndarray, batches: np.ndarray, horizon: float) -> list[list[float]]:
+    """Where cracks began: one place for each group of broken pairs that are joined by distances of up to a horizon.
 
     Parameters
     ----------
     places : ndarray, shape (k, d)
         Middles of the pairs.
+    batches : ndarray of int, shape (k,)
+        Of pairs that broke together, rising.
     horizon : float
 
     Returns
     -------
     list of list of float
-        Of each group the middle of that pair which is nearest to the mean of all.
+        For each group the middle of a pair: of those that broke first the nearest to their mean.  Groups stand in the order in which they
+        began, the largest first of those that began together.
     """
     found = []
     for members in _groups(places, horizon):
-        off = places[members] - places[members].mean(axis=0)
-        found.append(places[members[np.einsum("kc,kc->k", off, off).argmin()]].tolist())
-    return found
+        first = members[batches[members] == batches[members].min()]
+        off = places[first] - places[first].mean(axis=0)
+        found.append((batches[first[0]], places[first[np.einsum("kc,kc->k", off, off).argmin()]].tolist()))
+    return [place for _, place in sorted(found, key=lambda start: start[0])]
 
 
 def _groups(places: np.ndarray, horizon: float) -> list[np.ndarray]:

@@ -37,23 +37,25 @@ HORIZON_RATIOS = {2: 3.15, 3: 1.75}
 """Horizons over the side of a cell where none is asked for, by dimension.  In space short ones are more accurate and cheaper: 26 bonds."""
 
 TIP_DIAMETER = 1.15
-"""Effective diameter of a crack tip in horizons, of sheets whose bonds have forces and no energy: energy release rate at which a crack runs,
-over the uniaxial energy density at the critical stretch.  Measured in the tear scene at spacings of 0.02 to 0.05 cm, between 1.11 and 1.22
-(`pipelines/reproduce_paper.py`); it gives the peak of a strip in pure shear within 7 % at horizons of 2.2 to 4.2 spacings."""
+"""Effective diameter of a crack tip, in horizons, in sheets whose bonds have forces and no energy.
+
+The diameter is the energy release rate at which a crack runs over the uniaxial energy density at the critical stretch.  It was measured in
+the tear scene at spacings of 0.02 to 0.05 cm, between 1.11 and 1.22 (`pipelines/reproduce_paper.py`), and gives the peak of a strip in pure
+shear within 7 % at horizons of 2.2 to 4.2 spacings."""
 
 
 class TipDiameter(NamedTuple):
-    """An effective diameter of a crack tip, and for what it was measured.
+    """An effective diameter of a crack tip, with the force models and horizons for which it was measured.
 
     Attributes
     ----------
     family : str
-        Of force models, see `pdsurrogate.ForceModel`.
+        Family of the force models, see `pdsurrogate.ForceModel`.
     plane : str
     least, greatest : float
-        Horizons in spacings.
+        Horizons in spacings, from and to.
     horizons : float
-        The diameter.
+        The diameter in horizons.
     """
 
     family: str
@@ -76,26 +78,27 @@ TIP_DIAMETERS = (
     TipDiameter("bond energy", "space", 1.75, 1.75, 1.2),
     TipDiameter("bond energy", "space", 2.2, 2.2, 0.83),
 )
-"""Where the diameter of a tip is known.  In space at 2.2 from trouser tears at a spacing of 2/3 mm, 0.82 and 0.84; those at another spacing,
-and with another critical stretch, are predictions.  At 1.75 the mean of 1.29 and 1.13, of tears at two spacings
-(`docs/validation/cracks-in-space.md`).  By `bond-energy` in a sheet 1.15 gives 8 to 23 % too little.  See
-`pdsurrogate.critical_stretch_of`."""
+"""Diameters that were measured.
+
+In space that at 2.2 is from trouser tears at a spacing of 2/3 mm, 0.82 and 0.84; tears at another spacing, and with another critical
+stretch, are predictions.  That at 1.75 is the mean of 1.29 and 1.13, of tears at two spacings (`docs/validation/cracks-in-space.md`).  In a
+sheet by `bond-energy` 1.15 gives 8 to 23 % too little, so it is not among them.  See `pdsurrogate.critical_stretch_of`."""
 
 
 def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None) -> float:
-    """Effective diameter of a crack tip in horizons.
+    """Return the effective diameter of a crack tip in horizons.
 
     Parameters
     ----------
     plane : str
     horizon_ratio : float
     family : str, optional
-        Of the force model; any where it is not known yet.
+        Family of the force model; without it any family will do.
 
     Raises
     ------
     ValueError
-        If it was not measured; says where it was.
+        If the diameter was not measured; says where it was.
     """
     for known in TIP_DIAMETERS:
         fits = known.plane == plane and known.least - 1e-9 <= horizon_ratio <= known.greatest + 1e-9
@@ -103,9 +106,10 @@ def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None) ->
             return known.horizons
     here = f"{'' if family is None else f'{family}, '}{_place(plane)}, horizon_ratio {horizon_ratio:g}"
     raise ValueError(
-        f"fracture.energy gives a critical stretch only where the diameter of a crack tip was measured ({'; '.join(map(str, TIP_DIAMETERS))}), "
-        f"and not for {here}; give fracture.critical_stretch"
+        "fracture.energy gives a critical stretch only where the diameter of a crack tip was measured "
+        f"({'; '.join(map(str, TIP_DIAMETERS))}), and not for {here}; give fracture.critical_stretch"
     )
+
 
 MOST_INCREMENTS = 100_000
 """Of a step; more take days on the smallest body."""
@@ -252,7 +256,7 @@ class Dynamics(StrictModel):
         Rate c of M (a + c v) = f, per unit time.
     viscosity : float, optional
         Retardation time tau of a Kelvin-Voigt solid: damps what is as short as bonds, where a crack lets material snap back.  With
-        fracture by default 0.7 spacings over the speed of shear waves, of several materials the slowest; else none.
+        fracture by default 0.7 spacings over the speed of shear waves, else none.
     outputs : int
         States written on the way, evenly over the programme.
     safety : float

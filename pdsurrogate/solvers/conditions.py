@@ -220,6 +220,20 @@ class Loading(ABC):
         for number, plane in enumerate(self._planes):
             force.move_plane(number, plane.displacement(parameter), None if plane.turn is None else plane.turn(parameter))
 
+    def unevenness(self, last: float, now: float, ahead: float) -> float:
+        """Return by what share of its way to a value `ahead` what is held departs from its velocity since the `last` value."""
+        if now == last:
+            return 0.0
+
+        def places(parameter: float) -> np.ndarray:
+            motions = [*(part.displacement(parameter) for part in self._held), *(plane.motion(parameter) for plane in self._planes)]
+            return np.concatenate([np.ravel(motion) for motion in motions]) if motions else np.zeros(1)
+
+        before, present, after = map(places, (last, now, ahead))
+        way, evenly = after - present, (present - before) * ((ahead - now) / (now - last))
+        off, *ways = (self._reductions.greatest_of_parts(np.abs(change).max(initial=0.0)) for change in (way - evenly, way, evenly))
+        return off / max(ways) if off > 0 else 0.0
+
     def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Check that no point is on the far side of a plane in which the body is reflected, where its own image belongs.
 
