@@ -70,7 +70,6 @@ _HOMES = {
     "StudyInterrupted": "studies",
     "StudyResult": "studies",
     "TorchMLPRegressor": "learning",
-    "TorchSobolevRegressor": "learning",
     "Tube": "scenes",
     "Yeoh": "materials",
     "algorithm_1": "learning.algorithm_1",

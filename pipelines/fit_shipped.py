@@ -12,12 +12,14 @@ import argparse
 import os
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 # Training magnifies the last bit of a sum into other weights, as good but not the same.  So that the bytes come back on every processor
 # with AVX2, all use the code for that: OpenBLAS would choose by processor and NumPy take AVX-512 where there is any.  Read as both load.
 os.environ |= {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR"}
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 from sklearn.base import clone
@@ -26,6 +28,7 @@ from sklearn.model_selection import GridSearchCV
 
 import pdsurrogate as pd
 from pdsurrogate.learning.isochoric import ISOCHORIC
+from pdsurrogate.learning.sampling import random_order
 
 SHIPPED = Path(__file__).resolve().parents[1] / "artifacts"
 FIRST = "1"
@@ -44,6 +47,15 @@ ROUNDS = 200
 def relative_rms(truth, predicted) -> float:
     """Root mean square error of the force over the root mean square of the force."""
     return float((((predicted - truth) ** 2).sum() / (truth**2).sum()) ** 0.5)
+
+
+def as_drawn(samples):
+    """Return samples in the order in which they were drawn, as the shipped artefacts were fitted to them; Algorithm 1 keeps that order."""
+    if samples.design["name"] == "algorithm 1":
+        return samples
+    order = np.argsort(random_order(len(samples), samples.design["random_state"]))
+    names = ("X", "y", "stretches") if hasattr(samples, "stretches") else ("X", "y")
+    return replace(samples, **{name: getattr(samples, name)[order] for name in names})
 
 
 def search(model, samples, grid) -> list[dict]:
@@ -79,6 +91,7 @@ def show(title: str, rows: list[dict]) -> None:
 def make(name, law, description, samples, model, grid, folder, version=FIRST) -> None:
     """One artefact."""
     console.rule(f"{name}@{version}")
+    samples = as_drawn(samples)
     searched = search(model, samples, grid)
     show(f"Search: relative RMS force error on the folds left out, networks {ROUNDS} iterations", searched)
     folds = pd.cross_validate(model, samples, folds=5, n_jobs=2)
@@ -92,6 +105,7 @@ def make(name, law, description, samples, model, grid, folder, version=FIRST) ->
 def make_energy(name, law, description, samples, regressor, searched_over, folder, folds=5) -> None:
     """The artefact of an energy, a sheet's or the isochoric one, after a search over (activation, units)."""
     console.rule(name)
+    samples = as_drawn(samples)
 
     def pipeline(regressor):
         return pd.energy_pipeline(regressor, isochoric=samples.form is ISOCHORIC)

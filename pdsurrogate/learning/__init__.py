@@ -16,7 +16,7 @@ from .force_model import evaluate, force_model_of
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .pipeline import bond_force_pipeline
 from .sampling import BondSamples, reachable_stretches, wide_design
-from .sobolev import SobolevRegressor, TorchSobolevRegressor
+from .sobolev import SobolevRegressor
 from .storing import store
 from .target import InputAwareTargetRegressor
 from .torch_regressor import TorchMLPRegressor
@@ -29,7 +29,6 @@ __all__ = [
     "LevenbergMarquardtRegressor",
     "SobolevRegressor",
     "TorchMLPRegressor",
-    "TorchSobolevRegressor",
     "bond_force_pipeline",
     "cross_validate",
     "cross_validate_energy",

@@ -86,7 +86,7 @@ def domain_of(samples: BondSamples) -> Domain:
     bulk = samples.X[:, 4] ** 2 * samples.X[:, 3]
     if samples.design.get("off_surface"):
         # The perturbation's own bounds, which the samples nearly fill.
-        reach = np.exp(PERTURBATION["log_C33"])
+        reach = np.exp(samples.design.get("perturbation", PERTURBATION)["log_C33"])
         return Domain(low, high, float(1 / reach), float(reach), hull)
     return Domain(low, high, float(bulk.min()), float(bulk.max()), hull)
 
