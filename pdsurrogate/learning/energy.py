@@ -199,7 +199,7 @@ def energy_design(
     samples = EnergySamples.of(law, np.exp(logs), design, form)
     if not np.isfinite(samples.y).all():
         raise ValueError(f"{law.name} ends before all states of stretches from {low:g} to {high:g}; see reachable_stretches")
-    order = random_order(n_samples, random_state)
+    order = random_order(n_samples, near_rest, random_state)
     return replace(samples, X=samples.X[order], y=samples.y[order], stretches=samples.stretches[order])
 
 

@@ -123,13 +123,13 @@ def wide_design(
         "random_state": random_state,
         "nondimensional": True,
     }
-    order = random_order(n_samples, random_state)
+    order = random_order(n_samples, near_rest, random_state)
     return BondSamples(X[order], y[order], design)
 
 
-def random_order(n_samples: int, random_state: int) -> np.ndarray:
-    """Return the order that a design hands its samples out in: it draws those near rest first, and folds of them would not be alike."""
-    return np.random.default_rng([random_state, 1]).permutation(n_samples)
+def random_order(n_samples: int, near_rest: float, random_state: int) -> np.ndarray:
+    """Return the order that a design hands its samples out in: it draws a share near rest first, and folds of them would not be alike."""
+    return np.arange(n_samples) if near_rest == 0 else np.random.default_rng([random_state, 1]).permutation(n_samples)
 
 
 def log_stretches(random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
