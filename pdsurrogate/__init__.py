@@ -17,6 +17,7 @@ _HOMES = {
     "BANOSBForce": "forces",
     "BondEnergyForce": "forces",
     "BondSamples": "learning",
+    "CardText": "learning",
     "Box": "scenes",
     "ChebyshevRegressor": "learning",
     "Circle": "scenes",

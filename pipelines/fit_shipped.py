@@ -99,7 +99,7 @@ def make(name, law, description, samples, model, grid, folder, version=FIRST) ->
     folds = pd.cross_validate(model, samples, folds=5, n_jobs=2)
     show("Cross-validation of the final settings", folds)
     model.fit(samples.X, samples.y)
-    path = pd.store(model, samples, law, folder, name, version, description, folds, searched)
+    path = pd.store(model, samples, law, folder, name, version, pd.CardText(description, folds, searched))
     errors = pd.load_card(path).errors["box"]
     console.print(f"{path}: on the surface {errors['on_surface']['rms']:.1e}, off it {errors['off_surface']['rms']:.1e}\n", soft_wrap=True)
 
@@ -125,7 +125,7 @@ def make_energy(name, law, description, samples, regressor, searched_over, folde
     table = pd.cross_validate_energy(model, samples, folds)
     show("Cross-validation of the final settings", table)
     model.fit(samples.X, samples.y)
-    path = pd.store_energy(model, samples, law, folder, name, FIRST, description, table, searched)
+    path = pd.store_energy(model, samples, law, folder, name, FIRST, pd.CardText(description, table, searched))
     box = list(pd.load_card(path).errors.values())[-1]
     low, high = box["stretch_range"]
     errors = box["on_surface"]

@@ -380,7 +380,7 @@ law = pd.NeoHookean()
 samples = pd.wide_design(law, 600, random_state=0)
 network = pd.LevenbergMarquardtRegressor((6,), "algebraic", max_iter=25, random_state=0)
 model = pd.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
-pd.store(model, samples, law, sys.argv[1], "rubber", "1", "reproduced", pd.cross_validate(model, samples, 2))
+pd.store(model, samples, law, sys.argv[1], "rubber", "1", pd.CardText("reproduced", pd.cross_validate(model, samples, 2)))
 """
     folders = [tmp_path / "a", tmp_path / "b"]
     for number, folder in enumerate(folders):

@@ -31,7 +31,8 @@ def committee(tmp_path_factory):
     others = [pd.Gent(2.0, 200.0, chain_limit=60.0), pd.Gent(chain_limit=70.0)]
     found = {"data": "mine.csv", "law": LAW.describe()}
     place = tmp_path_factory.mktemp("edited")
-    return pd.store(*fitted(LAW), place, "mine", "1", "x", identification=found, members=[fitted(other) for other in others])
+    text = pd.CardText("x", identification=found)
+    return pd.store(*fitted(LAW), place, "mine", "1", text, members=[fitted(other) for other in others])
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,6 @@
 """Learning bond forces: scikit-learn's world.  Never imported to simulate."""
 
+from .card_text import CardText
 from .chebyshev import ChebyshevRegressor
 from .energy import (
     cross_validate_energy,
@@ -23,6 +24,7 @@ from .torch_regressor import TorchMLPRegressor
 
 __all__ = [
     "BondSamples",
+    "CardText",
     "ChebyshevRegressor",
     "EnergySamples",
     "InputAwareTargetRegressor",

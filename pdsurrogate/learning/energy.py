@@ -20,6 +20,7 @@ from ..forces.bond_energy import EnergySurrogate
 from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
 from ..materials import Law, plane_stress
 from ..materials.law import checked_law
+from .card_text import CardText
 from .energy_form import EnergyForm, EnergySamples, checked_derivatives, checked_invariants
 from .export import best_of
 from .fitting import MEMBER_STATES, check_storing, check_validation, check_worth_storing, committee_of, versions
@@ -453,10 +454,7 @@ def store_energy(
     folder: str | Path,
     name: str,
     version: str,
-    description: str,
-    cross_validation: list[dict] | None = None,
-    search: list[dict] | None = None,
-    identification: dict | None = None,
+    text: str | CardText,
     members: Sequence[tuple] = (),
 ) -> Path:
     """Write the artefact of a fitted energy pipeline with a full card; the arguments are those of `pdsurrogate.store`.
@@ -473,7 +471,8 @@ def store_energy(
     >>> path.parts[-2:]
     ('my-energy', '1')
     """
-    check_storing(samples, EnergySamples, law, folder, name, version, description, cross_validation, search, identification, members)
+    text = CardText.of(text)
+    check_storing(samples, EnergySamples, law, folder, name, version, members)
     form = samples.form
     if members and form is SHEET:
         raise ValueError("a committee is of bond forces, or of isochoric energies; the energy of a sheet has none")
@@ -496,7 +495,7 @@ def store_energy(
         "name": name,
         "version": version,
         "kind": surrogate.kind,
-        "description": description,
+        "description": text.description,
         "material": {"law": law.name, "trained_with": law.describe(), "shape": form.shape(law)},
         "weight_function": "any: the energy learnt is that of the material alone",
         "features": {
@@ -512,9 +511,9 @@ def store_energy(
             "regressor": type(regressor).__name__,
             "parameters": parameters,
             "outcome": {"n_iter": regressor.n_iter_, "loss": regressor.loss_},
-            "cross_validation": cross_validation or [],
-            "search": search or [],
-            **({"identification": identification} if identification else {}),
+            "cross_validation": text.cross_validation or [],
+            "search": text.search or [],
+            **({"identification": text.identification} if text.identification else {}),
         },
         "domain": asdict(surrogate.domain),
         # Of a sheet the box's corners are states of little use that its errors are of.
