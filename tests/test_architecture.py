@@ -128,7 +128,7 @@ def test_no_file_imports_itself_in_a_circle():
 
 
 def test_torch_is_loaded_on_request_alone():
-    asked_for = {"learning.torch_sobolev", "learning.torch_training"}
+    asked_for = {"learning.torch_training"}
     for module in MODULES:
         if module.removeprefix(f"{PACKAGE.name}.") not in asked_for:
             assert not {name for name in loaded_with(module) if name.split(".")[0] in ("skorch", "torch")}, module

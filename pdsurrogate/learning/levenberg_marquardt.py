@@ -17,6 +17,7 @@ from ..kernels.network import network_outputs
 from .activations import ACTIVATIONS
 from .listening import tell
 from .marquardt import improved
+from .repeated import distinct_samples
 
 
 class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
@@ -151,7 +152,9 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         Y = y.reshape(len(X), -1)
         if sample_weight is not None:
             sample_weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
-        X, Y, share = _distinct(X, Y, sample_weight)
+        kept, share = distinct_samples(X, Y, sample_weight)
+        if kept is not None:
+            X, Y = X[kept], Y[kept]
         random = check_random_state(self.random_state)
 
         order = random.permutation(len(X))
@@ -173,6 +176,9 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
             share = None if share is None else share[test]
             self.test_score_ = float(self.score(X[test], Y[test, 0] if self._single_output else Y[test], share))
         return self
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "coefs_")
 
     def predict(self, X):
         """Predict targets, shape (n_samples,) or (n_samples, n_outputs) as in training."""
@@ -207,21 +213,6 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
                 if waited >= self.n_iter_no_change:
                     break
         return best, best_weights, iterations
-
-
-def _distinct(X, Y, weights):
-    """Samples without repetition, and their weights; None where all are alike.
-
-    They are as given, or sorted where anything repeats or weighs: what comes of copies and of weights is the same to the last bit.
-    """
-    rows, first, inverse = np.unique(np.hstack([X, Y]), axis=0, return_index=True, return_inverse=True)
-    if len(rows) == len(X) and (weights is None or (weights[0] > 0 and np.ptp(weights) == 0)):
-        return X, Y, None
-    weights = np.bincount(inverse.ravel(), weights, len(rows))
-    if not weights.any():
-        raise ValueError("all sample weights are zero")
-    kept = first[weights > 0]
-    return X[kept], Y[kept], weights[weights > 0]
 
 
 class _Part:
