@@ -13,6 +13,7 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 from threadpoolctl import threadpool_limits
 
+from ..kernels.network import network_outputs
 from .activations import ACTIVATIONS
 from .listening import tell
 from .marquardt import improved
@@ -183,10 +184,7 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         """Predict targets, shape (n_samples,) or (n_samples, n_outputs) as in training."""
         check_is_fitted(self)
         X = validate_data(self, X, dtype=np.float64, reset=False)
-        values = X
-        for W, b in zip(self.coefs_[:-1], self.intercepts_[:-1], strict=True):
-            values = ACTIVATIONS[self.activation](values @ W + b)[0]
-        Y = values @ self.coefs_[-1] + self.intercepts_[-1]
+        Y = network_outputs(X, zip(self.coefs_, self.intercepts_, strict=True), ACTIVATIONS[self.activation])
         return Y[:, 0] if self._single_output else Y
 
     def _train(self, network, weights, fitted, watched, number):
@@ -258,11 +256,7 @@ class _Network:
         return coefs, intercepts
 
     def outputs(self, weights, X):
-        values = X
-        coefs, intercepts = self.layers(weights)
-        for W, b in zip(coefs[:-1], intercepts[:-1], strict=True):
-            values = self.activation(values @ W + b)[0]
-        return values @ coefs[-1] + intercepts[-1]
+        return network_outputs(X, zip(*self.layers(weights), strict=True), self.activation)
 
     def normal_equations(self, weights, X, Y, root):
         """J^T J and J^T r of the residuals r = root (outputs - Y), summed over samples and outputs."""

@@ -15,6 +15,7 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.utils import get_tags
 
 from ..kernels.activations import ACTIVATIONS
+from ..kernels.bond_state import along_and_across
 from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.network import MOST_HIDDEN
 from .chebyshev import ChebyshevRegressor
@@ -250,7 +251,7 @@ def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
     a, b, U_mm, J, C33, length = _bond_state(X)
     chosen = FEATURE_SETS[features]
     T_nn, T_nm, _ = chosen.traction(chosen.shared(a, b, J, C33), z[:, 0], z[:, 1], a, b, U_mm, J, C33)
-    force = np.stack([T_nn * a + T_nm * b, T_nm * a - T_nn * b], axis=1) / X[:, :1]
+    force = along_and_across(T_nn, T_nm, a, b, X[:, 0])
     return force if factor is None else force * factor(length)[:, None]
 
 

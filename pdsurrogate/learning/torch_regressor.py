@@ -14,6 +14,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
+from ..kernels.network import network_outputs
 from .activations import ACTIVATIONS
 from .repeated import distinct_samples
 
@@ -153,7 +154,4 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
         return Y[:, 0] if self._single_output else Y
 
     def _outputs(self, X):
-        values = X
-        for W, b in zip(self.coefs_[:-1], self.intercepts_[:-1], strict=True):
-            values = ACTIVATIONS[self.activation](values @ W + b)[0]
-        return values @ self.coefs_[-1] + self.intercepts_[-1]
+        return network_outputs(X, zip(self.coefs_, self.intercepts_, strict=True), ACTIVATIONS[self.activation])
