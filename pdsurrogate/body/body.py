@@ -74,6 +74,8 @@ class Body:
         Point groups named in a mesh file.
     mesh_cells : CellMesh, optional
         Cells of the mesh from which the points were made, for pictures; without them the points belong to a lattice.
+    faces : mapping of str to str, optional
+        Names of the edge or face of the bounding box that a group covers whole, by the names of such groups.
     part : Whole
         The part of a larger body that these points are, if several ranks share a run; by default all of it.
 
@@ -100,6 +102,7 @@ class Body:
     cell: Sequence[float] | np.ndarray | None = None
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     mesh_cells: CellMesh | None = None
+    faces: Mapping[str, str] = field(default_factory=dict)
     part: Whole = WHOLE
     ghosts: Ghosts = field(init=False)
 
@@ -138,6 +141,11 @@ class Body:
     def dimension(self) -> int:
         """Dimension, 2 or 3."""
         return self.points.shape[1]
+
+    @property
+    def finer(self) -> str:
+        """Name what has more points where there are too few, for messages."""
+        return "a smaller spacing" if self.mesh_cells is None else "a finer mesh, of cells of about one size"
 
     def weigh(self, length: np.ndarray) -> np.ndarray:
         """Return the weight function at the given bond lengths."""
@@ -377,8 +385,8 @@ def _check_distance_of_planes(body: Body) -> None:
             # Reflected in one plane and then in the other, a point has moved by twice their distance.
             nearest = 2 * distance - np.ptp(body.points[:, plane.axis])
             if plane.axis == other.axis and nearest <= body.horizon * (1 + 1e-9):
-                enough = distance * body.spacing / body.horizon
+                enough = f"a spacing of {distance * body.spacing / body.horizon:.3g} or less" if body.mesh_cells is None else body.finer
                 raise ValueError(
                     f"the body is {distance:g} long between its reflected grips, too short for a horizon of {body.horizon:g}, "
-                    f"which reaches images of images; take a spacing of {enough:.3g} or less, or hold points (support=points)"
+                    f"which reaches images of images; take {enough}, or hold points (support=points)"
                 )

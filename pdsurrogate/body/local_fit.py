@@ -152,7 +152,7 @@ def _polynomials(
     if lost.any():
         raise ValueError(
             f"{_text(places[rest[lost.argmax()]])}: the deformation there is undefined, since the points near it, no hole or cut between, "
-            f"are fewer than {too_few(body)}; take a smaller spacing"
+            f"are fewer than {too_few(body)}; take {body.finer}"
         )
     return [_filled(rows, others, rest) for rows, others in zip(quadratic, linear, strict=True)]
 

@@ -32,14 +32,14 @@ KEYS_OF_RUNS = (
     *("residual", "n_force_evaluations", "seconds_total", "seconds_compile", "ns_per_directed_bond", "fallback_fraction"),
     "beyond_data",
     *("fraction_outside_domain", "unsupported_points", "units", "grip_areas", "levels", "digests", "scene_as_run", "provenance"),
-    *("peak_nominal_stress", "n_steps", "critical_stretch", "crack"),
+    *("peak_nominal_stress", "n_steps", "dynamics", "critical_stretch", "crack"),
 )
 KEYS_OF_LEVELS = (
     *("stretch", "t", "step", "time", "forces", "moments", "displacements", "energy", "kinetic_energy", "stability", "probes"),
     *(f"{key}{ending}" for key in COMPARED for ending in ("", "_reference", "_error")),
     *("nominal_stress_grip", "nominal_stress_area", "nominal_stress_work_conjugate", "roughness", "residual", "evaluations", "method"),
 )
-KEYS_OF_CRACKS = ("start", "tips", "broken_bonds", "failed_points", "through")
+KEYS_OF_CRACKS = ("start", "peak", "tips", "broken_bonds", "failed_points", "through")
 KEYS_OF_FITS = (
     *("material", "artefact", "stretch_range", "n_samples", "random_state", "on_surface", "off_surface", "by_strain", "at_rest"),
     *("least_slope", "least_slope_exact", "least_acoustic", "least_acoustic_exact", "least_curvature", "least_curvature_exact"),
@@ -60,7 +60,7 @@ UNITS = {
         *("traction", "pressure"),
     ),
     "force": ("forces",),
-    "energy": ("moments", "energy", "kinetic_energy"),
+    "energy": ("moments", "energy", "kinetic_energy", "energy_put_in"),
 }
 """Quantities of runs, and parameters of scenes, by the kind of unit that they have; they are matched with the parts of a dotted key."""
 
