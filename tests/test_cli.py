@@ -319,11 +319,10 @@ def test_a_surrogate_of_no_use_is_not_written(tmp_path):
     assert "'analytic' is not allowed" in result.output
 
 
-@pytest.mark.parametrize("kind", [[], ["--energy", "--iterations", "60"]])
-def test_small_strains_are_fitted(tmp_path, kind):
+def test_small_strains_are_fitted(tmp_path):
     """It ended in a RuntimeWarning and "sample 33 is not finite"."""
-    options = ["--law", "gent", "--least", 0.9, "--greatest", 1.15, "--samples", 600, "--folds", 0, "--out", tmp_path]
-    result = invoke("fit", "small", *options, *kind)
+    options = ["--law", "gent", "--least", 0.9, "--greatest", 1.15, "--samples", 2000, "--folds", 0, "--out", tmp_path]
+    result = invoke("fit", "small", *options)
     assert result.exit_code == 0, result.output
     assert "Warning" not in result.output
     card = json.loads((tmp_path / "small" / "1" / "card.json").read_text())
