@@ -44,8 +44,8 @@ class HeldPoints:
     components : tuple of int
     displacement : callable
         Displacement at a value of the parameter, shape (d,) or (k, d); only held components are read.
-    place : ndarray, shape (d,), optional
-        That the points are the nearest to: together they are a support at one place, which keeps nothing from turning about it.
+    support : SupportAtPlace, optional
+        Of a support at a place: the point is one of several that move so in the mean alone.
     """
 
     name: str
@@ -53,7 +53,70 @@ class HeldPoints:
     points: np.ndarray
     components: tuple[int, ...]
     displacement: Callable[[float], np.ndarray]
-    place: np.ndarray | None = None
+    support: SupportAtPlace | None = None
+
+    @property
+    def every(self) -> np.ndarray:
+        """The points, and of a support at a place those that are as near."""
+        return self.points if self.support is None else np.concatenate([self.points, self.support.others])
+
+
+@dataclass(frozen=True)
+class SupportAtPlace:
+    """The points that are equally near to a place, one of which moves so that they all do in the mean what is prescribed.
+
+    Attributes
+    ----------
+    place : ndarray, shape (d,)
+        Mean of their places at rest.
+    count : int
+        How many they are.
+    others : ndarray of int, shape (count - 1,)
+        All but the held one; on several ranks those that are here.
+    """
+
+    place: np.ndarray
+    count: int
+    others: np.ndarray
+
+
+class Supports:
+    """The supports at places of a body: they move their held points in every state, and hand the forces on these to the others.
+
+    With u_0 = count g - sum u_k the energy's derivative by u_k is f_k - f_0, as of a body that is held by forces at the place itself.
+
+    Parameters
+    ----------
+    body : Body
+    parts : sequence of HeldPoints
+        Those with a support.
+    """
+
+    def __init__(self, body: Body, parts: tuple[HeldPoints, ...]) -> None:
+        self._body, self._parts = body, parts
+        self.set(0.0)
+
+    def set(self, parameter: float) -> None:
+        """Take what is prescribed at a value of the loading parameter."""
+        self._goals = [part.displacement(parameter) for part in self._parts]
+
+    def place(self, positions: np.ndarray) -> None:
+        """Move the held points to where the others leave them."""
+        self._body.part.fill(positions)
+        for part, goal in zip(self._parts, self._goals, strict=True):
+            others = part.support.others
+            if len(others) == part.support.count - 1:  # on another rank there may be fewer, and a copy of the held point
+                for component in part.components:
+                    moved = positions[others, component] - self._body.points[others, component]
+                    target = part.support.count * goal[..., component] - moved.sum()
+                    positions[part.points, component] = self._body.points[part.points, component] + target
+
+    def fold(self, forces: np.ndarray) -> None:
+        """Hand the forces on held points to the others."""
+        self._body.part.fill(forces)
+        for part in self._parts:
+            for component in part.components if len(part.points) else ():
+                forces[part.support.others, component] -= forces[part.points, component]
 
 
 @dataclass(frozen=True)
@@ -154,6 +217,8 @@ class Loading(ABC):
         Whether increments of the parameter are made longer only where they are easy, and begin from the best of several guesses.
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
+    supports : Supports or None
+        Those at places between points; None where there are none.
     names, loads
     """
 
@@ -172,6 +237,8 @@ class Loading(ABC):
     ) -> None:
         self.body, self.names, self.loads, self._reductions = body, names, loads, reductions
         self._planes, self._held = planes, held
+        at_places = tuple(part for part in held if part.support is not None)
+        self.supports = Supports(body, at_places) if at_places else None
         self.free = np.ones((len(body), body.dimension))
         for part in held:
             for component in part.components:
@@ -236,6 +303,8 @@ class Loading(ABC):
             displacement = part.displacement(parameter)
             for component in part.components:
                 positions[part.points, component] = self.body.points[part.points, component] + displacement[..., component]
+        if self.supports is not None:
+            self.supports.set(parameter)
         for number, plane in enumerate(self._planes):
             force.move_plane(number, plane.displacement(parameter), None if plane.turn is None else plane.turn(parameter))
 
@@ -304,6 +373,11 @@ class Loading(ABC):
                 forces[plane.holders[component], component] += on_planes[number, component]
         if any(part.holder is not None for part in self._held):
             at_points = -(self._on_points(force) if on_points is None else on_points) * (1 - self.free)
+            for part in self._held:
+                if part.support is not None:
+                    self.body.part.fill(at_points)
+                    for component in part.components if len(part.points) else ():
+                        at_points[part.support.others, component] = at_points[part.points, component]
             for part, owned in zip(self._held, self._owned, strict=True):
                 for component, points in owned.items():
                     forces[part.holder, component] += at_points[points, component].sum()
@@ -368,11 +442,11 @@ class Loading(ABC):
         owner = np.full((len(self.body), self.body.dimension), -1)
         for number, part in enumerate(self._held):
             for component in part.components:
-                owner[part.points, component] = number
+                owner[part.every, component] = number
         return [
             {}
             if part.holder is None
-            else {c: self._reductions.counts(part.points[owner[part.points, c] == number]) for c in part.components}
+            else {c: self._reductions.counts(part.every[owner[part.every, c] == number]) for c in part.components}
             for number, part in enumerate(self._held)
         ]
 
@@ -434,7 +508,7 @@ class Loading(ABC):
                 found[holder].append(near)
         for part in self._held:
             if part.holder is not None:
-                found[part.holder].append(part.points)
+                found[part.holder].append(part.every)
         return [self._reductions.counts(np.unique(np.concatenate(parts))) for parts in found]
 
     @abstractmethod

@@ -15,7 +15,7 @@ from ..forces import InternalForce, InvalidState
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.loading import Prescribed
 from ..scenes.model import Scene
-from .conditions import HeldPlane, HeldPoints, Loading, Reactions, displaced, place_of
+from .conditions import HeldPlane, HeldPoints, Loading, Reactions, SupportAtPlace, displaced, place_of
 from .equilibrium import TooFar
 from .extension import Samples, affine_extension, greatest_bond_strain
 from .motion import Motion
@@ -111,8 +111,10 @@ class PrescribedLoading(Loading):
             points = regions.points(entry.region)
             displacement = self._displacement(number, body.points[points])
             components = prescribed_components(entry, body.dimension)
-            place = regions.place(entry.region)
-            held.append(HeldPoints(f"prescribed.{number}", holders[number], points, components, displacement, place))
+            support = self._support(entry, points, regions)
+            if support is not None:
+                points, displacement = np.setdiff1d(points, support.others), self._displacement(number, support.place[None])
+            held.append(HeldPoints(f"prescribed.{number}", holders[number], points, components, displacement, support))
         super().__init__(body, names, tuple(planes), tuple(held), loads, reductions)
         # Every t at which a programme turns, and places between: amplitudes that agree at all of these are the same.
         samples = np.unique(np.concatenate([np.linspace(a, b, 5) for a, b in pairwise(turning_points)]))
@@ -125,6 +127,17 @@ class PrescribedLoading(Loading):
         self._check_planes(tuple(f"prescribed.{numbers[0]}.region" for numbers in edges.values()))
         if any(step.dynamics is None for step in scene.steps):
             self._check_rigid_motions()
+
+    def _support(self, entry: Prescribed, points: np.ndarray, regions: BodyRegions) -> SupportAtPlace | None:
+        """The support that some points make, if they are equally near to a place."""
+        part = self.body.part
+        if not regions.is_place(entry.region):
+            return None
+        rows = [(part.number(int(point)), tuple(self.body.points[point])) for point in points]
+        found = dict(sorted(row for of_part in part.everywhere(rows) for row in of_part))
+        if len(found) == 1:
+            return None
+        return SupportAtPlace(np.mean(list(found.values()), axis=0), len(found), part.local(np.array(list(found)[1:])))
 
     def _displacement(self, number: int, places: np.ndarray) -> Callable[[float], np.ndarray]:
         """Displacement by an entry of points at reference places (k, d), as a function of t; (d,) where it is the same of all."""
@@ -215,11 +228,11 @@ class PrescribedLoading(Loading):
         """Places (k, d) and components (k,) that are held at rest, and the point of the body that each belongs to."""
         places, components, owners = [], [], []
         for part in self._held:
-            points = part.points if part.place is None else part.points[:1]
+            there = self.body.points[part.points] if part.support is None else np.tile(part.support.place, (len(part.points), 1))
             for component in part.components:
-                places.append(self.body.points[points] if part.place is None else np.tile(part.place, (len(points), 1)))
-                components.append(np.full(len(points), component))
-                owners.append(points)
+                places.append(there)
+                components.append(np.full(len(part.points), component))
+                owners.append(part.points)
         for plane, held, sources in zip(self.body.planes, self._planes, self._beside_planes, strict=True):
             beside = self.body.points[sources].copy()
             beside[:, plane.axis] = plane.position
@@ -374,7 +387,7 @@ class PrescribedLoading(Loading):
             for part in self._held:
                 change = np.broadcast_to(part.displacement(after) - part.displacement(before), (len(part.points), self.body.dimension))
                 for component in part.components:
-                    moved[part.points, component] = change[:, component]
+                    moved[part.every, component] = change[:, component] if part.support is None else change[:1, component]
             power += self._reductions.total(reactions.at_points * moved) / step
         return power
 
