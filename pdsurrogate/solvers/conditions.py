@@ -16,6 +16,7 @@ from ..forces import InternalForce, InvalidState
 from ..forces.kinematics import at_point
 from .motion import Motion
 from .reductions import LocalReductions
+from .supports import SupportAtPlace, Supports
 
 if TYPE_CHECKING:
     from .loads import Loads
@@ -59,64 +60,6 @@ class HeldPoints:
     def every(self) -> np.ndarray:
         """The points, and of a support at a place those that are as near."""
         return self.points if self.support is None else np.concatenate([self.points, self.support.others])
-
-
-@dataclass(frozen=True)
-class SupportAtPlace:
-    """The points that are equally near to a place, one of which moves so that they all do in the mean what is prescribed.
-
-    Attributes
-    ----------
-    place : ndarray, shape (d,)
-        Mean of their places at rest.
-    count : int
-        How many they are.
-    others : ndarray of int, shape (count - 1,)
-        All but the held one; on several ranks those that are here.
-    """
-
-    place: np.ndarray
-    count: int
-    others: np.ndarray
-
-
-class Supports:
-    """The supports at places of a body: they move their held points in every state, and hand the forces on these to the others.
-
-    With u_0 = count g - sum u_k the energy's derivative by u_k is f_k - f_0, as of a body that is held by forces at the place itself.
-
-    Parameters
-    ----------
-    body : Body
-    parts : sequence of HeldPoints
-        Those with a support.
-    """
-
-    def __init__(self, body: Body, parts: tuple[HeldPoints, ...]) -> None:
-        self._body, self._parts = body, parts
-        self.set(0.0)
-
-    def set(self, parameter: float) -> None:
-        """Take what is prescribed at a value of the loading parameter."""
-        self._goals = [part.displacement(parameter) for part in self._parts]
-
-    def place(self, positions: np.ndarray) -> None:
-        """Move the held points to where the others leave them."""
-        self._body.part.fill(positions)
-        for part, goal in zip(self._parts, self._goals, strict=True):
-            others = part.support.others
-            if len(others) == part.support.count - 1:  # on another rank there may be fewer, and a copy of the held point
-                for component in part.components:
-                    moved = positions[others, component] - self._body.points[others, component]
-                    target = part.support.count * goal[..., component] - moved.sum()
-                    positions[part.points, component] = self._body.points[part.points, component] + target
-
-    def fold(self, forces: np.ndarray) -> None:
-        """Hand the forces on held points to the others."""
-        self._body.part.fill(forces)
-        for part in self._parts:
-            for component in part.components if len(part.points) else ():
-                forces[part.support.others, component] -= forces[part.points, component]
 
 
 @dataclass(frozen=True)
@@ -238,7 +181,7 @@ class Loading(ABC):
         self.body, self.names, self.loads, self._reductions = body, names, loads, reductions
         self._planes, self._held = planes, held
         at_places = tuple(part for part in held if part.support is not None)
-        self.supports = Supports(body, at_places) if at_places else None
+        self.supports = Supports(body, at_places, reductions) if at_places else None
         self.free = np.ones((len(body), body.dimension))
         for part in held:
             for component in part.components:
@@ -300,11 +243,13 @@ class Loading(ABC):
     def hold(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter."""
         for part in self._held:
-            displacement = part.displacement(parameter)
-            for component in part.components:
-                positions[part.points, component] = self.body.points[part.points, component] + displacement[..., component]
+            if part.support is None:
+                displacement = part.displacement(parameter)
+                for component in part.components:
+                    positions[part.points, component] = self.body.points[part.points, component] + displacement[..., component]
         if self.supports is not None:
             self.supports.set(parameter)
+            self.supports.place(positions)
         for number, plane in enumerate(self._planes):
             force.move_plane(number, plane.displacement(parameter), None if plane.turn is None else plane.turn(parameter))
 
@@ -444,9 +389,7 @@ class Loading(ABC):
             for component in part.components:
                 owner[part.every, component] = number
         return [
-            {}
-            if part.holder is None
-            else {c: self._reductions.counts(part.every[owner[part.every, c] == number]) for c in part.components}
+            {} if part.holder is None else {c: self._reductions.counts(part.every[owner[part.every, c] == number]) for c in part.components}
             for number, part in enumerate(self._held)
         ]
 

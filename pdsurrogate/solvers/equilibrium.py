@@ -11,6 +11,7 @@ import numpy as np
 from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from .preconditioner import Preconditioner, preconditioner_of
+from .supports import SupportedPreconditioner
 from .reductions import LOCAL, LocalReductions
 
 Report = Callable[[int, float], None]
@@ -127,6 +128,9 @@ class EquilibriumSolver(ABC):
         """What approximates the tangent of the force, made when it is first asked for."""
         if self._preconditioner is None:
             self._preconditioner = preconditioner_of(force, self.free, self.reductions)
+            supports = getattr(force, "supports", None)
+            if supports is not None:
+                self._preconditioner = SupportedPreconditioner(self._preconditioner, supports, self.reductions)
         return self._preconditioner
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:

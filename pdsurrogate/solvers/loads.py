@@ -17,8 +17,8 @@ from ..scenes.loading import Load
 from ..scenes.model import EDGES, Scene
 
 if TYPE_CHECKING:
-    from .conditions import Supports
     from .regions import BodyRegions
+    from .supports import Supports
 
 ON_A_PLANE = 1e-6
 """Spacings within which a facet counts as lying in a plane of reflection."""

@@ -15,7 +15,7 @@ from ..forces import InternalForce, InvalidState
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.loading import Prescribed
 from ..scenes.model import Scene
-from .conditions import HeldPlane, HeldPoints, Loading, Reactions, SupportAtPlace, displaced, place_of
+from .conditions import HeldPlane, HeldPoints, Loading, Reactions, displaced, place_of
 from .equilibrium import TooFar
 from .extension import Samples, affine_extension, greatest_bond_strain
 from .motion import Motion
@@ -23,6 +23,7 @@ from .planes import prescribed_components, reflected_edges
 from .preconditioner import Extension, extension_of
 from .reductions import LocalReductions
 from .regions import along_edge
+from .supports import SupportAtPlace
 
 if TYPE_CHECKING:
     from .loads import Loads
@@ -112,10 +113,18 @@ class PrescribedLoading(Loading):
             displacement = self._displacement(number, body.points[points])
             components = prescribed_components(entry, body.dimension)
             support = self._support(entry, points, regions)
+            if support is not None and any(step.dynamics is not None for step in scene.steps):
+                raise ValueError(
+                    f"prescribed.{number}.region: {support.count} points are equally near to this place, and a support between points is not "
+                    "followed in dynamics; give points by their numbers, or a box around them"
+                )
             if support is not None:
                 points, displacement = np.setdiff1d(points, support.others), self._displacement(number, support.place[None])
             held.append(HeldPoints(f"prescribed.{number}", holders[number], points, components, displacement, support))
         super().__init__(body, names, tuple(planes), tuple(held), loads, reductions)
+        if self.supports is not None:
+            still = np.zeros((len(planes), body.dimension))
+            self.supports.response = lambda held: self._stiffness.response(body, shear_modulus, held, still)
         # Every t at which a programme turns, and places between: amplitudes that agree at all of these are the same.
         samples = np.unique(np.concatenate([np.linspace(a, b, 5) for a, b in pairwise(turning_points)]))
         every = (*along_planes, *held)
@@ -314,9 +323,9 @@ class PrescribedLoading(Loading):
                     of_planes[number] = goal_planes[number, :, -1] - gradient @ planes[number, :, -1] - shift
             guess += self._stiffness.response(self.body, self._shear_modulus, moved, of_planes, turns)
         for part in self._held:
-            goal = part.displacement(t)
+            goal = self._goal(part, t, start)
             for component in part.components:
-                guess[part.points, component] = self.body.points[part.points, component] + goal[..., component]
+                guess[part.points, component] = goal[:, component]
         return guess
 
     def _turns_left(self, planes: np.ndarray, goal_planes: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
@@ -340,9 +349,9 @@ class PrescribedLoading(Loading):
             goals.append(goal)
 
         for part in self._held:
-            displacement = part.displacement(t)
+            goal = self._goal(part, t, start)
             for component in part.components:
-                add(part.points, start[part.points], component, self.body.points[part.points, component] + displacement[..., component])
+                add(part.points, start[part.points], component, goal[:, component])
         for number, (plane, held, sources) in enumerate(zip(self.body.planes, self._planes, self._beside_planes, strict=True)):
             there, at_rest = start[sources].copy(), self.body.points[sources].copy()
             at_rest[:, plane.axis] = plane.position
@@ -352,6 +361,13 @@ class PrescribedLoading(Loading):
             for component in held.components:
                 add(sources, there, component, there[:, component] + (then - now)[:, component])
         return Samples(*map(np.concatenate, (places, components, goals, points)))
+
+    def _goal(self, part: HeldPoints, t: float, start: np.ndarray) -> np.ndarray:
+        """Where held points go at t, shape (k, d); the one of a support as far as the mean of all goes, from where they start."""
+        displacement = part.displacement(t)
+        if part.support is None:
+            return self.body.points[part.points] + displacement
+        return start[part.points] + displacement - (start[part.every] - self.body.points[part.every]).sum(axis=0) / part.support.count
 
     @cached_property
     def _beside_planes(self) -> list[np.ndarray]:
@@ -387,7 +403,7 @@ class PrescribedLoading(Loading):
             for part in self._held:
                 change = np.broadcast_to(part.displacement(after) - part.displacement(before), (len(part.points), self.body.dimension))
                 for component in part.components:
-                    moved[part.every, component] = change[:, component] if part.support is None else change[:1, component]
+                    moved[part.points, component] = change[:, component]
             power += self._reductions.total(reactions.at_points * moved) / step
         return power
 
