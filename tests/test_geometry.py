@@ -214,7 +214,7 @@ def test_a_beam_on_two_supports_at_places():
 
 
 def test_a_support_at_a_place_goes_where_it_is_told():
-    """A sheet that two supports hold is turned by 30 degrees, by a rotation and by what that does at one of the places: it turns rigidly."""
+    """A sheet is turned by 30 degrees, by a rotation at one place and by what that does at another: it turns rigidly."""
     angle = np.radians(30)
     turned = np.array([[np.cos(angle) - 1, -np.sin(angle)], [np.sin(angle), np.cos(angle) - 1]])
     x1, x2 = turned @ [0.6, 0.0]

@@ -32,7 +32,7 @@ from ..solvers.prescribed import PrescribedLoading
 from ..solvers.reductions import LOCAL, LocalReductions
 from ..solvers.regions import BodyRegions
 from .interruption import Interruption
-from .materials import models_of, portions_of, settings_of
+from .materials import check_fracture, models_of, portions_of, settings_of
 from .programme import Inertia, stages_of
 
 if TYPE_CHECKING:
@@ -144,6 +144,8 @@ class Run:
         Latest of the equilibrium iteration.
     crack : dict or None
         What the dynamics tell about a crack.
+    dynamics : list of dict
+        What is told of every stage in dynamics: its viscosity and its account of energy.
     beyond_data : list of dict
         Of every recorded state of an energy from test data, which share of the bonds is beyond them, and how far the farthest.
     interruption : Interruption
@@ -168,6 +170,7 @@ class Run:
     convergence: list[dict] = field(default_factory=list)
     residual: float | None = None
     crack: dict | None = None
+    dynamics: list[dict] = field(default_factory=list)
     beyond_data: list[dict] = field(default_factory=list)
     interruption: Interruption = field(default_factory=Interruption)
     reductions: LocalReductions = LOCAL
@@ -182,6 +185,7 @@ class Run:
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
         self.law: Law = scene.material.build()
+        check_fracture(scene, self.model)
         self.models = [self.model, *models_of(scene, self.model)]
         self.contents = Contents.of(scene, self.models)
         self.body: Body
@@ -378,6 +382,7 @@ class Run:
             "begin": self.begin,
             "elapsed": self.elapsed,
             "crack": self.crack,
+            "dynamics_told": self.dynamics,
             "earlier": None if self.earlier is None else self.earlier[0],
             "levels": self.levels,
             "history": self.history,
@@ -409,6 +414,7 @@ class Run:
         self.history, self.convergence, self.beyond_data = progress["history"], progress["convergence"], progress["beyond_data"]
         self.stage, self.outputs = progress["stage"], progress["outputs"]
         self.begin, self.elapsed, self.crack = progress["begin"], progress["elapsed"], progress["crack"]
+        self.dynamics = progress["dynamics_told"]
         if progress["earlier"] is not None:
             self.earlier = progress["earlier"], found.arrays["earlier"].copy()
         self.states = self._states([Moment(*moment) for moment in progress["moments"]])

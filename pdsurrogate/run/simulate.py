@@ -258,7 +258,7 @@ def _go(run: Run, resume: bool) -> None:
         # Imported here: a scene without damage compiles none.
         from .fracture import Damage, critical_stretch_in
 
-        run.critical_stretch = critical_stretch_in(run.scene, run.law, run.body.horizon)
+        run.critical_stretch = critical_stretch_in(run.scene, run.law, run.body.horizon, run.model.family)
         run.damage = Damage(run.body, run.critical_stretch)
     solver, transient = solver_of(run), None
     if resume:
@@ -321,6 +321,12 @@ def _take_up(run: Run, solver):
         raise CheckpointError(f"the checkpoint in {run.folder} is damaged ({error}); run without resume") from None
 
 
+def _peak(history: list[dict]) -> dict | None:
+    """Where the nominal stress is greatest: the load that a body with a crack bears."""
+    highest = max(history, key=lambda row: row["nominal_stress"], default=None)
+    return highest and {key: highest[key] for key in ("time", "stretch", "nominal_stress") if key in highest}
+
+
 def _result(run: Run, seconds_compile: float, began: float, failure: str | None, interrupted: bool = False) -> Result:
     """Everything reached so far."""
     force, scene = run.force, run.scene
@@ -381,7 +387,8 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None,
             stresses = [row["nominal_stress"] for row in [*run.levels, *run.history] if "nominal_stress" in row]
             summary["peak_nominal_stress"] = max(stresses, default=None)
         summary["n_steps"] = run.steps
+        summary["dynamics"] = run.dynamics
     if run.crack is not None:
         summary["critical_stretch"] = run.critical_stretch
-        summary["crack"] = run.crack
+        summary["crack"] = run.crack | ({"peak": _peak(run.history)} if scene.stretched else {})
     return Result(scene, run.body if run.whole is None else run.whole, summary, run.history, run.states, run.convergence)

@@ -253,6 +253,20 @@ class Loading(ABC):
         for number, plane in enumerate(self._planes):
             force.move_plane(number, plane.displacement(parameter), None if plane.turn is None else plane.turn(parameter))
 
+    def unevenness(self, last: float, now: float, ahead: float) -> float:
+        """Return by what share of its way to a value `ahead` what is held departs from its velocity since the `last` value."""
+        if now == last:
+            return 0.0
+
+        def places(parameter: float) -> np.ndarray:
+            motions = [*(part.displacement(parameter) for part in self._held), *(plane.motion(parameter) for plane in self._planes)]
+            return np.concatenate([np.ravel(motion) for motion in motions]) if motions else np.zeros(1)
+
+        before, present, after = map(places, (last, now, ahead))
+        way, evenly = after - present, (present - before) * ((ahead - now) / (now - last))
+        off, *ways = (self._reductions.greatest_of_parts(np.abs(change).max(initial=0.0)) for change in (way - evenly, way, evenly))
+        return off / max(ways) if off > 0 else 0.0
+
     def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Check that no point is on the far side of a plane in which the body is reflected, where its own image belongs.
 
@@ -312,12 +326,19 @@ class Loading(ABC):
         levers = None
         if any(plane.turn is not None for plane in self._planes):
             levers = self._reductions.total_of_parts(self._levers_on_planes(force, crossing))
-        forces, at_points = np.zeros((len(self.names), dimension)), None
-        for number, plane in enumerate(self._planes):
-            for component in plane.components:
-                forces[plane.holders[component], component] += on_planes[number, component]
-        if any(part.holder is not None for part in self._held):
-            at_points = -(self._on_points(force) if on_points is None else on_points) * (1 - self.free)
+        if on_points is None and self._holds_points:
+            on_points = self._on_points(force)
+        return self.reactions_of(self._reductions.total_of_parts(on_planes), levers, on_points)
+
+    @property
+    def _holds_points(self) -> bool:
+        return any(part.holder is not None for part in self._held)
+
+    def reactions_of(self, on_planes: np.ndarray, levers: np.ndarray | None, on_points: np.ndarray | None) -> Reactions:
+        """Forces of all holders by those on planes, with their levers, and by internal force and loads on every point."""
+        forces, at_points = np.zeros((len(self.names), self.body.dimension)), None
+        if self._holds_points:
+            at_points = -on_points * (1 - self.free)
             for part in self._held:
                 if part.support is not None:
                     self.body.part.fill(at_points)
@@ -326,7 +347,11 @@ class Loading(ABC):
             for part, owned in zip(self._held, self._owned, strict=True):
                 for component, points in owned.items():
                     forces[part.holder, component] += at_points[points, component].sum()
-        return Reactions(self._reductions.total_of_parts(forces), self._reductions.total_of_parts(on_planes), at_points, levers)
+            forces = self._reductions.total_of_parts(forces)
+        for number, plane in enumerate(self._planes):
+            for component in plane.components:
+                forces[plane.holders[component], component] += on_planes[number, component]
+        return Reactions(forces, on_planes, at_points, levers)
 
     def moments(self, force: InternalForce, reactions: Reactions) -> np.ndarray:
         """Moments of the holders' forces about the origin of the coordinates.

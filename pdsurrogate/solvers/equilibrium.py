@@ -11,8 +11,8 @@ import numpy as np
 from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from .preconditioner import Preconditioner, preconditioner_of
-from .supports import SupportedPreconditioner
 from .reductions import LOCAL, LocalReductions
+from .supports import SupportedPreconditioner
 
 Report = Callable[[int, float], None]
 """Called with the force evaluations so far and the residual."""

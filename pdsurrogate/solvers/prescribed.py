@@ -115,8 +115,8 @@ class PrescribedLoading(Loading):
             support = self._support(entry, points, regions)
             if support is not None and any(step.dynamics is not None for step in scene.steps):
                 raise ValueError(
-                    f"prescribed.{number}.region: {support.count} points are equally near to this place, and a support between points is not "
-                    "followed in dynamics; give points by their numbers, or a box around them"
+                    f"prescribed.{number}.region: {support.count} points are equally near to this place, and a support between points is "
+                    "not followed in dynamics; give points by their numbers, or a box around them"
                 )
             if support is not None:
                 points, displacement = np.setdiff1d(points, support.others), self._displacement(number, support.place[None])
