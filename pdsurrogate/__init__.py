@@ -49,6 +49,7 @@ _HOMES = {
     "OwnBondForce": "forces",
     "ParallelogramCut": "scenes",
     "Part": "scenes",
+    "Polyconvex": "materials",
     "Polygon": "scenes",
     "PolynomialForce": "forces",
     "Precut": "scenes",
