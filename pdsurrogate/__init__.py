@@ -86,6 +86,7 @@ _HOMES = {
     "energy_surrogate_of": "learning",
     "evaluate": "learning",
     "evaluate_energy": "learning",
+    "fit_to_tests": "identification",
     "greatest_bond_stretch": "run.fracture",
     "load_card": "artifacts",
     "load_pipeline": "artifacts",

@@ -3,6 +3,7 @@
 from .committee import committee, committee_spread
 from .data import MODES, TestData, load_test_data, test_data_names
 from .energy import EnergyRegressor
+from .examination import Examination, TestDataWarning, examine, fit_to_tests
 from .regressor import LawRegressor
 from .reporting import figure, report
 from .selection import held_out_modes
@@ -11,11 +12,15 @@ from .stress_regressor import nominal_stress
 __all__ = [
     "MODES",
     "EnergyRegressor",
+    "Examination",
     "LawRegressor",
     "TestData",
+    "TestDataWarning",
     "committee",
     "committee_spread",
+    "examine",
     "figure",
+    "fit_to_tests",
     "held_out_modes",
     "load_test_data",
     "nominal_stress",
