@@ -35,7 +35,7 @@ AS_GOOD = 0.05
 """Of two dictionaries whose errors differ by no more, the smaller is taken."""
 
 FOLDS = 5
-"""Of a biaxial grid, by its greatest stretch; and of rows that are left out one in five."""
+"""Of a biaxial grid, by its greatest stretch; and of states that are left out one in five."""
 
 ROUNDS = 60
 """Most fits by turns of the weights and of the volume ratios that they make."""
@@ -57,7 +57,7 @@ class EnergyRegressor(StressRegressor):
     In states of constant volume the stresses are linear in the weights, so the fit is one of non-negative least squares, with no start and
     no random choice; few terms are left.  The volume ratios that the bulk modulus lets the law have are found by turns with the weights.
     How far the exponents reach, and which powers of invariants there are, is chosen by cross-validation over modes of loading, or over
-    parts of a biaxial grid; for the powers of invariants, where there are three such parts, the error of every fifth row left out counts
+    parts of a biaxial grid; for the powers of invariants, where there are three such parts, the error of every fifth state left out counts
     as much.
 
     Parameters
@@ -211,7 +211,7 @@ class EnergyRegressor(StressRegressor):
             terms, error = [*dictionary(row["greatest"], -row["least"], self.offset), *invariants], row["relative_rms"]
             if len(np.unique(groups)) > 2:
                 # Enough modes for what lies between them to be asked for as well as what lies beyond.
-                error = np.sqrt(error * self._left_out(X, y, root, np.arange(len(y)) % FOLDS, terms))
+                error = np.sqrt(error * self._left_out(X, y, root, fifths_of(X), terms))
             candidates.append((terms, error))
         return _first_as_good(*zip(*candidates, strict=True))
 
@@ -362,6 +362,11 @@ def columns_of(stretches: np.ndarray, first: np.ndarray, terms) -> np.ndarray:
             slope = power * (I2**1.5 - SECOND_AT_REST) ** (power - 1) * 1.5 * np.sqrt(I2)
             columns.append((slope * 2 * (1 / squares[:, 2] - 1 / squares[:, 0]))[:, None])
     return np.hstack(columns) / first[:, None]
+
+
+def fifths_of(X) -> np.ndarray:
+    """Numbers from 0 to 4 that go round over the states, in the order of their greatest stretch; rows of one state have the same."""
+    return np.unique(ordered_logs(X).round(9), axis=0, return_inverse=True)[1].ravel() % FOLDS
 
 
 def groups_of(X) -> np.ndarray:

@@ -117,12 +117,14 @@ def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegre
     scores = data.r_squared(model.predict(data.stretches))
     poor = not min(scores.values(), default=1.0) >= POOR
     refusals, remarks = wrong_signs(data), suspicions(data, MENDED_IF_POOR if poor else MENDED)
+    poorly = []
     for mode, value in scores.items():
         if value < 0:
             refusals.append(f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0): take another law, or mend the data")
         elif not value >= POOR:
-            remarks.append(f"{model.law} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}")
-    return Examination(refusals, [*remarks, *_better(model, data, others)])
+            poorly.append(f"{model.law} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}")
+    # Data that contradict each other are no measure of laws.
+    return Examination(refusals, [*remarks, *poorly, *([] if remarks else _better(model, data, others))])
 
 
 def wrong_signs(data: TestData) -> list[str]:
@@ -152,7 +154,7 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
     """
     told, explained, predicted = [], [], _robust(data, data.nominal_stress)[0]
     before = _size(data, data.nominal_stress, predicted)
-    if before > 3 * NOISE:
+    if before > enough * NOISE:
         everywhere = np.ones(len(data), dtype=bool)
         changes = [(mode, *change) for mode in data.modes for change in _changes(data, data.mode == mode)]
         if len(data.modes) > 1 and BIAXIAL not in data.modes:

@@ -153,7 +153,8 @@ def sheet_states(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> 
             step = np.clip(STEP * J3 * residual / (ahead - residual), -J3, 0.5 * J3)
             # Past the law's limit, where the residual is NaN, the state swells: with more volume it may keep the limit.
             J3 = J3 - np.where(np.isnan(step), -SWELLING * J3, step)
-            if np.all(np.abs(step) <= 1e-13 * J3):
+            # The iteration squares the error: after this step it is at rounding.
+            if np.all(np.abs(step) <= 1e-8 * J3):
                 break
         p, q, residual, *_ = at(J3)
     reached = np.abs(residual) <= 1e-9 * bulk
