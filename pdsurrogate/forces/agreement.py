@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..kernels.keys import NotKeyable
+from ..engine.keys import NotKeyable
 from ..materials import Law, plane_stress
 from ..materials.consistency import law_digest
 from .protocol import Domain

@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..kernels.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
+from ..engine.compile import call_block, kernel
 from ..kernels.bond_state import lateral_stretch
-from ..kernels.compile import call_block, kernel
 from ..kernels.feature_sets import FEATURE_SETS
 from ..materials import Law
 from .agreement import bond_states, check_agreement

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 
 from ..body import Body
+from ..engine.block_arrays import BLOCK
+from ..engine.compile import block_function_of, stress_response_signature
 from ..kernels.activations import ACTIVATIONS, SMOOTH
-from ..kernels.block_arrays import BLOCK
-from ..kernels.compile import block_function_of, stress_response_signature
 from ..kernels.energy_density import (
     ENERGY_ROWS,
     INVARIANT_ROWS,

@@ -109,7 +109,7 @@ class CompiledBondForce:
     Attributes
     ----------
     address : int
-        Of the block function (`pdsurrogate.kernels.compile.bond_force_signature`).
+        Of the block function (`pdsurrogate.engine.compile.bond_force_signature`).
     sizes : ndarray of int64
     weights : ndarray, in the precision of the bond pass
     work_rows : int

@@ -6,11 +6,11 @@ on rows of arrays, and becomes part of the code that calls it.  The sums over bo
 
 import numpy as np
 
-from .block_arrays import rows_of
-from .compile import inlined
+from ..engine.block_arrays import rows_of
+from ..engine.compile import inlined
+from ..engine.vector_loads import gather_pairs, put_records, subtract_positions, sum_matrix_products, sum_outer_products, sum_signed_records
+from ..engine.vector_loads import sum_quad_records as sum_matrices
 from .feature_sets import like
-from .lanes import gather_pairs, put_records, subtract_positions, sum_matrix_products, sum_outer_products, sum_signed_records
-from .lanes import sum_quad_records as sum_matrices
 
 DIMENSION, MATRIX, SYMMETRIC = 2, 4, 3
 """Dimension, and reals of a matrix and of a symmetric matrix."""

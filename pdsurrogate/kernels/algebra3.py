@@ -5,12 +5,12 @@ Vectors are (1, 2, 3), matrices go by columns (11, 21, 31, 12, 22, 32, 13, 23, 3
 
 import numpy as np
 
-from .block_arrays import rows_of
-from .compile import inlined
+from ..engine.block_arrays import rows_of
+from ..engine.compile import inlined
+from ..engine.vector_loads import gather_pairs_in_space as gather_pairs
+from ..engine.vector_loads import put_records
+from ..engine.vector_loads import sum_matrix_products_in_space as sum_matrix_products
 from .feature_sets import like
-from .lanes import gather_pairs_in_space as gather_pairs
-from .lanes import put_records
-from .lanes import sum_matrix_products_in_space as sum_matrix_products
 
 DIMENSION, MATRIX, SYMMETRIC = 3, 9, 6
 """Dimension, and reals of a matrix and of a symmetric matrix."""

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 from numba import carray
 
-from .block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
-from .compile import bond_force_signature, call_block, compile_block_function, widest_vectors
+from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
+from ..engine.compile import bond_force_signature, call_block, compile_block_function, widest_vectors
 
 
 @cache

@@ -7,11 +7,12 @@ into a table of the point's own that stays in the first-level cache, and each bo
 
 import numpy as np
 
-from .block_arrays import BLOCK, block_rows, pair_records, quad_records, triple_records
-from .compile import inline, kernel, widest_vectors
-from .lanes import outer_products, sum_listed_records
+from ..engine.block_arrays import BLOCK, block_rows, pair_records, quad_records, triple_records
+from ..engine.compile import inline, kernel, widest_vectors
+from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import outer_products, sum_listed_records
+from .by_dimension import ByDimension
 from .node_state import solve_volume_ratios
-from .passes import ByDimension, Pass, share_of
 
 TILE = 64
 """Points per tile.  Tiles do not depend on the number of threads, so neither does the grouping of bonds into blocks."""

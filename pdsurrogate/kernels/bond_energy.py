@@ -14,12 +14,12 @@ rest, so that it can be neither invalid nor outside a domain.
 
 import numpy as np
 
-from .block_arrays import BLOCK, block_rows, pair_records, quad_records
+from ..engine.block_arrays import BLOCK, block_rows, pair_records, quad_records
+from ..engine.compile import call_block, inline, widest_vectors
+from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import gather_pairs
 from .bond_force import FALL_BACK, UNGUARDED
-from .compile import call_block, inline, widest_vectors
 from .energy_density import ENERGY_ROWS, INVARIANT_ROWS
-from .lanes import gather_pairs
-from .passes import Pass, share_of
 
 COUNTED = 1
 """Bonds outside the domain are counted and otherwise left to the surrogate; `FALL_BACK` and `UNGUARDED` are those of the bond pass."""

@@ -1,11 +1,11 @@
 """The bond pass of every force model that maps bond quantities to a bond force, and the sum of its pair forces."""
 
-from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, pair_records
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, pair_records
+from ..engine.compile import call_block, widest_vectors
+from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import gather_pairs
 from .bond_state import LEAST_NORMAL_STRETCH, is_outside, lateral_stretch, share_inside
-from .compile import call_block, widest_vectors
 from .elementary import inverse_square_root
-from .lanes import gather_pairs
-from .passes import Pass, share_of
 
 UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
 """What is done about bonds outside the domain of a force model: it has no bounds; they are counted, and those turned so far that they have

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .compile import inline, inlined
+from ..engine.compile import inline, inlined
 from .elementary import quotient
 from .feature_sets import like
 

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from .block_arrays import BLOCK, block_rows
-from .compile import widest_vectors
-from .passes import ByDimension, Pass, share_of
+from ..engine.block_arrays import BLOCK, block_rows
+from ..engine.compile import widest_vectors
+from ..engine.passes import Pass, share_of
+from .by_dimension import ByDimension
 
 
 @ByDimension

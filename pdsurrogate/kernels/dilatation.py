@@ -6,10 +6,11 @@ of its pair, and nothing by pairs is written but one number.
 
 import numpy as np
 
-from .block_arrays import BLOCK, block_rows
-from .compile import widest_vectors
-from .lanes import multiply_pairs, sum_scaled_records
-from .passes import ByDimension, Pass, share_of
+from ..engine.block_arrays import BLOCK, block_rows
+from ..engine.compile import widest_vectors
+from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import multiply_pairs, sum_scaled_records
+from .by_dimension import ByDimension
 from .selective_energy import gradient_of_bond
 
 

@@ -7,32 +7,10 @@ and were measured over the stated range (see ``tests/test_elementary.py``).
 
 import numpy as np
 from numba import types
-from numba.extending import intrinsic, overload
+from numba.extending import overload
 
-from .compile import INLINE_OPTIONS, inline
-
-INT_OF = {types.float32: types.int32, types.float64: types.int64}
-REAL_OF = {types.int32: types.float32, types.int64: types.float64}
-
-
-@intrinsic
-def bits_of(typingctx, value):
-    """The bit pattern of a real, as an integer of the same width."""
-
-    def codegen(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
-
-    return INT_OF[value](value), codegen
-
-
-@intrinsic
-def real_of(typingctx, bits):
-    """The real with the given bit pattern."""
-
-    def codegen(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
-
-    return REAL_OF[bits](bits), codegen
+from ..engine.compile import INLINE_OPTIONS, inline
+from ..engine.intrinsics import bits_of, finite_quotient, real_of
 
 
 def select(condition, value, otherwise):
@@ -50,20 +28,10 @@ def quotient(x, y):
     return x / y
 
 
-@intrinsic
-def _finite_quotient(typingctx, x, y):
-    """A division told that nothing in it is infinite, for which the compiler may take the processor's estimate of 1/y and refine it."""
-
-    def codegen(context, builder, signature, arguments):
-        return builder.fdiv(*arguments, flags=("ninf", "arcp", "contract"))
-
-    return x(x, y), codegen
-
-
 @overload(quotient, jit_options=INLINE_OPTIONS)
 def _quotient(x, y):
     if x == types.float32:
-        return lambda x, y: _finite_quotient(x, y)
+        return lambda x, y: finite_quotient(x, y)
     return lambda x, y: x / y
 
 

@@ -10,8 +10,8 @@ from functools import cache
 import numpy as np
 from numba import carray
 
-from .block_arrays import BLOCK, SCRATCH_ROWS, block_rows
-from .compile import bond_force_signature, call_block, compile_block_function, inlined, widest_vectors
+from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, block_rows
+from ..engine.compile import bond_force_signature, call_block, compile_block_function, inlined, widest_vectors
 from .elementary import logarithm
 from .node_state import solve_volume_ratios
 

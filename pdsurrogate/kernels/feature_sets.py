@@ -13,7 +13,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from .compile import INLINE_OPTIONS
+from ..engine.compile import INLINE_OPTIONS
 from .elementary import inverse_cube_root, logarithm, quotient
 
 

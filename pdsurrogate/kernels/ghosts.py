@@ -9,8 +9,8 @@ in every dimension, whatever a ghost is the image of: the parities and reflectio
 Ghosts stand behind the points, in arrays of n + m rows; matrices go by columns.
 """
 
-from .compile import inlined, kernel
-from .passes import Pass, share_of
+from ..engine.compile import inlined, kernel
+from ..engine.passes import Pass, share_of
 
 
 @inlined

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from .passes import ByDimension, Pass, share_of
+from ..engine.passes import Pass, share_of
+from .by_dimension import ByDimension
 
 
 @ByDimension

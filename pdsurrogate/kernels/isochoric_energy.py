@@ -10,12 +10,12 @@ is negative, and both are linear in I1bar and I2bar.  They are called distances 
 """
 
 import numpy as np
-from numba import carray, types
-from numba.extending import intrinsic
+from numba import carray
 
-from .block_arrays import BLOCK, block_rows, put_column, rows_from, stack_rows
-from .compile import call_block, widest_vectors
-from .elementary import bits_of, logarithm, select
+from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from, stack_rows
+from ..engine.compile import call_block, widest_vectors
+from ..engine.intrinsics import add_to, bits_of
+from .elementary import logarithm, select
 from .energy_density import GROUP
 from .feature_sets import like
 
@@ -39,18 +39,6 @@ def distance_coefficients(low, high):
     low, high = max(low, high**-2), min(high, low**-2)
     a, b = low**2, high**2
     return np.array([[1 - a**3, a * a, -a], [1 - b**-3, -1 / b, b**-2]])
-
-
-@intrinsic
-def _add_to(typingctx, address, count):
-    """Add to a counter that all threads share."""
-
-    def codegen(context, builder, signature, arguments):
-        pointer = builder.inttoptr(arguments[0], context.get_value_type(types.int64).as_pointer())
-        builder.atomic_rmw("add", pointer, arguments[1], "monotonic")
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.int64), codegen
 
 
 def take_over(distance, band):
@@ -137,7 +125,7 @@ def network_block(activation, take_over, invariants, of_invariants):
         if guard == EXTRAPOLATE or near == 0:
             return
         if outside > 0:
-            _add_to(bits_of(parameters[COUNTER]), outside)
+            add_to(bits_of(parameters[COUNTER]), outside)
         if guard != TAKE_OVER:
             return
         # The exact energy, and what mixes the two, in double precision.

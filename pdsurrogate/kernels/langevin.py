@@ -5,7 +5,7 @@ Elementwise expressions that work on NumPy arrays and, compiled, on the lanes of
 
 from numba.extending import register_jitable
 
-from .compile import INLINE_OPTIONS
+from ..engine.compile import INLINE_OPTIONS
 from .elementary import exponential, logarithm, select
 
 _compiled = register_jitable(**INLINE_OPTIONS)

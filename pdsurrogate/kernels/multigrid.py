@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from .lanes import sum_weighted_rows
-from .passes import Pass, share_of
+from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import sum_weighted_rows
 
 
 @cache

@@ -10,8 +10,8 @@ from functools import cache
 import numpy as np
 from numba import carray
 
-from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
-from .compile import bond_force_signature, compile_block_function, inlined, kernel, widest_vectors
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
+from ..engine.compile import bond_force_signature, compile_block_function, inlined, kernel, widest_vectors
 from .feature_sets import FeatureSet
 
 GROUP = 4

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from .block_arrays import BLOCK, block_rows, quad_records
-from .compile import call_block, inline, widest_vectors
+from ..engine.block_arrays import BLOCK, block_rows, quad_records
+from ..engine.compile import call_block, inline, widest_vectors
+from ..engine.passes import Pass, share_of
+from .by_dimension import ByDimension
 from .elementary import inverse_square_root
-from .passes import ByDimension, Pass, share_of
 
 MOST_ITERATIONS = 40
 

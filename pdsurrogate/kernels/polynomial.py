@@ -12,8 +12,9 @@ from numba import carray, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
-from .compile import bond_force_signature, compile_block_function, inlined, widest_vectors
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
+from ..engine.compile import bond_force_signature, compile_block_function, inlined, widest_vectors
+from ..engine.intrinsics import tuple_of
 from .feature_sets import FeatureSet
 
 N_OUTPUTS = 2
@@ -51,21 +52,6 @@ def pack(centre, half_width, coefficients, at_rest, dtype):
     # For each i the coefficients of both outputs side by side.
     terms = [coefficients[:, :count, i].T.ravel() for i, count in enumerate(counts)]
     return counts, np.concatenate([centre, 1 / np.asarray(half_width), *terms, at_rest]).astype(dtype)
-
-
-@intrinsic
-def tuple_of(typingctx, array, count):
-    """The first `count` values of an array, a literal number of them, as a tuple: scalars that a loop need not load again."""
-    if not isinstance(count, types.IntegerLiteral):
-        return None
-    result_type = types.UniTuple(array.dtype, count.literal_value)
-
-    def codegen(context, builder, signature, arguments):
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-        values = [builder.load(builder.gep(data, [ir.Constant(ir.IntType(64), n)])) for n in range(count.literal_value)]
-        return cgutils.pack_array(builder, values)
-
-    return result_type(array, count), codegen
 
 
 @intrinsic

@@ -5,8 +5,9 @@ They run once for a body without damage, and again for the rows and pairs around
 
 import numpy as np
 
-from .block_arrays import BLOCK
-from .passes import ByDimension, Pass, share_of
+from ..engine.block_arrays import BLOCK
+from ..engine.passes import Pass, share_of
+from .by_dimension import ByDimension
 
 LEAST_SHAPE_QUALITY = 1e-3
 """A horizon whose shape has a quality below this spans neither plane nor space.  It is 1 for a full horizon, and 0.6 at an intact corner:

@@ -4,10 +4,11 @@ Written once over an algebra.  The reference data of a pair are n, 1/l and the v
 carries nothing, or that pads a block, has none, and its state is replaced by rest.
 """
 
-from .block_arrays import BLOCK, block_rows, put_column, rows_from
-from .compile import call_block, inlined, kernel, widest_vectors
+from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from
+from ..engine.compile import call_block, inlined, kernel, widest_vectors
+from ..engine.passes import Pass, share_of
+from .by_dimension import ByDimension
 from .feature_sets import like
-from .passes import ByDimension, Pass, share_of
 
 STATE_ROWS, RESULT_ROWS = 3, 4
 """Rows of the states and of the result of an isochoric response, which ends with the energy."""

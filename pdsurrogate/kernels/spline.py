@@ -13,8 +13,8 @@ from numba import carray, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
-from .compile import bond_force_signature, compile_block_function, inlined, widest_vectors
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
+from ..engine.compile import bond_force_signature, compile_block_function, inlined, widest_vectors
 from .feature_sets import FeatureSet, like
 
 FEATURES = (2, 3)

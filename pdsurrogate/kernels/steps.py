@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from .compile import kernel
-from .passes import ByDimension
+from ..engine.compile import kernel
+from .by_dimension import ByDimension
 
 
 @ByDimension

@@ -10,11 +10,11 @@ and the map that gives the force of a bond gives the pressure in a point as well
 
 import numpy as np
 
-from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
+from ..engine.compile import call_block, widest_vectors
+from ..engine.passes import Pass, share_of
 from .bond_state import is_outside, share_inside
-from .compile import call_block, widest_vectors
 from .node_state import solve_volume_ratios
-from .passes import Pass, share_of
 
 MOST_ITERATIONS = 20
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.keys import code_digest
+from ..engine.keys import code_digest
 from .law import InvariantLaw, Law
 
 STEPS = 1e-3 * np.array([1.0, 0.5, 0.25])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.compile import inlined
+from ..engine.compile import inlined
 from . import plane_stress
 from .consistency import check_consistency
 from .law import Law

@@ -16,9 +16,9 @@ import numpy as np
 from numba import carray
 from numba.core.ccallback import CFunc
 
-from ..kernels.block_arrays import BLOCK
+from ..engine.block_arrays import BLOCK
+from ..engine.compile import STRESS_RESPONSE, block_function_of, inlined, widest_vectors
 from ..kernels.bond_state import lateral_stretch
-from ..kernels.compile import STRESS_RESPONSE, block_function_of, inlined, widest_vectors
 from ..kernels.elementary import exponential, inverse_cube_root, logarithm, select
 from ..kernels.node_state import SWELLING
 from .consistency import check_consistency

@@ -13,8 +13,8 @@ import numpy as np
 from numba import carray
 from numba.core.ccallback import CFunc
 
-from ..kernels.block_arrays import BLOCK, block_rows, put_column, stack_rows
-from ..kernels.compile import STRESS_RESPONSE, block_function_of, widest_vectors
+from ..engine.block_arrays import BLOCK, block_rows, put_column, stack_rows
+from ..engine.compile import STRESS_RESPONSE, block_function_of, widest_vectors
 from .consistency import check_consistency
 from .law import InvariantLaw, Law
 
@@ -66,7 +66,7 @@ class Response:
         return self.of_stretches(state, stretches, [sum(parts) for parts in zip(*terms, strict=True)], volumetric)
 
     def block(self, law: Law) -> CFunc:
-        """The same compiled as a block function (`pdsurrogate.kernels.compile.STRESS_RESPONSE`).
+        """The same compiled as a block function (`pdsurrogate.engine.compile.STRESS_RESPONSE`).
 
         Raises
         ------

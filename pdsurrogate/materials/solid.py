@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.compile import inlined
+from ..engine.compile import inlined
 from ..kernels.elementary import inverse_cube_root, select
 from ..kernels.feature_sets import like
 from . import plane_stress

@@ -4,7 +4,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from ..kernels.compile import INLINE_OPTIONS
+from ..engine.compile import INLINE_OPTIONS
 from ..kernels.feature_sets import FEATURE_SETS, FeatureSet, like
 
 

@@ -5,7 +5,7 @@ It is not objective: a stretch along axes off the grid gets a spurious rotation,
 
 import numpy as np
 
-from ..kernels.passes import Pass, share_of
+from ..engine.passes import Pass, share_of
 
 
 @Pass

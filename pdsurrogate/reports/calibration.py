@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from ..kernels.block_arrays import block_rows
-from ..kernels.compile import widest_vectors
-from ..kernels.passes import Pass
+from ..engine.block_arrays import block_rows
+from ..engine.compile import widest_vectors
+from ..engine.passes import Pass
 
 ROWS = 2
 """Rows of the buffer: arguments and values."""

@@ -9,6 +9,7 @@ from functools import partial
 import numba
 
 from ..artifacts import load_surrogate
+from ..engine.threads import at_most, most_threads
 from ..forces import (
     AnalyticBondForce,
     BANOSBForce,
@@ -19,7 +20,6 @@ from ..forces import (
     NOSBForce,
 )
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
-from ..kernels.threads import at_most, most_threads
 from ..learning import (
     ChebyshevRegressor,
     LevenbergMarquardtRegressor,

@@ -11,9 +11,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..body import Body
+from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.threads import most_threads, thread_count
 from ..forces import ForceModel, ForceSettings
-from ..kernels.block_arrays import BLOCK, aligned_rows
-from ..kernels.threads import most_threads, thread_count
 from ..materials import Law, homogeneous
 from .calibration import ROWS, arithmetic
 

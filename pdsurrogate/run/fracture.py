@@ -8,9 +8,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ..body import Body
-from ..kernels.block_arrays import BLOCK
+from ..engine.block_arrays import BLOCK
+from ..engine.threads import chunks_of
 from ..kernels.damage import find_overstretched
-from ..kernels.threads import chunks_of
 from ..materials import Law, homogeneous
 from ..materials.law import check_number, checked_law
 from ..scenes import Scene

@@ -12,9 +12,9 @@ import numpy as np
 
 from ..body import Body, Surface
 from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
+from ..engine.threads import threads_for
 from ..forces import ForceModel, InternalForce, bind_portions
 from ..forces.interfaces import SIGHT
-from ..kernels.threads import threads_for
 from ..materials import Law
 from ..ranks import ALONE, HALO, Communicator, ReductionsOfParts, communicator, divided
 from ..ranks.communicator import Alone

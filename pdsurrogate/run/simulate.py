@@ -13,9 +13,9 @@ from threadpoolctl import threadpool_limits
 
 from .. import artifacts
 from ..arguments import check_is, check_path, check_whole_number
+from ..engine.compile import compilation_clock
+from ..engine.threads import thread_count
 from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
-from ..kernels.compile import compilation_clock
-from ..kernels.threads import thread_count
 from ..ranks import communicator
 from ..results import Result
 from ..results.checkpoint import CheckpointError

@@ -23,6 +23,7 @@ import numpy as np
 
 from ..artifacts import load_card
 from ..body import Body, ReflectionPlane
+from ..engine.threads import most_threads, thread_count
 from ..forces import (
     FORCES,
     AnalyticBondForce,
@@ -36,7 +37,6 @@ from ..forces import (
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..forces.settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, WHERE
 from ..kernels.reference_state import CORRECTIONS
-from ..kernels.threads import most_threads, thread_count
 from ..learning import wide_design
 from ..materials import PLANES, Law, dimension_of
 from ..run.run import Silent

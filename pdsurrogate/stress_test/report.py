@@ -9,8 +9,8 @@ from threadpoolctl import threadpool_limits
 
 from .. import __version__
 from ..artifacts import ArtifactError, list_artifacts, load_surrogate
+from ..engine.threads import at_most, most_threads
 from ..forces import FORCES
-from ..kernels.threads import at_most, most_threads
 from ..results.provenance import processor
 from . import conformance, deformations, discretisations, dynamics, tangents
 from .case import INAPPLICABLE, PASS, STOPS, WEAK, WEAKNESSES, Case, Subject

@@ -8,8 +8,7 @@ once, when it is bound: a call costs a microsecond or two, whatever it works on.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
-from importlib import import_module
+from collections.abc import Callable
 
 import numba
 import numpy as np
@@ -205,31 +204,6 @@ class Pass:
             entry.__qualname__ = self.function.__qualname__
             self._code[kinds] = compile_block_function(entry, CHUNK_FUNCTION, digest)
         return self._code[kinds].address
-
-
-class ByDimension(Mapping):
-    """What is written once over an algebra, made for a dimension when it is first asked for: a sheet compiles nothing of space.
-
-    Parameters
-    ----------
-    build : callable
-        ``build(algebra)``, given `pdsurrogate.kernels.algebra2` or `algebra3`.
-    """
-
-    def __init__(self, build: Callable) -> None:
-        self._build, self._made = build, {}
-        self.__doc__ = build.__doc__
-
-    def __getitem__(self, dimension: int):
-        if dimension not in self._made:
-            self._made[dimension] = self._build(import_module(f".algebra{dimension}", __package__))
-        return self._made[dimension]
-
-    def __iter__(self):
-        return iter((2, 3))
-
-    def __len__(self) -> int:
-        return 2
 
 
 @inlined

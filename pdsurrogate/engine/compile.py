@@ -7,7 +7,7 @@ Three kinds of compiled code exist:
   kernels by their address. A kernel that takes one is compiled once, whatever material law or network stands behind
   the address.
 
-All are cached on disk, in files named by a digest of everything that their code depends on (`pdsurrogate.kernels.keys`): a change in what a
+All are cached on disk, in files named by a digest of everything that their code depends on (`pdsurrogate.engine.keys`): a change in what a
 function calls or in a constant that it takes compiles it anew, and nothing else does.
 """
 
