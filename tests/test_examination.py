@@ -46,7 +46,8 @@ CHANGES = {
     "a shift": (slice(None), lambda stress, stretch: stress + 0.1, ["all modes: the stresses look shifted by 0."]),
     "a shift of one mode": (PURE_SHEAR, lambda stress, stretch: stress + 0.1, ["pure-shear: the stresses look shifted by 0."]),
     "Cauchy stresses": (PURE_SHEAR, lambda stress, stretch: stress * stretch, ["pure-shear: the stresses look like Cauchy"]),
-    "another unit": (PURE_SHEAR, lambda stress, stretch: 9.81 * stress, ["pure-shear: the stresses look 9.81 times too large"]),
+    "Cauchy stresses everywhere": (slice(None), lambda stress, stretch: stress * stretch, ["all modes: the stresses look like Cauchy"]),
+    "another unit": (PURE_SHEAR, lambda stress, stretch: 9.81 * stress, ["pure-shear: the stresses look 9.8 times too large"]),
 }
 
 
@@ -76,7 +77,7 @@ def test_noise_of_a_good_laboratory_hides_none_of_it(good, name, random):
     assert not examined(noisy).remarks
     found = examined(changed(noisy, rows, change(noisy.nominal_stress[rows], noisy.stretches[rows, 0])))
     said = " ".join([*found.remarks, *found.refusals])
-    assert told[0].rsplit(" 9.81")[0] in said
+    assert told[0].rsplit(" 9.8")[0] in said
 
 
 def test_the_sign_of_a_stress_is_that_of_rubber(good):
@@ -84,8 +85,12 @@ def test_the_sign_of_a_stress_is_that_of_rubber(good):
         refusals = examined(changed(good, 4, stress)).refusals
         assert words in " ".join(refusals) if words else not refusals
         assert all("row 5 (uniaxial, stretch 2.18571, nominal stress -0.5)" in text for text in refusals)
-    squeezed = TestData("made", np.array(["uniaxial"] * 3), np.array([[v, v**-0.5] for v in (0.6, 0.8, 1.5)]), np.ones(3), np.ones(3))
-    assert [text.split(" (")[0] for text in examined(squeezed).refusals[:2]] == ["row 1", "row 2"]
+    # In compression, which many laboratories give as positive.
+    states = np.array([[value, value**-0.5] for value in (0.6, 0.8, 1.5)])
+    squeezed = TestData("made", np.array(["uniaxial"] * 3), states, np.ones(3), np.ones(3))
+    said = examined(squeezed).refusals[0]
+    assert "row 1 (uniaxial, stretch 0.6, nominal stress 1) pulls where rubber pushes, row 2" in said
+    assert "row 3" not in said
 
 
 def test_shipped_data_are_let_alone():
@@ -98,7 +103,9 @@ def test_shipped_data_are_let_alone():
 
 def test_another_law_that_is_five_times_better_is_named():
     data = load_test_data("treloar")
-    assert any("an energy without a law" in text and "times better than neo-hookean" in text for text in examined(data, "neo-hookean").remarks)
+    said = " ".join(examined(data, "neo-hookean").remarks)
+    assert "an energy without a law" in said
+    assert "times better than neo-hookean" in said
     models = [pd.LawRegressor(name).fit(data.stretches, data.nominal_stress) for name in ("mooney-rivlin", "ogden")]
     assert "times better than mooney-rivlin" in examine(models[0], data, models).remarks[-1]
 

@@ -121,7 +121,8 @@ INCOMPRESSIBLE = 1e7
 
 
 def fitted(name, data, weights=None, bulk_ratio=1000.0):
-    return pd.LawRegressor(name, bulk_ratio=bulk_ratio).fit(data.stretches, data.nominal_stress, data.balanced_weights() if weights is None else weights)
+    weights = data.balanced_weights() if weights is None else weights
+    return pd.LawRegressor(name, bulk_ratio=bulk_ratio).fit(data.stretches, data.nominal_stress, weights)
 
 
 def test_yeoh_is_the_solution_of_a_linear_problem(treloar):

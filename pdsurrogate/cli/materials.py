@@ -105,13 +105,11 @@ def print_identified(found: dict) -> None:
     out.print(", ".join(f"R^2 {mode} {value:.4f}" for mode, value in found["r_squared"].items()))
     out.print(f"law against tests, greatest difference by mode: {differences_in_words(found['differences'])}")
     if found["at_bound"]:
-        warn(
-            f"{form}: {', '.join(found['at_bound'])} ended at the bound of the search: the data do not tell it, or want another law."
-        )
+        warn(f"{form}: {', '.join(found['at_bound'])} ended at the bound of the search: the data do not tell it, or want another law.")
     if found["volume_ratio"] and found["volume_ratio"] > LARGE_GROWTH:
         warn(
-            f"{form}: with this bulk modulus the volume grows by {100 * (found['volume_ratio'] - 1):.0f} % in the tests, more than rubber's "
-            "does: a greater one is given by --bulk-modulus."
+            f"{form}: with this bulk modulus the volume grows by {100 * (found['volume_ratio'] - 1):.0f} % in the tests, more than that of "
+            "rubber: a greater one is given by --bulk-modulus."
         )
 
 

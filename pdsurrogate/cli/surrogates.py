@@ -102,7 +102,7 @@ def fit(
             material, found = model.law_, report(model, rows)
             if free:
                 settings = settings.within(*model.stretch_range_)
-                found |= {"form": "separable and polyconvex energy", "cross_validation": model.cross_validation_}
+                found |= {"form": "polyconvex energy without a law", "cross_validation": model.cross_validation_}
                 law = "energy"
             if committee:
                 with status(f"Fitting {committee} drawings from {data}"):

@@ -84,9 +84,7 @@ class TestData:
         return self._taken(chosen)
 
     def _taken(self, rows: np.ndarray) -> TestData:
-        return TestData(
-            self.name, self.mode[rows], self.stretches[rows], self.nominal_stress[rows], self.weight[rows], self.row[rows]
-        )
+        return TestData(self.name, self.mode[rows], self.stretches[rows], self.nominal_stress[rows], self.weight[rows], self.row[rows])
 
     def row_in_words(self, number: int) -> str:
         """Row, mode, stretch and stress, for a message; `number` counts the rows here, from 0."""

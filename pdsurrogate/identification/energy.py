@@ -276,7 +276,7 @@ def stiffness_of(terms, weights) -> list[float]:
 
 
 def isochoric(X: np.ndarray, volume: np.ndarray) -> np.ndarray:
-    """Three isochoric principal stretches, shape (n, 3), of states of given volume ratio; sides that are free share it with the thickness."""
+    """Three isochoric principal stretches, shape (n, 3), of states of given volume ratio; free sides share it with the thickness."""
     first, second = X.T
     lateral = np.where(free_sides(first, second), np.sqrt(volume / first), second)
     l1, l2 = first * volume ** (-1 / 3), lateral * volume ** (-1 / 3)

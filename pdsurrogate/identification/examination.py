@@ -31,6 +31,12 @@ BETTER, MENDED, MENDED_IF_POOR = 5.0, 3.0, 2.0
 """How many times smaller the residual must be by another law, with a change of the data, or with one where the law describes a mode poorly
 anyway, for it to be said."""
 
+MOST_ROWS = 3
+"""Rows that are named where many have the same fault."""
+
+LEAST_FACTOR = 1.5
+"""Between the stresses of two modes from which they may be in different units."""
+
 POOR = 0.9
 """R^2 of a mode below which a fit is said to be poor."""
 
@@ -120,7 +126,9 @@ def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegre
     poorly = []
     for mode, value in scores.items():
         if value < 0:
-            refusals.append(f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0): take another law, or mend the data")
+            refusals.append(
+                f"{model.law} describes {mode} worse than the mean stress does (R^2 below 0): take another law, or mend the data"
+            )
         elif not value >= POOR:
             poorly.append(f"{model.law} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}")
     # Data that contradict each other are no measure of laws.
@@ -139,11 +147,14 @@ def wrong_signs(data: TestData) -> list[str]:
     along = np.log(first * first * second)
     wrong = (along * data.nominal_stress < 0) & (np.abs(along) > NEAR_REST)
     wrong &= np.abs(data.nominal_stress) > NEAR_REST * _greatest_of_mode(data)
-    return [
-        f"{data.row_in_words(row)} {'pushes where rubber pulls' if along[row] > 0 else 'pulls where rubber pushes'}: tension is positive, "
-        "compression negative, and a stretch is length over length at rest"
-        for row in np.flatnonzero(wrong)
-    ]
+    does = np.where(along > 0, "pushes where rubber pulls", "pulls where rubber pushes")
+    told = [f"{data.row_in_words(row)} {does[row]}" for row in np.flatnonzero(wrong)]
+    return [f"{', '.join(_some(told))}: tension is positive, compression negative"] if told else []
+
+
+def _some(told: list[str]) -> list[str]:
+    """The first few of what is said of rows."""
+    return told if len(told) <= MOST_ROWS else [*told[:MOST_ROWS], f"and {len(told) - MOST_ROWS} rows more"]
 
 
 def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
@@ -155,15 +166,11 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
     told, explained, predicted = [], [], _robust(data, data.nominal_stress)[0]
     before = _size(data, data.nominal_stress, predicted)
     if before > enough * NOISE:
-        everywhere = np.ones(len(data), dtype=bool)
-        changes = [(mode, *change) for mode in data.modes for change in _changes(data, data.mode == mode)]
-        if len(data.modes) > 1 and BIAXIAL not in data.modes:
-            changes.append(("all modes", data.nominal_stress, everywhere, None))
-        for mode, stress, shifted, words in changes:
+        for mode, stress, shifted, words in _changes(data):
             fitted, shift = _robust(data, stress, shifted)
             words = words or f"the stresses look shifted by {shift:.3g}: at a stretch of 1 there should be none"
             explained.append((_size(data, stress, fitted), mode, words))
-        least = min(size for size, *_ in explained)
+        least = min((size for size, *_ in explained), default=np.inf)
         explained = [one for one in explained if one[0] <= min(before / enough, 2 * least)]
         # Of one mode the change that mends most.
         told += [f"{mode}: {words}" for mode, words in {mode: words for _, mode, words in sorted(explained, reverse=True)}.items()]
@@ -173,11 +180,11 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
     rows = [row for row in np.argsort(-standing) if standing[row] > OUTLIER and not known[row]]
     if len(rows) > max(1, len(data) / 4):
         told.append(
-            "no energy that physics allows describes these tests together: look at their units and zeros, and whether all stresses are nominal"
+            "no energy that physics allows describes these tests together: are their units the same, their zeros right, all stresses nominal?"
         )
     else:
         told += [f"{data.row_in_words(row)} stands out by {standing[row]:.0f} standard deviations from what the others say" for row in rows]
-        told += [text for row, text in _falling(data) if row not in rows and row - 1 not in rows]
+        told += _some([text for row, text in _falling(data) if row not in rows and row - 1 not in rows])
     return told
 
 
@@ -199,24 +206,30 @@ def standardised(model: StressRegressor, data: TestData, most: int = 5) -> list[
     ]
 
 
-def _changes(data: TestData, rows: np.ndarray):
-    """Changes of the rows of a mode that may mend them: the stresses, rows with a shift, or None, and what it means, or None for a shift."""
+CAUCHY = "the stresses look like Cauchy (true) ones: divided by the stretch, they are nominal"
+
+
+def _changes(data: TestData):
+    """Changes of a mode, or of all, that may mend it: mode, stresses, rows with a shift or None, and what it means (None for a shift)."""
     stress, first = data.nominal_stress, data.stretches[:, 0]
-    mode = data.mode[np.argmax(rows)]
-    others = ~rows
-    if mode != BIAXIAL:
-        yield stress, rows, None
-    if not others.any():
-        return
-    # Of an incompressible material.
-    yield np.where(rows, stress / first, stress), None, "the stresses look like Cauchy (true) ones: divide them by the stretch for nominal stresses"
-    predicted = columns_of(isochoric(data.stretches, np.ones(len(data))), first, TERMS) @ _weights(data, stress, others)
-    some = rows & (np.abs(predicted) > 0)
-    if some.any():
-        factor = float(np.median(stress[some] / predicted[some]))
-        if factor > 0 and abs(np.log(factor)) > np.log(1.5):
-            words = f"the stresses look {factor:.3g} times too large" if factor > 1 else f"the stresses look {1 / factor:.3g} times too small"
-            yield np.where(rows, stress / factor, stress), None, f"{words} for the other modes: is it in another unit?"
+    columns = columns_of(isochoric(data.stretches, np.ones(len(data))), first, TERMS)
+    for mode in data.modes:
+        rows = data.mode == mode
+        if mode != BIAXIAL:
+            yield mode, stress, rows, None
+        if rows.all():
+            return
+        yield mode, np.where(rows, stress / first, stress), None, CAUCHY
+        others = 1 / (np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300) * ~rows
+        predicted = columns @ _nonnegative(columns, stress, others)
+        some = rows & (np.abs(predicted) > 0)
+        factor = float(np.median(stress[some] / predicted[some])) if some.any() else 1.0
+        if factor > 0 and abs(np.log(factor)) > np.log(LEAST_FACTOR):
+            size = f"{factor:.3g} times too large" if factor > 1 else f"{1 / factor:.3g} times too small"
+            words = f"the stresses look {size} for the other modes: is it in another unit?"
+            yield mode, np.where(rows, stress / factor, stress), None, words
+    yield "all modes", stress, np.ones(len(data), dtype=bool), None
+    yield "all modes", stress / first, None, CAUCHY
 
 
 def _robust(data: TestData, stress: np.ndarray, shifted: np.ndarray | None = None) -> tuple[np.ndarray, float]:
@@ -232,11 +245,6 @@ def _robust(data: TestData, stress: np.ndarray, shifted: np.ndarray | None = Non
         residuals = _relative(stress, predicted, FLOOR * greatest)
         weight = 1 / (1 + (residuals / (2 * _scale(residuals))) ** 2)  # Cauchy's
     return predicted, float(weights[-2] - weights[-1]) if shifted is not None else 0.0
-
-
-def _weights(data: TestData, stress: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    columns = columns_of(isochoric(data.stretches[rows], np.ones(rows.sum())), data.stretches[rows, 0], TERMS)
-    return _nonnegative(columns, stress[rows], 1 / (np.abs(stress[rows]) + FLOOR * np.abs(stress[rows]).max() + 1e-300))
 
 
 def _nonnegative(columns, stress, root) -> np.ndarray:

@@ -64,7 +64,7 @@ class Ogden(PrincipalStretchLaw):
             check_number(given, f"{self.name}: shear_modulus")
         if given is not None and not (np.isfinite(given) and abs(given - modulus) <= 1e-6 * modulus):
             raise ValueError(
-                f"{self.name}: the {' and '.join(self.lists)} make the shear_modulus {modulus:g}, not {given:g}; leave it out, or scale them"
+                f"{self.name}: {' and '.join(self.lists)} make the shear_modulus {modulus:g}, not {given:g}; leave it out, or scale them"
             )
         object.__setattr__(self, "shear_modulus", modulus if given is None else float(given))
         if self.bulk_modulus is None:

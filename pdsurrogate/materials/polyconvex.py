@@ -65,7 +65,7 @@ class Polyconvex(Ogden):
         if self.moduli or self.exponents:
             super()._check_terms()
         if min(map(abs, self.exponents), default=1) < 1:
-            raise ValueError(f"{self.name}: exponents must be of size 1 or more, which makes the sum polyconvex, not {list(self.exponents)}")
+            raise ValueError(f"{self.name}: exponents must be of size 1 or more, for the sum to be polyconvex, not {list(self.exponents)}")
         if not self._stiffness() > 0:
             raise ValueError(f"{self.name}: nothing is stiff at rest: give moduli, or first or second a first number above 0")
 
