@@ -180,7 +180,7 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
     rows = [row for row in np.argsort(-standing) if standing[row] > OUTLIER and not known[row]]
     if len(rows) > max(1, len(data) / 4):
         told.append(
-            "no energy that physics allows describes these tests together: are their units the same, their zeros right, all stresses nominal?"
+            "no energy that physics allows describes these tests together: are units the same, zeros right, all stresses nominal?"
         )
     else:
         told += [f"{data.row_in_words(row)} stands out by {standing[row]:.0f} standard deviations from what the others say" for row in rows]

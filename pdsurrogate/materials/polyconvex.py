@@ -30,7 +30,7 @@ class Polyconvex(Ogden):
     bulk_modulus : float, optional
         K, same unit; 100 mu by default.
     moduli, exponents : tuple of float
-        mu_k, any unit of stress, and alpha_k, as many; there may be none.
+        mu_k, any unit of stress, and alpha_k, as many; none by default.
     first, second : tuple of float
         a_k and b_k of k = 1, 2, 3, same unit; fewer are followed by zeros.
 
@@ -42,19 +42,19 @@ class Polyconvex(Ogden):
     --------
     >>> import pdsurrogate as pd
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pd.Polyconvex(first=(0.4, 0.01), moduli=(), exponents=())
+    >>> law = pd.Polyconvex(first=(0.4, 0.01))
     >>> law.shear_modulus, round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4)
-    (0.8, 0.8562)
+    (0.8, 0.8637)
     """
 
     name: ClassVar[str] = "polyconvex"
     reference: ClassVar[str] = "Hartmann, Neff 2003"
     lists: ClassVar[tuple[str, ...]] = ("moduli", "exponents", "first", "second")
 
-    moduli: tuple[float, ...] = (0.4,)
-    exponents: tuple[float, ...] = (2.0,)
-    first: tuple[float, ...] = (0.2, 0.02, 0.0)
-    second: tuple[float, ...] = (0.04, 0.0, 0.0)
+    moduli: tuple[float, ...] = ()
+    exponents: tuple[float, ...] = ()
+    first: tuple[float, ...] = (0.5, 0.0, 0.0)
+    second: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     def _check_terms(self) -> None:
         for key in ("first", "second"):
