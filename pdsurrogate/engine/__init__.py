@@ -1,1 +1,1 @@
-"""The engine under the kernels: compilation and its cache, passes on threads, vector loads and stores, arrays of known row length."""
+"""Compiler and threads: compilation with a cache on disk, passes on threads, vector loads and stores, arrays of known row length."""

@@ -11,7 +11,7 @@ REAL_OF = {types.int32: types.float32, types.int64: types.float64}
 
 @intrinsic
 def bits_of(typingctx, value):
-    """The bit pattern of a real, as an integer of the same width."""
+    """Return the bit pattern of a real as an integer of the same width."""
 
     def codegen(context, builder, signature, arguments):
         return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
@@ -21,7 +21,7 @@ def bits_of(typingctx, value):
 
 @intrinsic
 def real_of(typingctx, bits):
-    """The real with the given bit pattern."""
+    """Return the real with the given bit pattern."""
 
     def codegen(context, builder, signature, arguments):
         return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
@@ -31,7 +31,7 @@ def real_of(typingctx, bits):
 
 @intrinsic
 def finite_quotient(typingctx, x, y):
-    """A division told that nothing in it is infinite, for which the compiler may take the processor's estimate of 1/y and refine it."""
+    """Return x/y, compiled on the promise that nothing is infinite, so that the processor's estimate of 1/y may be used and refined."""
 
     def codegen(context, builder, signature, arguments):
         return builder.fdiv(*arguments, flags=("ninf", "arcp", "contract"))
@@ -41,7 +41,7 @@ def finite_quotient(typingctx, x, y):
 
 @intrinsic
 def tuple_of(typingctx, array, count):
-    """The first `count` values of an array, a literal number of them, as a tuple: scalars that a loop need not load again."""
+    """Return the first `count` values of an array, a literal number of them, as a tuple: scalars that a loop need not load again."""
     if not isinstance(count, types.IntegerLiteral):
         return None
     result_type = types.UniTuple(array.dtype, count.literal_value)
@@ -56,7 +56,7 @@ def tuple_of(typingctx, array, count):
 
 @intrinsic
 def add_to(typingctx, address, count):
-    """Add to a counter that all threads share."""
+    """Add to the counter at an address, atomically."""
 
     def codegen(context, builder, signature, arguments):
         pointer = builder.inttoptr(arguments[0], context.get_value_type(types.int64).as_pointer())

@@ -14,6 +14,7 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import Chain
 from ..kernels import bond_energy
 from ..kernels.bond_force import FALL_BACK, UNGUARDED
+from ..kernels.domain import DOMAIN_SIZE
 from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
 from ..kernels.reference_state import bond_shares
@@ -237,7 +238,7 @@ class PairEnergies:
             response.address,
             law.parameters,
             guard,
-            domain_constants(domain, precision) if domain else np.zeros(bond_energy.DOMAIN_SIZE, precision),
+            domain_constants(domain, precision) if domain else np.zeros(DOMAIN_SIZE, precision),
             self.buffers,
             self.sums,
             aligned_rows((chunks.threads, max(compiled.work_rows, 1), BLOCK), precision),

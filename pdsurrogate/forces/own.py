@@ -12,7 +12,7 @@ import numpy as np
 from ..body import Body
 from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
 from ..engine.threads import thread_count
-from ..kernels.bond_state import lateral_stretch
+from ..kernels.bond_state import along_and_across, lateral_stretch
 from ..materials import InvariantLaw, Law, plane_stress
 from .analytic import bond_arrays
 from .bond_force import BondForceEvaluation, ForceSurrogate
@@ -136,7 +136,7 @@ class OwnBondForce(ForceSurrogate):
         else:
             a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
             T_nn, T_nm, _ = plane_stress.bond_traction(_LawOf(self), a, b, J, C33)
-            force = np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
+            force = along_and_across(T_nn, T_nm, a, b, stretch)
         bad = np.flatnonzero(~np.isfinite(force).all(axis=1))
         if len(bad):
             bond = (quantity[bad[0]] for quantity in (stretch, rotation, length, C33, J))

@@ -1,4 +1,4 @@
-"""Kernels that are written once over an algebra and compiled for two or three dimensions."""
+"""Mapping from the dimension to a kernel that is written once over an algebra."""
 
 from __future__ import annotations
 
@@ -7,12 +7,9 @@ from importlib import import_module
 
 
 class ByDimension(Mapping):
-    """What is written once over an algebra, made for a dimension when it is first asked for: a sheet compiles nothing of space.
+    """Mapping from a dimension, 2 or 3, to the kernel built for it on first use; a sheet compiles nothing for three dimensions.
 
-    Parameters
-    ----------
-    build : callable
-        ``build(algebra)``, given `pdsurrogate.kernels.algebra2` or `algebra3`.
+    It decorates ``build(algebra)``, which receives `pdsurrogate.kernels.algebra2` or `algebra3`.
     """
 
     def __init__(self, build: Callable) -> None:
