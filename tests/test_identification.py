@@ -58,7 +58,13 @@ def test_standard_errors_are_the_scatter_of_repeated_fits(random):
 
 def test_stresses_are_the_exact_solutions():
     """Of any bulk modulus; states of free sides among them, which no lateral stretch that a laboratory states could be given to."""
-    for law in (pd.NeoHookean(), pd.Gent(), pd.Ogden(bulk_modulus=5.0), pd.FullNetwork(), pd.Polyconvex(first=(0.3, 0.1), second=(0.05, 0.01))):
+    for law in (
+        pd.NeoHookean(),
+        pd.Gent(),
+        pd.Ogden(bulk_modulus=5.0),
+        pd.FullNetwork(),
+        pd.Polyconvex(first=(0.3, 0.1), second=(0.05, 0.01)),
+    ):
         for mode, solve in (("uniaxial", homogeneous.uniaxial), ("equibiaxial", homogeneous.equibiaxial)):
             stretch = np.array([0.7, 1.5, 3.0])
             stress = nominal_stress(law, np.stack([stretch, MODES[mode](stretch)], axis=1))

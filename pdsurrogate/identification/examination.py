@@ -179,9 +179,7 @@ def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
     known = np.isin(data.mode, list(mended)) | ("all modes" in mended)
     rows = [row for row in np.argsort(-standing) if standing[row] > OUTLIER and not known[row]]
     if len(rows) > max(1, len(data) / 4):
-        told.append(
-            "no energy that physics allows describes these tests together: are units the same, zeros right, all stresses nominal?"
-        )
+        told.append("no energy that physics allows describes these tests together: are units the same, zeros right, all stresses nominal?")
     else:
         told += [f"{data.row_in_words(row)} stands out by {standing[row]:.0f} standard deviations from what the others say" for row in rows]
         told += _some([text for row, text in _falling(data) if row not in rows and row - 1 not in rows])
