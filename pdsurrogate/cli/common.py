@@ -38,7 +38,9 @@ def command(name: str | None = None) -> Callable[[Callable], Callable]:
             for path in imports or ():
                 with bad_input(ValueError, OSError):
                     import_laws(path)
-            with said_aloud():
+            from ..forces import CompilerSwitchedOff
+
+            with said_aloud(), bad_input(CompilerSwitchedOff):
                 return function(*arguments, **options)
 
         kind = inspect.Parameter.KEYWORD_ONLY

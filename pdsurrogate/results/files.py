@@ -72,5 +72,9 @@ def check_writable(folder: Path) -> None:
     place = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not place.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "a folder is needed, and this is a file", str(place))
-    with tempfile.NamedTemporaryFile(dir=place):
-        pass
+    try:
+        with tempfile.NamedTemporaryFile(dir=place):
+            pass
+    except OSError as error:
+        where = "" if place == folder else f", as no file can be made in {place}"
+        raise type(error)(error.errno, f"files cannot be made there{where}: {error.strerror}", str(folder)) from None

@@ -193,8 +193,8 @@ def simulate(
         together(ranks, look_into_folder)
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(folder) if writes else nullcontext()
-    with held, thread_count(threads), threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
-        run = Run(scene, model, progress, folder, threads)
+    with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
+        run = Run(scene, model, progress, folder, threads and most)
         size = len(run.body), len(run.body.bonds.first), run.threads
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
