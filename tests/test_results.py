@@ -102,14 +102,15 @@ def test_a_run_clears_the_files_of_an_earlier_one_and_nothing_else(saved, tmp_pa
     Before a run begins, so that it stands for itself however it ends; what is not a run's stays.
     """
     simulate(uniaxial(1.1), "analytic").save(tmp_path)
-    for name in ("uniaxial-001.vtu", "uniaxial-007.vtu", "uniaxial-loading.png"):  # of an earlier version of the scene
-        (tmp_path / name).write_text("left")
+    for name in ("uniaxial-001.vtu", "uniaxial-007.vtu", "uniaxial-loading.png"):  # as of an earlier version of the scene
+        (tmp_path / name).write_bytes((tmp_path / ("uniaxial.png" if name.endswith("png") else "uniaxial-000.vtu")).read_bytes())
     mine = ["notes.txt", "uniaxial-final.vtu", "uniaxial-1.vtu", "other-000.vtu", "picture.png"]
     for name in mine:
         (tmp_path / name).write_text("mine")
     result = simulate(uniaxial(1.1), "analytic", folder=tmp_path if streamed else None)
     if streamed:
-        assert names_in(tmp_path) == sorted([*mine, "checkpoint.npz", "uniaxial-000.vtu", "uniaxial.pvd"])
+        tables = ["convergence.csv", "history.csv", "summary.json"]
+        assert names_in(tmp_path) == sorted([*mine, *tables, "checkpoint.npz", "uniaxial-000.vtu", "uniaxial.pvd"])
     result.save(tmp_path)
     ours = ["convergence.csv", "history.csv", "summary.json", "uniaxial-000.vtu", "uniaxial.png", "uniaxial.pvd"]
     ours += ["checkpoint.npz"] * streamed

@@ -22,7 +22,6 @@ from rich.text import Text
 from ..ranks import ALONE, communicator
 
 
-
 class _Commands(typer.core.TyperGroup):
     """The commands; what is wrong with the words of one that was asked for JSON is told as JSON, too."""
 

@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .application import Rate, bad_input, described_law, ended, err, law_of, note, out, print_json, progress_bar, show, status, writing
+from .application import Rate, bad_input, described_law, ended, law_of, note, out, print_json, progress_bar, show, status, writing
 from .common import AsJson, command
 from .materials import DATA_HELP, free_energy, identified, members_of, print_identified
 

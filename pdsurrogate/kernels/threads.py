@@ -79,8 +79,8 @@ def threads_are_lost() -> bool:
 
 def _say_lost() -> None:
     warnings.warn(
-        "this process was forked from one whose kernels had started threads, which do not survive that: it takes one thread; for more, start "
-        "processes by 'spawn' or 'forkserver', as multiprocessing.get_context does",
+        "this process was forked from one whose kernels had started threads, which do not survive that: it takes one thread; for more, "
+        "start processes by 'spawn' or 'forkserver', as multiprocessing.get_context does",
         ThreadsLostWarning,
         stacklevel=3,
     )

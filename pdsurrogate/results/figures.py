@@ -10,7 +10,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from ..body import CellMesh
-from .files import write_with
+from .files import MARK, write_with
 
 STYLE = {
     "font.size": 9,
@@ -35,7 +35,7 @@ MOST_TICKS = 6
 
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as PNG, whole."""
-    write_with(path, lambda temporary: figure.savefig(temporary, format="png"))
+    write_with(path, lambda temporary: figure.savefig(temporary, format="png", metadata={"Software": MARK}))
 
 
 def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:

@@ -10,12 +10,20 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+TEMPORARY = ".pdsurrogate-tmp-"
+"""How the names of files begin that are not whole yet."""
+
+MARK = "pdsurrogate run"
+"""Among the first `HEAD` bytes of every file of states and of every picture that this package writes, by which it knows them again."""
+
+HEAD = 2048
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Context that yields a temporary path beside `path`, moved into place on success and removed on failure."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+    handle, name = tempfile.mkstemp(prefix=f"{TEMPORARY}{path.stem}-", suffix=path.suffix, dir=path.parent)
     os.close(handle)
     temporary = Path(name)
     try:
@@ -46,6 +54,21 @@ def write_with(path: Path, writer: Callable[[Path], None]) -> None:
     """Let `writer` write a file whole."""
     with replacing(path) as temporary:
         writer(temporary)
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove the files that a process which was killed left in a folder before they were whole."""
+    for path in folder.glob(f"{TEMPORARY}*"):
+        path.unlink(missing_ok=True)
+
+
+def head_of(path: Path) -> bytes:
+    """First bytes of a file; of one that cannot be read, none that anything begins with."""
+    try:
+        with path.open("rb") as file:
+            return file.read(HEAD)
+    except OSError:
+        return b"?"
 
 
 @contextmanager

@@ -30,7 +30,7 @@ from .rows import (
     place_columns,
     probe_columns,
 )
-from .run import Run
+from .run import SECONDS_BETWEEN_CHECKPOINTS, Run
 
 logger = logging.getLogger(__name__)
 
@@ -40,8 +40,6 @@ Waves take longer than that to cross a few horizons.  The damping beside a crack
 account can close, it is taken in every step from a bond's breaking until as many steps later.  In space, and in general scenes, bodies may
 be a few horizons wide and conditions change at any time: there both are taken in every step, but for viscous damping, which takes an
 evaluation."""
-
-SECONDS_BETWEEN_CHECKPOINTS = 60.0
 
 MOST_ENERGY = 1.5
 """Motion and damping may take this share of the energy put in; more comes from an unstable step, or from a force that has no energy.

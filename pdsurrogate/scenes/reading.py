@@ -15,7 +15,6 @@ from ..arguments import check_path
 from .model import Scene
 from .problems import SceneError, explain
 
-
 MOST_BYTES = 16 * 2**20
 """Of the file of a scene: an outline of half a million corners."""
 
