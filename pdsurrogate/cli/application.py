@@ -209,6 +209,11 @@ def only_the_first_speaks() -> None:
     _ranks.barrier()  # how long each took to start says nothing of how they end
 
 
+def shared() -> bool:
+    """Whether several ranks share the command."""
+    return _ranks.size > 1
+
+
 def ended(status: int, *told: str) -> typer.Exit:
     """What to raise to end the command on all ranks, after one of them, the first if it comes to the same end, has told why."""
     lines = [escape(text) if n else text for n, text in enumerate(told)]

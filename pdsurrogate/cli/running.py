@@ -15,11 +15,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from .application import Bar, Rate, bad_input, ended, err, note, only_the_first_speaks, out, print_json, show, writing
-from .common import AsJson, command
-
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells give it: 128 and the number of the signal."""
-
+from .common import AsJson, MaxTime, command
+from .interrupts import INTERRUPTED
 
 LEAST_SHARE = 0.01
 """Of the moment over the extent of the body: what is turned has smaller forces, of which the table tells nothing."""
@@ -63,6 +60,7 @@ def run(
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in DIR, to the same result.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what other runs left in DIR, or this one, interrupted.")] = False,
+    max_time: MaxTime = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON in the place of tables.")] = False,
 ) -> None:
     """Run a scene and compare it with its reference."""
@@ -104,19 +102,21 @@ def run(
                 held.enter_context(occupied(folder))
         try:
             with bad_input(SceneError, CheckpointError, ValueError), writing(folder), _Bar(described) as bar:
-                result = simulate(described, model, threads=threads, progress=bar, folder=folder, resume=resume, overwrite=overwrite)
+                options = {"folder": folder, "resume": resume, "overwrite": overwrite, "max_time": max_time}
+                result = simulate(described, model, threads=threads, progress=bar, **options)
         except SimulationFailed as error:
             failure, result = error, error.result
-        if as_json and first:
-            print_json(result.summary)
         _print_cells(result)
         (_print_levels if described.stretched else _print_outputs)(result)
         if folder is not None and first:
-            with writing(folder):
-                result.save(folder)
+            if not isinstance(failure, SimulationInterrupted):  # whose tables are there, and pictures take their time
+                with writing(folder):
+                    result.save(folder)
             note(f"Results in {folder}")
             if result.in_pieces:
                 note(f"The body is in pieces, and no picture of it is drawn: open {described.name}.pvd in ParaView")
+        if as_json and first:
+            print_json(result.summary)
         communicator().barrier()  # whoever is alone with an error ends the others
     if any(level.get("stability") == "not checked" for level in result.levels):
         pushed = "The grips push" if described.stretched else "Parts of the body are compressed"

@@ -59,7 +59,8 @@ class Interruption:
         return self
 
     def __exit__(self, *exception) -> None:
-        self._hear()
+        if self.told:
+            self._hear()
         if self._before is not None:
             signal.signal(signal.SIGINT, self._before)
 
@@ -67,7 +68,7 @@ class Interruption:
         self.told = True
         signal.signal(signal.SIGINT, self._before)
         if self._insists:
-            self._timer = threading.Timer(SECONDS_TO_HEAR, _thread.interrupt_main)
+            self._timer = threading.Timer(SECONDS_TO_HEAR, _insist)
             self._timer.daemon = True
             self._timer.start()
 
@@ -75,6 +76,14 @@ class Interruption:
         heard.set()
         if self._timer is not None:
             self._timer.cancel()
+
+
+def _insist() -> None:
+    """Interrupt the main thread, also where it waits; on Windows at its next step."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+    else:
+        _thread.interrupt_main()
 
 
 heard = threading.Event()

@@ -18,7 +18,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from ..results.files import write_json
 from ..results.folder import LOCK, FolderTaken, occupied
 from ..scenes import SceneError
-from .tasks import Task
+from .tasks import OutOfTime, Task
 
 OUTCOME = "outcome.json"
 """Written last in the folder of a run, so that a run with one is done."""
@@ -39,10 +39,13 @@ class Outcome:
     place : str
         Name of its folder.
     failure : str or None
+    out_of_time : bool
+        Whether its time was over, and it goes on when the study does.
     """
 
     place: str
     failure: str | None
+    out_of_time: bool = False
 
 
 @dataclass(frozen=True)
@@ -95,8 +98,8 @@ class Workers:
             return f"{self.jobs} jobs of {self.threads} threads share {cores} cores, and will wait for each other"
         return None
 
-    def carry_out(self, tasks: dict[str, Task], folder: Path) -> Iterator[Outcome]:
-        """Do the runs, each in the folder under `folder` that it goes by; yields each as it ends.
+    def carry_out(self, tasks: dict[str, Task], folder: Path, max_time: float | None = None) -> Iterator[Outcome]:
+        """Do the runs, each in the folder under `folder` that it goes by, for so long; yields each as it ends.
 
         A run whose process is ended from without, as by a system that is out of memory, is tried once more.
         """
@@ -107,7 +110,7 @@ class Workers:
             while left:
                 try:
                     for outcome in self._parallel(client)(
-                        joblib.delayed(carry_out)(task, folder / place, self.threads, os.getpid() if client is None else None)
+                        joblib.delayed(carry_out)(task, folder / place, self.threads, os.getpid() if client is None else None, max_time)
                         for place, task in list(left.items())
                     ):
                         del left[outcome.place]
@@ -166,7 +169,7 @@ def _dask_client(scheduler: str, folder: Path) -> Iterator:
         yield client
 
 
-def carry_out(task: Task, folder: Path, threads: int, study: int | None) -> Outcome:
+def carry_out(task: Task, folder: Path, threads: int, study: int | None, max_time: float | None = None) -> Outcome:
     """One run, in whatever process; what becomes of it is in its folder when this returns.
 
     Parameters
@@ -177,13 +180,17 @@ def carry_out(task: Task, folder: Path, threads: int, study: int | None) -> Outc
         Of the kernels; no more than numba was started with here.
     study : int or None
         Process of the study, without which this one has nothing to do; None where they belong together in another way.
+    max_time : float, optional
+        Seconds.
     """
     if study is not None and os.getpid() != study:
         _end_without(study)
     try:
         with _held(folder):
-            failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS))
+            failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS), max_time)
             write_json(folder / OUTCOME, {"digest": task.digest, "failure": failure})
+    except OutOfTime:
+        return Outcome(folder.name, None, out_of_time=True)
     except OSError as error:
         failure = f"could not write {error.filename or folder}: {error.strerror or error}"
     except Exception as error:  # whatever one run does, the others go on
