@@ -1,6 +1,7 @@
 """Reading scenes: what is accepted, and what a user is told about the rest."""
 
 import copy
+import os
 import tomllib
 
 import pytest
@@ -237,6 +238,9 @@ def test_scenes_that_are_not_there(tmp_path):
         load_scene("uniaxal")
     with pytest.raises(SceneError, match="unknown scene ''"):  # "cannot read scene file .: Is a directory"
         load_scene("")
+    if os.path.exists("/dev/zero"):
+        with pytest.raises(SceneError, match="it has more than 16 MiB, which no description of a scene"):
+            load_scene("/dev/zero")  # which was read until memory was full
     with pytest.raises(SceneError, match="cannot read scene file"):
         load_scene(tmp_path / "none.toml")
     binary = tmp_path / "binary.toml"

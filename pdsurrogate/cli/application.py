@@ -33,6 +33,8 @@ class _Commands(typer.core.TyperGroup):
             if hasattr(error, "format_message"):
                 _error_as_json(error.exit_code, error.format_message())
             raise
+        finally:
+            out.quiet = False  # as JSON had it
 
 
 app = typer.Typer(
