@@ -233,7 +233,7 @@ class Result:
         """What is written beside a field or a component of one: its name and its unit."""
         kind = unit_of(field)
         name = f"|{field}|" if field in ("displacement", "position") else field
-        return f"{name} ({getattr(self.scene.units, kind)})" if kind else name
+        return self.scene.units.label(name, kind) if kind else name
 
     def table(self):
         """The history as a table: step, loading parameter, forces and displacements of all that holds or loads the body, energies.
@@ -333,7 +333,7 @@ class Result:
             at = f"stretch {moment.stretch:.3f}" if moving else f"stretch {moment.stretch:g}"
         else:
             at = f"t = {moment.t:.3g}"
-        return f"{at}, {moment.time:.4g} {self.scene.units.time}" if moving else at
+        return f"{at}, {self.scene.units.amount(moment.time, 'time', '.4g')}" if moving else at
 
     def loading_figure(self):
         """Over levels and dynamics: nominal stress against stretch, or, of a general programme, forces against t."""
@@ -345,11 +345,11 @@ class Result:
             forces = {column.removeprefix("force_"): [row.get(column, 0.0) for row in rows] for column in columns}
             greatest = max((max(map(abs, values)) for values in forces.values()), default=0.0)
             shown = {name: values for name, values in forces.items() if max(map(abs, values)) > 1e-3 * greatest}
-            return figures.forces_figure([row["t"] for row in rows], shown, self.summary["units"]["force"])
+            return figures.forces_figure([row["t"] for row in rows], shown, self.scene.units)
         rows = [*self.levels, *(row for row in self.history if "time" in row)]
         references = [(level["stretch"], level["nominal_stress_reference"]) for level in self.levels if "nominal_stress_reference" in level]
         stress = [row["nominal_stress"] for row in rows]
-        return figures.loading_figure([row["stretch"] for row in rows], stress, references, self.scene.units.stress)
+        return figures.loading_figure([row["stretch"] for row in rows], stress, references, self.scene.units)
 
 
 def write_tables(folder: Path, summary: dict, history: list[dict], convergence: list[dict], units: Units) -> None:

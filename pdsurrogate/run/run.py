@@ -194,7 +194,7 @@ class Run:
         self.way: Way | None = None
         self.record_of_folder: Record | None = None
         self.resumable, self._late = False, time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
-        self.law: Law = scene.material.build()
+        self.law: Law = scene.law()
         self.models = [self.model, *models_of(scene, self.model)]
         self.contents = Contents.of(scene, self.models)
         self.body: Body
@@ -303,10 +303,10 @@ class Run:
         if inertia.duration is None:
             what, slowest = "the grips", f"the greatest rate is {inertia.rate * wave / speed:.4g}"
         else:
-            what, slowest = "parts that are held", f"the least duration is {inertia.duration * speed / wave:.4g} {units.time}"
-        unit = f"{units.length}/{units.time}"
+            what, slowest = "parts that are held", f"the least duration is {units.amount(inertia.duration * speed / wave, 'time', '.4g')}"
+        unit = f" {units.length}/{units.time}" if units.length and units.time else ""
         raise ValueError(
-            f"{inertia.key}.{inertia.pace}: {what} would move apart at {speed:.4g} {unit}, faster than shear waves at {wave:.4g} {unit}; "
+            f"{inertia.key}.{inertia.pace}: {what} would move apart at {speed:.4g}{unit}, faster than shear waves at {wave:.4g}{unit}; "
             f"{slowest}"
         )
 

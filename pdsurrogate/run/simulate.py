@@ -279,7 +279,7 @@ def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
         from ..learning.export import best_of
         from ..learning.force_model import force_model_of, stated_against
 
-        law = scene.material.build()
+        law = scene.law()
         model = force_model_of(force, law)
         try:
             return scene, stated_against(model, law, best_of(force).training_inputs_)

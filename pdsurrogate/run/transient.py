@@ -155,8 +155,8 @@ class Transient:
             integrator.centre()
         if motion.duration > MOST_STEPS * integrator.time_step:
             raise Diverging(
-                f"the dynamics take {motion.duration:.3g} {run.scene.units.time} in steps of {integrator.time_step:.3g}, more than "
-                f"{MOST_STEPS:.0e} of them; check the units of {self.spec.key}.density and {self.spec.key}.{self.spec.pace}"
+                f"the dynamics take {run.scene.units.amount(motion.duration, 'time', '.3g')} in steps of {integrator.time_step:.3g}, more "
+                f"than {MOST_STEPS:.0e} of them; check the units of {self.spec.key}.density and {self.spec.key}.{self.spec.pace}"
             )
         self._row(first=True)
 

@@ -150,7 +150,7 @@ def label_of(key: str, units: Mapping[str, str]) -> str:
     """A key with its unit in brackets, where it has one."""
     parts = [part.removesuffix("_reference") for part in key.split(".")]
     kind = next((kind for kind, names in UNITS.items() if set(names) & set(parts)), None)
-    return f"{key} ({units[kind]})" if kind in units else key
+    return f"{key} ({units[kind]})" if units.get(kind) else key
 
 
 def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mapping[str, str]) -> Figure | None:
