@@ -233,13 +233,14 @@ def _print_crack(result) -> None:
     if crack["start"] is None:
         out.print(f"No bond reached the critical stretch {summary['critical_stretch']:.4g}.")
         return
-    start = crack["start"]
-    where = ", ".join(f"{value:.3g}" for value in start["x"])
+    start, peak = crack["start"], crack.get("peak")
+    where = " and ".join(f"({', '.join(f'{value:.3g}' for value in tip)})" for tip in start["tips"])
     at = f"stretch {start['stretch']:.4f}" if "stretch" in start else f"t = {start['t']:.4f}"
-    stress = summary.get("peak_nominal_stress")
-    peak = "" if stress is None else f"peak nominal stress {units.amount(stress, 'stress', '.5g')}; "
+    most = ""
+    if peak:
+        most = f"peak nominal stress {units.amount(peak['nominal_stress'], 'stress', '.5g')} at stretch {peak['stretch']:.4f}; "
     out.print(
-        f"Crack from ({where}) at {at}; {peak}"
+        f"First bond broken at {where} at {at}; {most}"
         f"{crack['broken_bonds']} bonds broken, {'the body came apart' if crack['through'] else 'the body still holds'}; "
         f"{summary['unsupported_points']} points without support",
         soft_wrap=True,
@@ -249,10 +250,14 @@ def _print_crack(result) -> None:
 def _print_cells(result) -> None:
     """Say which cells were taken where squares of the spacing do not fill the body."""
     summary, asked, units = result.summary, result.scene.spacing, result.scene.units
-    if any(side != asked for side in summary["cell_size"]):
+    horizon = units.amount(summary["horizon"], "length", ".6g")
+    if result.scene.body.shape == "mesh":
+        spacing = units.amount(summary["spacing"], "length", ".6g")
+        out.print(f"The mesh has a spacing of {spacing}; the horizon is {horizon}", soft_wrap=True)
+    elif any(side != asked for side in summary["cell_size"]):
         out.print(
             f"Cells of {units.amount(' x '.join(f'{side:.6g}' for side in summary['cell_size']), 'length')} fill the body, the nearest to "
-            f"the spacing of {asked:g}; the horizon is {units.amount(summary['horizon'], 'length', '.6g')}",
+            f"the spacing of {asked:g}; the horizon is {horizon}",
             soft_wrap=True,
         )
 
@@ -342,10 +347,21 @@ def _print_probes(summary, units) -> None:
     show(table)
 
 
+def _print_accounts(result) -> None:
+    """The account of energy of every stage in dynamics."""
+    for told in result.summary.get("dynamics", ()):
+        if told["energy_gap"] is None:
+            out.print(f"No account of energy: {told['remark']}", soft_wrap=True)
+        else:
+            put_in = result.scene.units.amount(told["energy_put_in"], "energy", ".4g")
+            out.print(f"Account of energy: off by {told['energy_gap']:+.2g} % of the {put_in} put in", soft_wrap=True)
+
+
 def _print_end(result) -> None:
     summary = result.summary
     if "crack" in summary:
         _print_crack(result)
+    _print_accounts(result)
     threads = f"{summary['threads']} thread{'s' if summary['threads'] != 1 else ''}"
     out.print(
         f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_directed_bond']:.2f} ns per directed bond on {threads}, "

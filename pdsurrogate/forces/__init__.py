@@ -1,6 +1,6 @@
 """Force models: what turns a deformed body into forces."""
 
-from ..kernels.compile import CompilerSwitchedOff
+from ..engine.compile import CompilerSwitchedOff
 from .analytic import AnalyticBondForce
 from .ba_nosb import BANOSBForce
 from .bond_energy import BondEnergyForce, EnergySurrogate, PlainBondEnergyForce

@@ -6,9 +6,9 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from ..engine.passes import Chain
+from ..engine.threads import chunks_of
 from ..kernels.multigrid import passes_of
-from ..kernels.passes import Chain
-from ..kernels.threads import chunks_of
 
 COARSENING = 3
 """Mean distances of points, along each axis, that are one on the next level."""
