@@ -38,7 +38,15 @@ def drawn(*arguments, **named):
     return pd.committee(pd.LawRegressor(), TREE.stretches, TREE.nominal_stress, *arguments, **named)
 
 
+def bound(body="a body", law=LAW, settings=None):
+    body = pd.Body.rectangle(1.0, 1.0, 0.25, 0.7875) if body == "a body" else body
+    return pd.load_surrogate("analytic").bind(body, law, settings or pd.ForceSettings())
+
+
 BAD = [
+    (lambda _: bound(None), TypeError, r"body must be a Body, such as Body.rectangle\(1.0, 1.0, 0.1, 0.315\), not None"),
+    (lambda _: bound(law="gent"), TypeError, "law must be a material law"),
+    (lambda _: bound(settings="polar"), TypeError, r"settings must be ForceSettings\(\), not 'polar'"),
     (lambda _: validated(folds=1), ValueError, "folds must be from 2 to 200, not 1"),
     (lambda _: validated(folds=201), ValueError, "folds must be from 2 to 200, not 201"),
     (lambda _: validated(folds=2.5), TypeError, "folds must be a whole number, not 2.5"),

@@ -262,7 +262,7 @@ class Ended:
     digest: str
     times: int
 
-    def carry_out(self, folder, threads):
+    def carry_out(self, folder, threads, max_time):
         lives = len(list(folder.glob("life-*")))
         (folder / f"life-{lives}").touch()
         if lives < self.times:

@@ -87,6 +87,44 @@ def test_every_chunk_of_every_pass_is_worked_on_once(chunks):
     assert set(threads.ravel()) <= set(range(chunks.threads))
 
 
+FORKED = """
+import multiprocessing, os, sys, warnings
+import pdsurrogate as pd
+
+scene = pd.load_scene("uniaxial", spacing=0.1, stretches=1.2)
+
+def stress(threads):
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        summary = pd.simulate(scene, "analytic", threads=threads).summary
+    return summary["levels"][0]["nominal_stress"], summary["threads"], [w.category.__name__ for w in said]
+
+here = stress(2)
+child = os.fork()
+if child == 0:
+    os._exit(0 if stress(2)[0] == here[0] else 3)
+_, status = os.waitpid(child, 0)
+if status:
+    sys.exit(f"the child ended with status {status}")
+with multiprocessing.get_context("fork").Pool(2) as pool:
+    for found in pool.map(stress, [None, 2]):
+        print(found[0] == here[0], *found[1:])
+print(stress(2) == here)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+def test_a_process_that_is_forked_after_a_run_on_threads_runs_on_one(tmp_path):
+    """GNU OpenMP does not survive a fork: numba ended the child, and a pool of them waited for ever."""
+    environment = {**os.environ, "NUMBA_NUM_THREADS": "2"}
+    done = subprocess.run([sys.executable, "-c", FORKED], env=environment, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    one, two, again = done.stdout.splitlines()
+    if two == "True 2 []":
+        pytest.skip("numba's threads survive a fork here")
+    assert (one, two, again) == ("True 1 []", "True 1 ['ThreadsLostWarning']", "True")
+
+
 def test_a_number_of_threads_that_there_is_not():
     with pytest.raises(ValueError, match="threads must be between 1 and"), thread_count(10**6):
         pass

@@ -476,7 +476,7 @@ def default_force(scene: Scene) -> ForceModel:
     """
     if scene.plane != "stress":
         return load_surrogate("bond-energy")
-    return surrogate_for(scene.material.build())
+    return surrogate_for(scene.law())
 
 
 def load_pipeline(reference: str | Path, *, trust: bool = False):

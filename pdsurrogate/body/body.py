@@ -48,6 +48,10 @@ WEIGHT_FUNCTIONS = {
 }
 
 
+COINCIDING = 1e-9
+"""Distance of two points, over the horizon, below which they are one place: a bond between them has no direction."""
+
+
 @dataclass(frozen=True)
 class Body:
     """A solid body, or a sheet of unit thickness.
@@ -121,6 +125,8 @@ class Body:
             raise ValueError(f"the horizon must be positive and finite, not {self.horizon}")
         if self.weight not in WEIGHT_FUNCTIONS:
             raise ValueError(f"unknown weight function {self.weight!r}; there are {', '.join(WEIGHT_FUNCTIONS)}")
+        if self.cell is None and self.mesh_cells is None:  # those of a grid or a mesh lie apart
+            _check_apart(points, COINCIDING * self.horizon)
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "volumes", volumes)
         if not self.spacing:
@@ -345,7 +351,7 @@ class Bonds:
         for begin in range(0, len(first), MOST_TOGETHER):
             some = slice(begin, begin + MOST_TOGETHER)
             length = np.linalg.norm(points[second[some]] - points[first[some]], axis=1)
-            if length.min() < 1e-9 * body.horizon:
+            if length.min() < COINCIDING * body.horizon:
                 i, j = first[some][length.argmin()], second[some][length.argmin()]
                 raise ValueError(f"points {i} and {j} coincide at {points[i]}")
         numbers = np.arange(len(first), dtype=np.uint32)
@@ -375,6 +381,17 @@ def _pointers(owners: np.ndarray, n: int) -> np.ndarray:
     pointers = np.zeros(n + 1, dtype=np.uint64)
     pointers[1:] = np.cumsum(np.bincount(owners, minlength=n))
     return pointers
+
+
+def _check_apart(points: np.ndarray, least: float) -> None:
+    """Refuse points (n, d) of which two are nearer to each other than a distance."""
+    if len(points) == 1:
+        return
+    distances, numbers = cKDTree(points).query(points, k=2)
+    nearest = int(distances[:, 1].argmin())
+    if distances[nearest, 1] < least:
+        other = next(int(number) for number in numbers[nearest] if number != nearest)
+        raise ValueError(f"points {nearest} and {other} coincide at {points[nearest]}")
 
 
 def _check_distance_of_planes(body: Body) -> None:

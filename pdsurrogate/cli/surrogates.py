@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .application import Rate, bad_input, described_law, err, law_of, note, out, print_json, progress_bar, show, status, writing
+from .application import Rate, bad_input, described_law, ended, law_of, note, out, print_json, progress_bar, show, status, writing
 from .common import AsJson, command
 from .materials import (
     DATA_HELP,
@@ -139,8 +139,7 @@ def fit(
                 version = next_version(folder, name) if version is None else version
                 path = settings.store(pipeline, design, material, folder, name, version, table, found, members)
         except TooInexact as error:
-            err.print(f"[red]pdsurrogate:[/] {escape(str(error))}", soft_wrap=True)
-            raise typer.Exit(1) from None
+            raise ended(1, "[red]pdsurrogate:[/]", str(error)) from None
         card = load_card(path)
     simulated = _simulate_tests(path, model, rows) if data is not None else {}
     if as_json:

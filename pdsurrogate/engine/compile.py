@@ -13,11 +13,16 @@ called function or of a constant recompiles the function, and nothing else does.
 
 from __future__ import annotations
 
+import logging
+import pickle
 import sys
 import time
 import types as python_types
+import zlib
 from collections.abc import Callable
 from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -30,6 +35,8 @@ from numba.extending import intrinsic, is_jitted, register_jitable
 
 from .keys import NotKeyable, code_digest
 from .threads import start_threads
+
+logger = logging.getLogger(__name__)
 
 # `nnan` and `ninf` are left out on purpose: they delete the tests by which the solver detects a diverging run.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
@@ -44,6 +51,31 @@ INLINE_OPTIONS = {**OPTIONS, "forceinline": True}
 def compiled_digest(*values) -> str:
     """Return the digest of the values that compiled code depends on, see `code_digest`, and of the compiler options used here."""
     return code_digest(*values, OPTIONS, INLINE_OPTIONS)
+
+
+class CacheFile(IndexDataCacheFile):
+    """numba's files of a cache; what cannot be read, as after a full disk or a power cut, is not there, and is written anew."""
+
+    def _load_index(self):
+        try:
+            return super()._load_index()
+        except Exception:  # whatever a damaged pickle raises
+            return {}
+
+    def _save_data(self, name, data):
+        data = self._dump(data)
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(_checksum(data) + data)
+
+    def _load_data(self, name):
+        kept = Path(self._data_path(name)).read_bytes()
+        if _checksum(kept[4:]) != kept[:4]:
+            raise OSError(f"{name} is damaged")  # which numba takes for a file that is not there
+        return pickle.loads(kept[4:])
+
+
+def _checksum(data: bytes) -> bytes:
+    return zlib.crc32(data).to_bytes(4, "little")
 
 
 class DigestCache(FunctionCache):
@@ -71,7 +103,7 @@ class DigestCache(FunctionCache):
             return
         name = self._py_func.__qualname__.replace("<", "").replace(">", "")
         python = f"py{sys.version_info[0]}{sys.version_info[1]}"
-        self._cache_file = IndexDataCacheFile(self._cache_path, f"{name}-{digest[:20]}.{python}", digest)
+        self._cache_file = CacheFile(self._cache_path, f"{name}-{digest[:20]}.{python}", digest)
 
     def _index_key(self, sig, codegen):
         # The digest covers all that the function closes over.
@@ -83,7 +115,16 @@ class DigestCache(FunctionCache):
 
     def save_overload(self, sig, data):
         self._open()
-        super().save_overload(sig, data)
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            self.disable()
+            _tell_not_kept(self._cache_path, error.strerror or str(error))
+
+
+@cache
+def _tell_not_kept(folder: str, why: str) -> None:
+    logger.warning("compiled code is not kept in %s, and is compiled anew by every process: %s", folder, why)
 
 
 def _enable_cache(compiled, function: Callable, digest: str | None = None, parallel: bool = False) -> None:
@@ -202,8 +243,14 @@ _NOT_KEYABLE: list[CFunc] = []
 """Block functions without a digest; they live as long as the process, since their addresses are in use."""
 
 
+class CompilerSwitchedOff(RuntimeError):
+    """numba does not compile, because the environment tells it so."""
+
+
 def compile_block_function(function: Callable, signature, digest: str | None = None) -> CFunc:
     """Compile a block function for one signature, cached on disk under `digest`, by default its own; kernels take its ``address``."""
+    if numba.config.DISABLE_JIT:
+        raise CompilerSwitchedOff("NUMBA_DISABLE_JIT is set in the environment, and forces are evaluated by compiled code alone: unset it")
     compiled = CFunc(function, numba.core.sigutils.normalize_signature(signature), locals={}, options=dict(OPTIONS))
     _enable_cache(compiled, function, digest)
     compiled.compile()

@@ -20,7 +20,7 @@ from numba.extending import intrinsic, overload
 
 from .block_arrays import CACHE_LINE, aligned_rows
 from .compile import INLINE_OPTIONS, compile_block_function, compiled_digest, inlined, kernel, parallel_kernel, plain_function
-from .threads import Chunks, chunks_of
+from .threads import Chunks, chunks_of, threads_are_lost
 
 WORDS_PER_LINE = CACHE_LINE // 8
 
@@ -84,9 +84,11 @@ def _run_on_threads(calls, following, counts, found):
 
 @kernel
 def _run_here(calls, found):
-    """Run passes one after another as one chunk each, on the calling thread."""
+    """Run passes one after another, chunk by chunk, on the calling thread."""
     for number in range(calls.shape[0]):
-        found[number] = _call_chunk(calls[number, 0], calls[number, 1], 0, 0, 1)
+        found[number] = 0
+        for chunk in range(calls[number, 2]):
+            found[number] += _call_chunk(calls[number, 0], calls[number, 1], 0, chunk, calls[number, 2])
 
 
 def _count(found):
@@ -262,7 +264,7 @@ class _Run:
         self._found = np.zeros(len(calls), dtype=np.int64)
 
     def __call__(self) -> list[int]:
-        if len(self._following) == 1:
+        if len(self._following) == 1 or threads_are_lost():
             _run_here(self._calls, self._found)
         else:
             _run_on_threads(self._calls, self._following, self._counts, self._found)

@@ -65,6 +65,37 @@ def start_threads() -> None:
         del os.environ["GOMP_SPINCOUNT"]
 
 
+class ThreadsLostWarning(RuntimeWarning):
+    """The process was forked from one whose kernels had threads, and has none itself."""
+
+
+_lost = False
+
+
+def threads_are_lost() -> bool:
+    """Whether the kernels of this process run on the thread that calls, because it was forked from one that had started threads."""
+    return _lost
+
+
+def _say_lost() -> None:
+    warnings.warn(
+        "this process was forked from one whose kernels had started threads, which do not survive that: it takes one thread; for more, "
+        "start processes by 'spawn' or 'forkserver', as multiprocessing.get_context does",
+        ThreadsLostWarning,
+        stacklevel=3,
+    )
+
+
+def _after_fork() -> None:
+    """Note in a new process that GNU OpenMP, once started, does not survive a fork: numba ends a process that calls it then."""
+    global _lost
+    _lost = parallel._is_initialized and numba.threading_layer() == "omp"
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
+
+
 def _runs_already() -> bool:
     """Return whether numba's threads already run on GNU OpenMP, or another library has loaded the same copy of it."""
     if parallel._is_initialized:
@@ -86,8 +117,8 @@ _most: int | None = None
 
 
 def most_threads() -> int:
-    """Return the greatest number of threads: that which numba was started with, or the limit set by `at_most`."""
-    return _most or numba.config.NUMBA_NUM_THREADS
+    """Return the number of threads that numba was started with, or the limit set by `at_most`; 1 where they did not survive a fork."""
+    return 1 if _lost else _most or numba.config.NUMBA_NUM_THREADS
 
 
 @contextmanager
@@ -105,6 +136,8 @@ def at_most(threads: int | None) -> Iterator[None]:
 
 def threads_for(pairs: int) -> int:
     """Return how many threads are worthwhile for a body with this number of pairs of points, at most `most_threads`."""
+    if _lost and pairs >= 2 * PAIRS_PER_THREAD:
+        _say_lost()
     return max(1, min(most_threads(), pairs // PAIRS_PER_THREAD))
 
 
@@ -124,6 +157,9 @@ def chunks_of(pairs: int) -> Chunks:
 @contextmanager
 def thread_count(threads: int | None) -> Iterator[int]:
     """Use this number of threads within the context, None for all, and yield it; raise ValueError if there are fewer."""
+    if _lost and threads not in (None, 1):
+        _say_lost()
+        threads = 1
     most = most_threads()
     if threads is not None and not 1 <= threads <= most:
         raise ValueError(f"threads must be between 1 and {most} on this machine, not {threads}")

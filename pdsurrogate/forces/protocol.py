@@ -14,6 +14,7 @@ from ..body import Body
 from ..html_tables import html_facts
 from ..kernels.bond_state import LEAST_NORMAL_STRETCH
 from ..materials import PLANES, Law
+from ..materials.law import checked_law
 from .settings import ForceSettings
 
 
@@ -485,11 +486,17 @@ class ForceModel(ABC):
 
         Raises
         ------
+        TypeError
+            If one of them is none.
         ValueError
             If the model does not fit the material, or cannot honour a setting.
         """
+        if not isinstance(body, Body):
+            raise TypeError(f"body must be a Body, such as Body.rectangle(1.0, 1.0, 0.1, 0.315), not {body!r}")
+        if not isinstance(settings, ForceSettings):
+            raise TypeError(f"settings must be ForceSettings(), not {settings!r}")
         settings.check(self.name, self.honoured(settings.plane))
-        self.check_material(law)
+        self.check_material(checked_law(law))
         return self.evaluation(body, law, settings)
 
     def honoured(self, plane: str) -> Mapping[str, tuple]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import logging
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..forces import InvalidState
+from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
 from ..solvers import (
     SOLVERS,
@@ -25,7 +27,7 @@ from ..solvers.branch import Branch
 from .interruption import Interrupted
 from .programme import Stage
 from .rows import compare, equilibrium_columns, level_row
-from .run import Run
+from .run import ACCEPTED, Run
 
 logger = logging.getLogger(__name__)
 
@@ -75,13 +77,15 @@ def go_through(run: Run, solver: EquilibriumSolver, stage: Stage) -> bool:
     stage ends, and the body is put back to the last output: what follows is not in equilibrium.
     """
     branch = Branch(run.loading, run.loaded, solver)
-    values, evaluations = np.linspace(run.begin, stage.to, stage.outputs + 1), []
+    values, evaluations = np.linspace(run.begin, stage.to, stage.outputs + 1), [] if run.way is None else run.way.evaluations
     while run.outputs < stage.outputs:
         value = float(values[run.outputs + 1])
         run.progress.level(run.stage, value)
         run.target = value
-        last_output = run.positions.copy(), run.parameter
-        equilibrium = _go_to(run, solver, branch, stage, evaluations)
+        last_output = (run.positions.copy(), run.parameter) if run.way is None else run.way.last_output
+        way = run.way or Way.begun(run, stage, evaluations, last_output)
+        equilibrium = _go_to(run, solver, branch, way)
+        run.way = None
         if equilibrium is None:
             run.positions[:], run.parameter = last_output
             run.loading.apply(run.parameter, run.loaded, run.positions)
@@ -92,15 +96,66 @@ def go_through(run: Run, solver: EquilibriumSolver, stage: Stage) -> bool:
     return True
 
 
-def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, stage: Stage, evaluations: list[int]):
+@dataclass
+class Way:
+    """The way to an output, as far as it has been gone: a checkpoint on it holds all of this.
+
+    Attributes
+    ----------
+    increments : Increments
+    evaluations : list of int
+        Of every increment of the stage that succeeded.
+    last_output : tuple of ndarray, shape (n, d), and float
+        Positions and parameter at the output before.
+    accepted : _Accepted or None
+        The last equilibrium; None before the first increment.
+    iterate : ndarray, shape (n, d), or None
+        What the solver had come to on the way to the next one, of a run that is resumed.
+    """
+
+    increments: Increments
+    evaluations: list[int]
+    last_output: tuple[np.ndarray, float]
+    accepted: _Accepted | None = None
+    iterate: np.ndarray | None = None
+
+    @classmethod
+    def begun(cls, run: Run, stage: Stage, evaluations: list[int], last_output: tuple[np.ndarray, float]) -> Way:
+        largest = run.loading.largest_increment(run.positions, run.parameter, run.target, stage.largest_increment)
+        return cls(Increments(run.parameter, run.target, largest), evaluations, last_output)
+
+    def checkpoint(self, run: Run, solver: EquilibriumSolver) -> None:
+        """Write a checkpoint of what the solver has come to."""
+        kept = {"increments": self.increments.describe(), "evaluations": self.evaluations, "last_output": self.last_output[1]}
+        arrays = {ACCEPTED + key: array for key, array in self.accepted.arrays.items()}
+        arrays |= {f"{ACCEPTED}positions": self.accepted.positions, "last_output": self.last_output[0]}
+        run.checkpoint({"phase": "equilibrium", "gave_up": solver.gave_up, "way": kept}, arrays)
+
+    @classmethod
+    def resumed(cls, run: Run, checkpoint: Checkpoint) -> Way | None:
+        """The way that a checkpoint was written on, with the run at its last equilibrium; None where it was written at an output."""
+        kept, arrays = checkpoint.progress.get("way"), checkpoint.arrays
+        if kept is None:
+            return None
+        stage, iterate = run.stages[run.stage], run.positions.copy()
+        run.positions[:] = arrays[f"{ACCEPTED}positions"]
+        for key, array in run.force.state_arrays().items():
+            array[:] = arrays[ACCEPTED + key]
+        end = float(np.linspace(run.begin, stage.to, stage.outputs + 1)[run.outputs + 1])
+        increments, last_output = kept["increments"], (arrays["last_output"].copy(), kept["last_output"])
+        way = Increments(increments["start"], end, increments["largest"], increments["done"], increments["share"])
+        return cls(way, list(kept["evaluations"]), last_output, iterate=iterate)
+
+
+def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, way: Way):
     """Follow the equilibrium to the run's target; None where a bond would break on the way."""
-    largest = run.loading.largest_increment(run.positions, run.parameter, run.target, stage.largest_increment)
-    increments, wasted = Increments(run.parameter, run.target, largest), 0
+    increments, evaluations, wasted = way.increments, way.evaluations, 0
     ran_away, patience = None, np.inf
     while not increments.finished:
         accepted, began = _Accepted(run, solver), run.force.evaluations
+        way.accepted = accepted
         try:
-            equilibrium = _follow(run, solver, branch, increments, patience)
+            equilibrium = _follow(run, solver, branch, way, patience)
         except FAILURES as error:
             taken = run.force.evaluations - began
             wasted, patience = wasted + taken, patience - taken
@@ -136,25 +191,27 @@ class _Accepted:
 
     def __init__(self, run: Run, solver: EquilibriumSolver) -> None:
         self.parameter, self.positions, self.gave_up = run.parameter, run.positions.copy(), solver.gave_up
-        self._arrays = {key: array.copy() for key, array in run.force.state_arrays().items()}
+        self.arrays = {key: array.copy() for key, array in run.force.state_arrays().items()}
 
     def restore(self, run: Run, solver: EquilibriumSolver) -> None:
         run.parameter, solver.gave_up = self.parameter, self.gave_up
         run.positions[:] = self.positions
         for key, array in run.force.state_arrays().items():
-            array[:] = self._arrays[key]
+            array[:] = self.arrays[key]
         run.loading.apply(run.parameter, run.loaded, run.positions)
 
 
-def _follow(run: Run, solver: EquilibriumSolver, branch: Branch, increments: Increments, patience: float) -> Equilibrium:
+def _follow(run: Run, solver: EquilibriumSolver, branch: Branch, way: Way, patience: float) -> Equilibrium:
     """Bring the run to equilibrium at the end of the present increment, within so many evaluations."""
+    increments = way.increments
     target, spec = increments.target, run.scene.solver
     guess = _best(run, run.loading.guesses(run.positions, run.parameter, target, run.earlier), target)
     on_the_way = COARSE if run.loaded.nearly_incompressible else FINE
     tolerance = spec.tolerance if increments.ends else max(spec.tolerance, on_the_way)
-    run.loading.apply(target, run.loaded, guess)
-    run.positions[:] = guess
-    equilibrium = _solve(run, solver, target, tolerance, guess, patience)
+    start, way.iterate = guess if way.iterate is None else _best(run, [guess, way.iterate], target), None
+    run.loading.apply(target, run.loaded, start)
+    run.positions[:] = start
+    equilibrium = _solve(run, solver, target, tolerance, guess, patience, way)
     branch.check(run.parameter, target, guess, run.positions)
     run.parameter = target
     return equilibrium
@@ -213,8 +270,10 @@ def _record_reached(run: Run, solver: EquilibriumSolver) -> None:
     run.target = target
 
 
-def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float, guess: np.ndarray, patience: float) -> Equilibrium:
-    """Equilibrium at a value of the parameter from a guess, at which the run is, within so many evaluations."""
+def _solve(
+    run: Run, solver: EquilibriumSolver, target: float, tolerance: float, guess: np.ndarray, patience: float, way: Way | None = None
+) -> Equilibrium:
+    """Equilibrium at a value of the parameter from where the run is, near a guess, within so many evaluations."""
     began = run.force.evaluations
     farthest = FARTHEST * run.reductions.extent(run.body.points)
 
@@ -224,8 +283,7 @@ def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float,
         row = {run.loading.parameter: run.target, "increment": target, "evaluation": began + evaluations, "residual": residual}
         run.convergence.append(row | ({"energy": run.strain_energy()} if run.force.has_energy else {}))
         run.progress.residual(evaluations, residual, tolerance)
-        if run.reductions.any(run.interruption.asked):
-            raise Interrupted
+        _keep_or_stop(run, solver, way)
         if evaluations > patience:
             raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after the body had run away")
         if run.loads is not None:
@@ -235,6 +293,21 @@ def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float,
                 raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")
 
     return solver.solve(run.loaded, run.positions, tolerance, report)
+
+
+def _keep_or_stop(run: Run, solver: EquilibriumSolver, way: Way | None) -> None:
+    """Write a checkpoint where one is due on the way, or nothing could be resumed from, and stop a run that was asked to.
+
+    A run that was interrupted goes on from its last output, to the same bits, where it has come to one and not long gone on since; one
+    whose time is over goes on from here.
+    """
+    asked = run.interruption.asked
+    due = run.late or (asked and (run.interruption.out_of_time or not run.resumable))
+    asked, due = run.reductions.total_of_parts((int(asked), int(due)))
+    if due and way is not None:
+        way.checkpoint(run, solver)
+    if asked:
+        raise Interrupted
 
 
 def _record(run: Run, equilibrium: Equilibrium) -> None:

@@ -27,7 +27,7 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
     """
     try:
         settings_of(scene).check(model.name, model.honoured(scene.plane))
-        model.check_material(scene.material.build())
+        model.check_material(scene.law())
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
     check_fracture(scene, model)
@@ -101,7 +101,7 @@ def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: Bod
     ValueError
         If a region has no point, or two materials take the same point; names them.
     """
-    of_points, laws = np.zeros(len(body), dtype=np.int64), [scene.material.build()]
+    of_points, laws = np.zeros(len(body), dtype=np.int64), [scene.law()]
     for number, part in enumerate(scene.materials, 1):
         laws.append(part.material.build())
         points = regions.points(part.region)

@@ -209,7 +209,8 @@ def _in_space(scene: Scene, body: Body, marks: list[_Mark]) -> Figure:
     axes.set_box_aspect(high - low, zoom=0.95)
     axes.set_axis_on()
     lengths = [
-        f"x{number}: {one:.4g} to {other:.4g} {scene.units.length}" for number, (one, other) in enumerate(zip(low, high, strict=True), 1)
+        f"x{number}: {scene.units.amount(f'{one:.4g} to {other:.4g}', 'length')}"
+        for number, (one, other) in enumerate(zip(low, high, strict=True), 1)
     ]
     axes.set(xticks=[], yticks=[], zticks=[], xlabel=lengths[0], ylabel=lengths[1], zlabel=lengths[2])
     for each in (axes.xaxis, axes.yaxis, axes.zaxis):
@@ -238,8 +239,8 @@ def _rim(cut: ParallelogramCut | DiscCut) -> np.ndarray:
 
 
 def _name_axes(axis, scene: Scene) -> None:
-    axis.set(xlabel=f"x1 ({scene.units.length})", ylabel=f"x2 ({scene.units.length})")
+    axis.set(xlabel=scene.units.label("x1", "length"), ylabel=scene.units.label("x2", "length"))
 
 
 def _title(scene: Scene, body: Body) -> str:
-    return f"{scene.name}: {len(body):,} points, spacing {body.spacing:g} {scene.units.length}"
+    return f"{scene.name}: {len(body):,} points, spacing {scene.units.amount(body.spacing, 'length', 'g')}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -37,11 +38,23 @@ from .programme import Inertia, stages_of
 
 if TYPE_CHECKING:
     from .fracture import Damage
+    from .levels import Way
+    from .record import Record
 
+
+ACCEPTED = "accepted_"
+"""How the names of arrays in a checkpoint begin that are of the last equilibrium on the way to an output."""
 
 MOST_GATHERED = 500_000
 """Points of a body on several ranks beyond which each of them writes its own piece of a state.  Gathered, a state of so many takes the
 first rank 0.16 GB and 10 s of its processor, in which the others wait."""
+
+
+SECONDS_BETWEEN_CHECKPOINTS = 30.0
+"""Of stages in dynamics, and on the way to an output in equilibrium."""
+
+CHECKPOINT_SHARE = 20
+"""Of the time that writing a checkpoint took, at least as many go by before the next."""
 
 
 @runtime_checkable
@@ -89,7 +102,8 @@ def loading_of(
     """Return the conditions of a scene on its body; see `GripLoading` and `PrescribedLoading` for what is refused."""
     if scene.stretched:
         return GripLoading(scene, body, lower, upper, reductions)
-    return PrescribedLoading(scene, body, lower, upper, regions, loads, scene.material.build().shear_modulus, reductions)
+    modulus = 1.0 if scene.material is None else scene.law().shear_modulus  # a picture of a scene without a material needs none
+    return PrescribedLoading(scene, body, lower, upper, regions, loads, modulus, reductions)
 
 
 @dataclass
@@ -133,6 +147,12 @@ class Run:
         With which a stage in dynamics ended; None after equilibrium.
     earlier : tuple of float and ndarray, or None
         The equilibrium before the last: its parameter and positions; of a loading that is `adaptive`.
+    way : Way or None
+        To the output that is under way in equilibrium, of a run that goes on from a checkpoint there.
+    record_of_folder : Record or None
+        What keeps the tables of a run in its folder.
+    resumable : bool
+        Whether there is a checkpoint of it.
     critical_stretch : float or None
         Where bonds break, if they do.
     steps : int
@@ -184,7 +204,10 @@ class Run:
         self.damage: Damage | None = None
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
-        self.law: Law = scene.material.build()
+        self.way: Way | None = None
+        self.record_of_folder: Record | None = None
+        self.resumable, self._late = False, time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
+        self.law: Law = scene.law()
         check_fracture(scene, self.model)
         self.models = [self.model, *models_of(scene, self.model)]
         self.contents = Contents.of(scene, self.models)
@@ -289,10 +312,10 @@ class Run:
         if inertia.duration is None:
             what, slowest = "the grips", f"the greatest rate is {inertia.rate * wave / speed:.4g}"
         else:
-            what, slowest = "parts that are held", f"the least duration is {inertia.duration * speed / wave:.4g} {units.time}"
-        unit = f"{units.length}/{units.time}"
+            what, slowest = "parts that are held", f"the least duration is {units.amount(inertia.duration * speed / wave, 'time', '.4g')}"
+        unit = f" {units.length}/{units.time}" if units.length and units.time else ""
         raise ValueError(
-            f"{inertia.key}.{inertia.pace}: {what} would move apart at {speed:.4g} {unit}, faster than shear waves at {wave:.4g} {unit}; "
+            f"{inertia.key}.{inertia.pace}: {what} would move apart at {speed:.4g}{unit}, faster than shear waves at {wave:.4g}{unit}; "
             f"{slowest}"
         )
 
@@ -374,6 +397,7 @@ class Run:
         """Write a checkpoint, if there is a folder for it."""
         if self.folder is None:
             return
+        began = time.monotonic()
         part = self.body.part
         common = {
             "parameter": self.parameter,
@@ -402,6 +426,13 @@ class Run:
         kept = Checkpoint(self.identity, {**common, **progress}, whole)
         if self.ranks.rank == 0:
             kept.write(self.folder)
+        ended = time.monotonic()
+        self.resumable, self._late = True, ended + max(SECONDS_BETWEEN_CHECKPOINTS, CHECKPOINT_SHARE * (ended - began))
+
+    @property
+    def late(self) -> bool:
+        """Whether a checkpoint is due."""
+        return self.folder is not None and time.monotonic() >= self._late
 
     def restore(self) -> Checkpoint:
         """Take up what a checkpoint holds of everything but what moves a stage in dynamics."""
@@ -423,6 +454,7 @@ class Run:
             if self.reductions.any(len(pairs) > 0):
                 self.damage.break_bonds(pairs)
                 self.force.break_bonds(pairs)
+        self.resumable = True
         self.force.evaluations, self.force.pairs_outside = progress["evaluations"], 0 if self.ranks.rank else progress["outside"]
         return found
 
@@ -446,4 +478,4 @@ class Run:
 
     def _rows_of(self, key: str) -> str:
         """What an array of a checkpoint has a row for, see `Whole.to_whole`."""
-        return "pairs" if key == "broken" else self.force.state_rows.get(key, "points")
+        return "pairs" if key == "broken" else self.force.state_rows.get(key.removeprefix(ACCEPTED), "points")

@@ -32,7 +32,7 @@ from .rows import (
     place_columns,
     probe_columns,
 )
-from .run import Run
+from .run import SECONDS_BETWEEN_CHECKPOINTS, Run
 
 logger = logging.getLogger(__name__)
 
@@ -43,8 +43,6 @@ Work and damped energy are summed in every step by the trapezoidal rule; in the 
 these rows, since no account can close.  The part of viscosity needs the forces at the positions.  They are evaluated in a row and, where
 the force has an energy, in every step from a bond's breaking until as many steps later, because they change fast there, and while what is
 held changes its velocity; in other steps they are followed (`ExplicitDynamics.elastic`)."""
-
-SECONDS_BETWEEN_CHECKPOINTS = 60.0
 
 MOST_ENERGY = 1.5
 """Motion and damping may take this share of the energy put in; more comes from an unstable step, or from a force that has no energy.
@@ -194,8 +192,8 @@ class Transient:
             integrator.centre()
         if motion.duration > MOST_STEPS * integrator.time_step:
             raise Diverging(
-                f"the dynamics take {motion.duration:.3g} {run.scene.units.time} in steps of {integrator.time_step:.3g}, more than "
-                f"{MOST_STEPS:.0e} of them; check the units of {self.spec.key}.density and {self.spec.key}.{self.spec.pace}"
+                f"the dynamics take {run.scene.units.amount(motion.duration, 'time', '.3g')} in steps of {integrator.time_step:.3g}, more "
+                f"than {MOST_STEPS:.0e} of them; check the units of {self.spec.key}.density and {self.spec.key}.{self.spec.pace}"
             )
         run.dynamics.append({"step": run.stage, "viscosity": float(self.viscosity)})
         self._row(first=True)
@@ -290,9 +288,10 @@ class Transient:
             raise Diverging(f"time {account.time:.4g}: {self._words_for_gap(account.gap)}")
 
     def _words_for_gap(self, gap: float) -> str:
-        put_in, unit = max(self.account.most_put_in, self._rounding), self.run.scene.units.energy
+        put_in = max(self.account.most_put_in, self._rounding)
+        told = self.run.scene.units.amount(put_in, "energy", ".3g")
         share, what = 100 * abs(gap) / put_in, "gained from nothing" if gap > 0 else "lost"
-        return f"the account of energy is off by {share:.2g} %: {put_in:.3g} {unit} were put in, and {abs(gap):.3g} were {what}"
+        return f"the account of energy is off by {share:.2g} %: {told} were put in, and {abs(gap):.3g} were {what}"
 
     def _check_inside(self) -> None:
         """Raise InvalidState if a point has passed through a plane of reflection."""

@@ -16,7 +16,7 @@ from ..html_tables import html_facts
 from ..materials import LAWS, Law
 from .amplitudes import amplitude_of
 from .loading import Load, Prescribed, Probe, Step
-from .problems import suggestion
+from .problems import SceneError, suggestion
 from .regions import FACES, Region, RegionName, RegionReference, edge_names, references_in, reserved_names
 from .shapes import Mesh, Precut, TaggedOutline, shape_of
 from .solids import Box, Cylinder, DiscCut, Extrusion, ParallelogramCut, Prism, Sphere, Tube, cut_of
@@ -293,21 +293,31 @@ def _dimension_of(data: Mapping[str, Any]) -> int:
 
 
 class Units(StrictModel):
-    """Names of the units in which a scene is written; nothing is converted."""
+    """Names of the units in which a scene is written; nothing is converted, and what has no name is called by none."""
 
-    length: UnitName = "cm"
-    stress: UnitName = "kPa"
-    time: UnitName = "s"
+    length: UnitName | None = None
+    stress: UnitName | None = None
+    time: UnitName | None = None
 
     @property
-    def force(self) -> str:
+    def force(self) -> str | None:
         """Unit of forces: bodies are one unit of length thick."""
-        return f"{self.stress} {self.length}^2"
+        return f"{self.stress} {self.length}^2" if self.stress and self.length else None
 
     @property
-    def energy(self) -> str:
+    def energy(self) -> str | None:
         """Unit of energies and moments."""
-        return f"{self.stress} {self.length}^3"
+        return f"{self.stress} {self.length}^3" if self.stress and self.length else None
+
+    def label(self, what: str, kind: str) -> str:
+        """What a header or an axis says: a name, with the unit of its kind in brackets where that has a name."""
+        unit = getattr(self, kind)
+        return f"{what} ({unit})" if unit else what
+
+    def amount(self, number: float | str, kind: str, form: str = "", power: str = "") -> str:
+        """A number, or several in words, with the unit of its kind where that has a name."""
+        unit = getattr(self, kind)
+        return f"{number:{form}} {unit}{power}" if unit else f"{number:{form}}"
 
 
 class Scene(StrictModel):
@@ -333,7 +343,7 @@ class Scene(StrictModel):
     ...     steps=(1.0,),
     ... )
     >>> scene
-    <Scene block: rectangle, spacing 0.25 cm, neo-hookean, 1 step>
+    <Scene block: rectangle, spacing 0.25, neo-hookean, 1 step>
     """
 
     name: SceneName
@@ -344,7 +354,7 @@ class Scene(StrictModel):
     holes: tuple[AnyShape, ...] = ()
     precuts: tuple[AnyPrecut, ...] = ()
     plane: Annotated[Literal["stress", "strain", "space"], Field(validate_default=True)] = None
-    material: MaterialSpec
+    material: MaterialSpec | None = None
     materials: tuple[Part, ...] = ()
     grips: tuple[Grip, ...] = ()
     holds: tuple[Hold, ...] = ()
@@ -404,6 +414,18 @@ class Scene(StrictModel):
     def dimension(self) -> int:
         """2 where the body lies in the plane, 3 in space."""
         return self.body.dimension
+
+    def law(self) -> Law:
+        """The law of its material.
+
+        Raises
+        ------
+        SceneError
+            If it has none: only a force that brings a material can run it.
+        """
+        if self.material is None:
+            raise SceneError(f"scene {self.name}: material: none is given; give one, or an artefact as the force, whose material is taken")
+        return self.material.build()
 
     @property
     def stretched(self) -> bool:
@@ -582,10 +604,10 @@ class Scene(StrictModel):
 
     def __repr__(self) -> str:
         programme, kind = (self.stretches, "stretch") if self.stretched else (self.steps, "step")
-        count = len(programme)
+        count, law = len(programme), "no material" if self.material is None else self.material.law
         told = f"{count} {kind}{'' if count == 1 else 'es' if kind == 'stretch' else 's'}" if count else "dynamics"
-        spacing = "" if self.spacing is None else f", spacing {self.spacing:g} {self.units.length}"
-        return f"<Scene {self.name}: {self.body.shape}{spacing}, {self.material.law}, {told}>"
+        spacing = "" if self.spacing is None else f", spacing {self.units.amount(self.spacing, 'length', 'g')}"
+        return f"<Scene {self.name}: {self.body.shape}{spacing}, {law}, {told}>"
 
     __str__ = __repr__
 

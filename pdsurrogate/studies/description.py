@@ -14,6 +14,7 @@ from pydantic import ConfigDict, Field, ValidationError, field_validator, model_
 from ..arguments import check_path
 from ..scenes import MaterialSpec, SceneError, scene_names
 from ..scenes.problems import explain, suggestion
+from ..scenes.reading import read_description
 from ..scenes.strict_model import Finite, Positive, StrictModel, Whole
 
 MOST_RUNS = 100_000
@@ -236,7 +237,7 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
     check_path(given, "a study")
     path = Path(given)
     try:
-        data = tomllib.loads(path.read_text("utf-8"))
+        data = tomllib.loads(read_description(path))
     except OSError as error:
         raise SceneError(f"cannot read study file {path}: {error.strerror}") from None
     except UnicodeDecodeError:

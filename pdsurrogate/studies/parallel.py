@@ -18,7 +18,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from ..results.files import write_json
 from ..results.folder import LOCK, FolderTaken, occupied
 from ..scenes import SceneError
-from .tasks import Task
+from .tasks import OutOfTime, Task
 
 OUTCOME = "outcome.json"
 """File that is written last in the folder of a run and marks it as done."""
@@ -40,10 +40,13 @@ class Outcome:
         Name of its folder.
     failure : str or None
         Why it failed, if it did.
+    out_of_time : bool
+        Whether its time was over; it resumes with the study.
     """
 
     place: str
     failure: str | None
+    out_of_time: bool = False
 
 
 @dataclass(frozen=True)
@@ -92,8 +95,8 @@ class Workers:
             return f"{self.jobs} jobs of {self.threads} threads share {cores} cores and will slow each other down"
         return None
 
-    def carry_out(self, tasks: dict[str, Task], folder: Path) -> Iterator[Outcome]:
-        """Carry out the runs, each in its folder under `folder`; yield the outcome of each as it ends.
+    def carry_out(self, tasks: dict[str, Task], folder: Path, max_time: float | None = None) -> Iterator[Outcome]:
+        """Carry out the runs, each in its folder under `folder` and for at most `max_time` seconds; yield the outcome of each as it ends.
 
         A run whose process is killed, for example when memory runs out, is tried once more.
         """
@@ -104,7 +107,7 @@ class Workers:
             while left:
                 try:
                     for outcome in self._parallel(client)(
-                        joblib.delayed(carry_out)(task, folder / place, self.threads, os.getpid() if client is None else None)
+                        joblib.delayed(carry_out)(task, folder / place, self.threads, os.getpid() if client is None else None, max_time)
                         for place, task in list(left.items())
                     ):
                         del left[outcome.place]
@@ -163,7 +166,7 @@ def _dask_client(scheduler: str, folder: Path) -> Iterator:
         yield client
 
 
-def carry_out(task: Task, folder: Path, threads: int, study: int | None) -> Outcome:
+def carry_out(task: Task, folder: Path, threads: int, study: int | None, max_time: float | None = None) -> Outcome:
     """Carry out one run in this process and return its outcome, which is also in its folder.
 
     `threads` is limited to those that numba was started with. If `study`, the process of the study, ends, this process ends as well.
@@ -172,8 +175,10 @@ def carry_out(task: Task, folder: Path, threads: int, study: int | None) -> Outc
         _end_without(study)
     try:
         with _held(folder):
-            failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS))
+            failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS), max_time)
             write_json(folder / OUTCOME, {"digest": task.digest, "failure": failure})
+    except OutOfTime:
+        return Outcome(folder.name, None, out_of_time=True)
     except OSError as error:
         failure = f"could not write {error.filename or folder}: {error.strerror or error}"
     except Exception as error:  # a failed run must not stop the others

@@ -10,12 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from ..arguments import check_seconds
 from ..discretisation import memory_here
 from ..ranks import communicator
 from ..results import figures
 from ..results.contents import differences_of, told
-from ..results.files import check_writable, write_json, write_text
+from ..results.files import check_writable, remove_leftovers, write_json, write_text
 from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, occupied
+from ..run.interruption import heard
 from .description import Study, load_study
 from .designs import parameters_of_runs
 from .parallel import OUTCOME, Outcome, Workers
@@ -141,6 +143,7 @@ def study(
     threads: int | None = None,
     scheduler: str | None = None,
     overwrite: bool = False,
+    max_time: float | None = None,
     progress: StudyProgress | None = None,
 ) -> StudyResult:
     """Carry out the missing runs of a study and return all results in one table.
@@ -163,6 +166,8 @@ def study(
         Address of a Dask scheduler whose workers carry out the runs.
     overwrite : bool
         Replace the table of a study with other runs in `folder`; their folders stay.
+    max_time : float, optional
+        Seconds after which every run ends with a checkpoint, from which the same call resumes it later; of scenes alone.
     progress : StudyProgress, optional
         Receiver of the progress.
 
@@ -201,6 +206,10 @@ def study(
         tasks = tasks_of(described, home.resolve(), runs, memory_here() if scheduler is None else math.inf)
     except ValueError as error:
         raise type(error)(f"{source}: {error}") from None
+    if max_time is not None:
+        check_seconds(max_time, "max_time")
+        if described.fit is not None:
+            raise ValueError(f"{source}: max_time: a fit has no checkpoint to go on from; leave it out")
     if not str(folder):
         raise ValueError("folder: its name is empty; name a folder for the results")
     folder = Path(folder).resolve()
@@ -211,6 +220,7 @@ def study(
     check_writable(folder / RUNS)
     progress = progress or Quiet()
     with occupied(folder):
+        remove_leftovers(folder)
         (folder / RUNS).mkdir(exist_ok=True)  # all workers must see this folder
         ended = {place: found for place, task in by_place.items() if (found := _outcome(folder / RUNS / place, task.digest))}
         left = {place: task for place, task in by_place.items() if place not in ended}
@@ -223,17 +233,20 @@ def study(
         progress.begin(len(by_place), len(ended), workers)
         written = time.monotonic()
         try:
-            for outcome in workers.carry_out(left, folder / RUNS):
+            for outcome in workers.carry_out(left, folder / RUNS, max_time):
+                if outcome.out_of_time:
+                    continue
                 ended[outcome.place] = outcome
                 progress.ended(outcome.place, outcome.failure)
                 if time.monotonic() - written > SECONDS_BETWEEN_TABLES:
                     _write(result())
                     written = time.monotonic()
         except KeyboardInterrupt:
+            heard.set()
             # Runs that ended in the meantime are included.
             ended |= {place: found for place, task in left.items() if (found := _outcome(folder / RUNS / place, task.digest))}
             reached = result()
-            _write(reached)
+            write_text(reached.folder / TABLE, as_csv(reached.rows))  # a figure takes its time
             raise StudyInterrupted(reached) from None
         reached = result()
         _write(reached)

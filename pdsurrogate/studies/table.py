@@ -30,7 +30,7 @@ KEYS_OF_RUNS = (
     *("scene", "force", "material", "materials", "plane", "thickness", "n_points", "n_bonds", "n_directed_bonds", "n_ghost_points"),
     *("spacing", "cell_size", "horizon", "precision", "correction", "support", "ranks", "threads", "converged", "failure", "interrupted"),
     *("residual", "n_force_evaluations", "seconds_total", "seconds_compile", "ns_per_directed_bond", "fallback_fraction"),
-    "beyond_data",
+    *("status", "beyond_data"),
     *("fraction_outside_domain", "unsupported_points", "units", "grip_areas", "levels", "digests", "scene_as_run", "provenance"),
     *("peak_nominal_stress", "n_steps", "dynamics", "critical_stretch", "crack"),
 )
@@ -137,7 +137,7 @@ def label_of(key: str, units: Mapping[str, str]) -> str:
     """Return a key with its unit in brackets, if it has one."""
     parts = [part.removesuffix("_reference") for part in key.split(".")]
     kind = next((kind for kind, names in UNITS.items() if set(names) & set(parts)), None)
-    return f"{key} ({units[kind]})" if kind in units else key
+    return f"{key} ({units[kind]})" if units.get(kind) else key
 
 
 def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mapping[str, str]) -> Figure | None:

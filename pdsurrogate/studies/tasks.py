@@ -31,6 +31,10 @@ SURROGATE = ("fitted", "1")
 """Name and version of the artefact that a fit leaves in its folder."""
 
 
+class OutOfTime(RuntimeError):
+    """A run whose time was over, and that goes on from its checkpoint."""
+
+
 class Task(Protocol):
     """One checked run of a study, which can be carried out in any process.
 
@@ -42,8 +46,8 @@ class Task(Protocol):
 
     digest: str
 
-    def carry_out(self, folder: Path, threads: int) -> str | None:
-        """Carry out the run in its own folder; return why it failed, or None."""
+    def carry_out(self, folder: Path, threads: int, max_time: float | None) -> str | None:
+        """Carry out the run in its own folder; return why it failed, or None; raise `OutOfTime` if its time is over."""
 
 
 @dataclass(frozen=True)
@@ -54,16 +58,18 @@ class SceneTask:
     force: str | None
     digest: str
 
-    def carry_out(self, folder: Path, threads: int) -> str | None:
+    def carry_out(self, folder: Path, threads: int, max_time: float | None) -> str | None:
         """Simulate, from the checkpoint in the folder if there is one."""
         model = _model(self.force, self.scene)
         if _scene_digest(self.scene, model) != self.digest:
             raise RuntimeError("the mesh or the force has changed since the study was started")
-        options = {"threads": threads, "folder": folder}
+        options = {"threads": threads, "folder": folder, "max_time": max_time}
         failure = None
         try:
             result = _resumed(self.scene, model, options) or simulate(self.scene, model, **options, overwrite=True)
-        except SimulationInterrupted:
+        except SimulationInterrupted as stopped:
+            if stopped.out_of_time:
+                raise OutOfTime(str(stopped)) from None
             raise KeyboardInterrupt from None
         except SimulationFailed as error:
             failure, result = str(error), error.result
@@ -90,7 +96,7 @@ class FitTask:
     fit: Fit
     digest: str
 
-    def carry_out(self, folder: Path, threads: int) -> str | None:
+    def carry_out(self, folder: Path, threads: int, max_time: float | None = None) -> str | None:
         """Fit, cross-validate, and store the artefact with its scores."""
         # Imported here, since only a fit needs scikit-learn.
         from threadpoolctl import threadpool_limits
