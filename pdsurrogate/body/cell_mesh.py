@@ -49,7 +49,7 @@ class CellMesh:
 
     @classmethod
     def of_lattice(cls, points: np.ndarray, volumes: np.ndarray, cell: np.ndarray) -> CellMesh:
-        """Return the cells of points on a lattice with cells of the given sides; a cell cut by the body's surface is included in full.
+        """Return the cells around points of a lattice, `cell` being their sides; a cell cut by the body's surface is included in full.
 
         Points with the volume of a full cell are known to lie at its middle.
         """

@@ -27,9 +27,9 @@ LEAST_REACH = 2.5
 ALONG = 0.7
 """Distance along the boundary, in cells, over which the weights of points fall by a factor e; across it they extend to `REACH`.
 
-Loads spread no farther than this along an edge. If they spread as far as across it, the row at a corner had 1.6 times its share, and the
-middle of a square of 20 cells pulled at its edge was displaced by 0.05 and 0.04 cells times the strain; now it is displaced by 0.019 and
-0.005.
+Loads spread no farther than this along an edge. If they spread as far as across it, the row at a corner has 1.6 times its share, and the
+middle of a square of 20 cells pulled at its edge is displaced by 0.05 and 0.04 cells times the strain (in the two models of `REACH`); with
+this value, by 0.019 and 0.005.
 """
 
 LEAST_WEIGHT = 1e-6
@@ -243,7 +243,7 @@ def _folded(rows: sparse.csr_array, images: _Images, signs: np.ndarray | None = 
 
 
 def too_few(body: Body) -> str:
-    """Describe the points that do not define a deformation."""
+    """Return the words by which messages describe points that are too few to define a deformation."""
     return "three or in one row" if body.dimension == 2 else "four or in one layer"
 
 
@@ -263,8 +263,8 @@ def _filled(rows: sparse.csr_array, others: sparse.csr_array, numbers: np.ndarra
 class _Surroundings:
     """Points around places, as far as nothing separates them, with their weights in a fit.
 
-    Points are weighted by their volume and 1 - (distance / reach)^2; with normals, the distance is that along the nearest normal, and the
-    weight falls sideways as `ALONG` defines.
+    A weight is the volume times 1 - (distance / reach)^2. With normals it is the volume times the sum, over the normals, of 1 - (depth /
+    reach)^2 times a Gaussian of the distance sideways (`ALONG`), the depth being the distance along the normal.
     """
 
     def __init__(self, body: Body, places: np.ndarray, normals: np.ndarray | None = None, mirrors: Sequence[ReflectionPlane] = ()) -> None:

@@ -32,14 +32,14 @@ class Following:
         return np.stack([rows @ vectors[:, component] for component, rows in enumerate(self.rows)], axis=1)
 
     def __getitem__(self, places) -> Following:
-        """Return the map to some of the places."""
+        """Return the map restricted to some of the places."""
         return Following(tuple(rows[places] for rows in self.rows))
 
     def __sub__(self, other: Following) -> Following:
         return Following(tuple(own - theirs for own, theirs in zip(self.rows, other.rows, strict=True)))
 
     def of_points(self, points: np.ndarray) -> Following:
-        """Return the map from some of the points only."""
+        """Return the map restricted to the motion of some of the points."""
         return Following(tuple(rows[:, points].tocsr() for rows in self.rows))
 
     def points(self) -> np.ndarray:

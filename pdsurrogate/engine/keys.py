@@ -26,7 +26,7 @@ from numba.core.typing.templates import builtin_registry
 from numba.extending import _Intrinsic
 
 LIBRARIES = frozenset({"numba", "numpy", "llvmlite", "scipy"})
-"""Libraries whose code counts by name and by the versions of those that generate or hold compiled code."""
+"""Libraries whose functions enter a digest by name only, together with the versions of numba, NumPy and llvmlite."""
 
 
 _FOLDERS = ("<frozen", *(os.path.dirname(module.__file__) + os.sep for module in (numba, np, llvmlite, scipy, os)))
@@ -50,7 +50,7 @@ def code_digest(*values) -> str:
 
 
 class _Walk:
-    """Traversal of a function and its dependencies, which enters every function once."""
+    """Computation of one digest: it visits a function and everything that the function depends on, each function once."""
 
     def __init__(self) -> None:
         self.digest = hashlib.sha256()
@@ -155,7 +155,7 @@ def _names(code: python_types.CodeType) -> frozenset[str]:
 
 
 def _values_behind(names: frozenset[str], space: dict) -> Iterator[tuple[str, object]]:
-    """Yield the values that names have in a module, and in the modules among them that belong to no library.
+    """Yield the names with the values that they have in a module, and in imported modules that belong to no library.
 
     Attributes are not matched to their modules: including every name that a module has includes too much at worst.
     """
@@ -187,7 +187,7 @@ def _is_of_library(value) -> bool:
 
 
 def _overloads() -> dict[int, list[Callable]]:
-    """Return the implementations registered with `numba.extending.overload`, by the id of the function that they replace."""
+    """Return the implementations registered with `numba.extending.overload`, by the id of the Python function that they replace."""
     found: dict[int, list[Callable]] = {}
     for function, kind in builtin_registry.globals:
         if isinstance(function, python_types.FunctionType) and not _is_of_library(function):

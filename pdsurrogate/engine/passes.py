@@ -148,10 +148,10 @@ def _unpacker(kinds: tuple):
 
 
 class Pass:
-    """Function of a chunk, compiled for the arrays that it is bound to.
+    """Function that works on one chunk of a body, compiled for the types of the arrays that it is bound to.
 
-    ``function(chunk, chunks, ...)`` works on its share of the body and returns a count, or nothing. ``function(thread, chunk, chunks,
-    ...)`` can use working memory of its thread.
+    ``function(chunk, chunks, ...)`` works on chunk number `chunk` out of `chunks` and returns a count, or nothing. ``function(thread,
+    chunk, chunks, ...)`` can also use working memory of its thread.
     """
 
     def __init__(self, function: Callable) -> None:

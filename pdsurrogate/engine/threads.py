@@ -33,7 +33,7 @@ _WAITING = ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")
 
 
 class ThreadsSpinWarning(RuntimeWarning):
-    """Warning that the kernels' threads spin while they wait, because numba started them before pdsurrogate could set it."""
+    """Warning that waiting threads occupy their cores, because numba's threads were started before pdsurrogate could change that."""
 
 
 _started = False

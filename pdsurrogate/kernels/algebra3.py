@@ -208,13 +208,13 @@ def determinant(F):
 
 @inlined
 def squared_norm(F):
-    """Return F : F, the trace of C = F^T F."""
+    """Return the double contraction F : F, which is the trace of C = F^T F."""
     return F[0] * F[0] + F[1] * F[1] + F[2] * F[2] + F[3] * F[3] + F[4] * F[4] + F[5] * F[5] + F[6] * F[6] + F[7] * F[7] + F[8] * F[8]
 
 
 @inlined
 def double_dot(F, G):
-    """Return F : G."""
+    """Return the double contraction F : G."""
     return F[0] * G[0] + F[1] * G[1] + F[2] * G[2] + F[3] * G[3] + F[4] * G[4] + F[5] * G[5] + F[6] * G[6] + F[7] * G[7] + F[8] * G[8]
 
 

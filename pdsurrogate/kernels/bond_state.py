@@ -7,7 +7,7 @@ from .elementary import quotient
 from .feature_sets import like
 
 LEAST_NORMAL_STRETCH = 0.1
-"""Value of U_nn below which 1/U_nn is continued by its tangent: far below every stretch that rubber is compressed to."""
+"""Value of U_nn below which the tangent of 1/U_nn replaces 1/U_nn: rubber is never compressed so far."""
 
 
 def lateral_stretch(a, b, J):

@@ -81,7 +81,7 @@ def pack_network(hidden_weights, hidden_biases, output_weights, constant, slope,
 
 
 def pack_units(hidden_weights, hidden_biases, output_weights):
-    """Return the units as a vector of whole groups: for each group four biases, four weights of either feature and four output weights."""
+    """Return the weights of the hidden units as a vector, in groups of four: biases, weights of both features, output weights."""
     n = output_weights.size
     rows = np.zeros((4, -(-n // GROUP) * GROUP))
     rows[0, :n], rows[1, :n], rows[2, :n], rows[3, :n] = hidden_biases, hidden_weights[0], hidden_weights[1], output_weights

@@ -30,7 +30,7 @@ after these the parameters of the exact response.
 """
 
 MOST_PARAMETERS = 8192
-"""Length of the view on the parameters, larger than any model's; nothing beyond the parameters of the law is read."""
+"""Length of the array view of the parameters, an upper bound for all models; nothing beyond the law's parameters is read."""
 
 EXTRAPOLATE, COUNT, TAKE_OVER = 0, 1, 2
 """Guards for states outside the domain: nothing is done, they are counted, or they are counted and the exact energy replaces the learnt

@@ -12,7 +12,7 @@ MODEL, VOLUMETRIC, OWN = 0, 1, 2
 """Places in the sizes: addresses of the model's block function and of the law's volumetric one, and the first of the model's own sizes."""
 
 MOST_SIZES = 4096
-"""Length of the view on a model's sizes, larger than any model's; each model reads its own only."""
+"""Length of the array view of a model's `sizes`, an upper bound for all models; each model reads only its own."""
 
 
 @cache

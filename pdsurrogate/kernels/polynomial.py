@@ -60,7 +60,7 @@ def chebyshev_sums(typingctx, counts, x1, x2, weights):
             return builder.fmul(a, b, flags=_FLAGS)
 
         def total(values):
-            """Return the sum, added in short chains, so that few additions wait for one another."""
+            """Return the sum of the values; short chains of additions let the processor work on several at a time."""
             while len(values) > 1:
                 values = [reduce(lambda a, b: builder.fadd(a, b, flags=_FLAGS), values[n : n + 3]) for n in range(0, len(values), 3)]
             return values[0]

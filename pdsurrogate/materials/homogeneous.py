@@ -10,9 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from ..kernels.node_state import SWELLING
 from .law import Law
-from .plane_stress import invariants, stretch_squares
+from .plane_stress import invariants, response, stretch_squares
 from .planes import PLANES, SHEETS
+
+STEP = 1e-7
+"""Of the difference that gives Newton's iteration for J3 its slope, relative to J3."""
 
 
 @dataclass(frozen=True)
@@ -109,3 +113,49 @@ def equibiaxial(law: Law, stretch: float) -> HomogeneousState:
 def pure_shear(law: Law, stretch: float) -> HomogeneousState:
     """Return the state at a stretch along x1 and a fixed width (lateral stretch 1)."""
     return biaxial(law, stretch, 1.0)
+
+
+def sheet_states(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nominal stress and volume ratio of many homogeneous states under plane stress at once, as a fit asks for them.
+
+    Parameters
+    ----------
+    law : Law
+    stretch : ndarray, shape (n,)
+        Along the stress.
+    lateral_stretch : ndarray, shape (n,)
+        Across it, in the plane; NaN where nothing holds the sides, which then have no stress, nor has the thickness.
+
+    Returns
+    -------
+    nominal_stress, volume_ratio : ndarray, shape (n,)
+        P11, in the unit of the shear modulus, and J3; NaN where the law has no state, past its limit.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> stress, volume = sheet_states(pd.NeoHookean(), np.array([1.5, 1.5]), np.array([np.nan, 1.0]))
+    >>> bool(np.isclose(stress[0], uniaxial(pd.NeoHookean(), 1.5).nominal_stress))
+    True
+    """
+    free = np.isnan(lateral_stretch)
+
+    def at(J3):
+        # Sides and thickness that nothing holds have one stretch, by symmetry.
+        lateral = np.where(free, np.sqrt(J3 / stretch), lateral_stretch)
+        return response(law, stretch**2 + lateral**2, stretch * lateral, J3)
+
+    J3 = np.ones_like(stretch)
+    bulk = law.bulk_modulus / law.shear_modulus
+    with np.errstate(all="ignore"):
+        for _ in range(60):
+            residual, ahead = at(J3)[2], at((1 + STEP) * J3)[2]
+            step = np.clip(STEP * J3 * residual / (ahead - residual), -J3, 0.5 * J3)
+            # Past the law's limit, where the residual is NaN, the state swells: with more volume it may keep the limit.
+            J3 = J3 - np.where(np.isnan(step), -SWELLING * J3, step)
+            # The iteration squares the error: after this step it is at rounding.
+            if np.all(np.abs(step) <= 1e-8 * J3):
+                break
+        p, q, residual, *_ = at(J3)
+    reached = np.abs(residual) <= 1e-9 * bulk
+    return np.where(reached, law.shear_modulus * (p * stretch + q / stretch), np.nan), np.where(reached, J3, np.nan)

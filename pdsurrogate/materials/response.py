@@ -22,7 +22,7 @@ STATE_NUMBERS = 3
 """Count of numbers that describe a state."""
 
 MOST_PARAMETERS = 4096
-"""Length of the view on a law's parameters, larger than any law's; an expression reads those that its law has."""
+"""Length of the array view of a law's parameters, an upper bound for all laws; an expression reads those of its own law."""
 
 
 @dataclass(frozen=True)

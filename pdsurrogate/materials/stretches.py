@@ -1,4 +1,4 @@
-"""Principal stretches of deformation gradients."""
+"""Principal stretches of deformation gradients in two and three dimensions."""
 
 from __future__ import annotations
 

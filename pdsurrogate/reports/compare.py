@@ -117,7 +117,7 @@ def plans(law: Law, quick: bool) -> list[Plan]:
 
 
 def candidates(law: Law, quick: bool, progress: Progress) -> list[Candidate]:
-    """Return the models of all plans, fitted where necessary, each in its precisions."""
+    """Return the planned models in each of their precisions, fitted where necessary."""
     planned, found = plans(law, quick), []
     for number, plan in enumerate(planned):
         what = plan.title.format(size="").removesuffix(", ")

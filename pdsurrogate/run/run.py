@@ -246,7 +246,9 @@ class Run:
             raise SceneError(f"scene {scene.name}: {error}") from None
         if self.ranks.rank:
             self.whole = None
-        self.loaded = self.force if self.loads is None else LoadedForce(self.force, self.loads)
+        self.loaded = self.force
+        if self.loads is not None or self.loading.supports is not None:
+            self.loaded = LoadedForce(self.force, self.loads, self.loading.supports)
         self.grip_areas = grip_areas(scene, lower, upper)
         self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]), default=None)
         self.parameter = self.target = self.begin = self.loading.rest

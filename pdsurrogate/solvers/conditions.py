@@ -16,6 +16,7 @@ from ..forces import InternalForce, InvalidState
 from ..forces.kinematics import at_point
 from .motion import Motion
 from .reductions import LocalReductions
+from .supports import SupportAtPlace, Supports
 
 if TYPE_CHECKING:
     from .loads import Loads
@@ -44,8 +45,8 @@ class HeldPoints:
     components : tuple of int
     displacement : callable
         Displacement at a value of the parameter, shape (d,) or (k, d); only held components are read.
-    place : ndarray, shape (d,), optional
-        That the points are the nearest to: together they are a support at one place, which keeps nothing from turning about it.
+    support : SupportAtPlace, optional
+        Of a support at a place: the point is one of several that move so in the mean alone.
     """
 
     name: str
@@ -53,7 +54,12 @@ class HeldPoints:
     points: np.ndarray
     components: tuple[int, ...]
     displacement: Callable[[float], np.ndarray]
-    place: np.ndarray | None = None
+    support: SupportAtPlace | None = None
+
+    @property
+    def every(self) -> np.ndarray:
+        """The points, and of a support at a place those that are as near."""
+        return self.points if self.support is None else np.concatenate([self.points, self.support.others])
 
 
 @dataclass(frozen=True)
@@ -154,6 +160,8 @@ class Loading(ABC):
         Whether increments of the parameter are made longer only where they are easy, and begin from the best of several guesses.
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
+    supports : Supports or None
+        Those at places between points; None where there are none.
     names, loads
     """
 
@@ -172,6 +180,8 @@ class Loading(ABC):
     ) -> None:
         self.body, self.names, self.loads, self._reductions = body, names, loads, reductions
         self._planes, self._held = planes, held
+        at_places = tuple(part for part in held if part.support is not None)
+        self.supports = Supports(body, at_places, reductions) if at_places else None
         self.free = np.ones((len(body), body.dimension))
         for part in held:
             for component in part.components:
@@ -233,9 +243,13 @@ class Loading(ABC):
     def hold(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter."""
         for part in self._held:
-            displacement = part.displacement(parameter)
-            for component in part.components:
-                positions[part.points, component] = self.body.points[part.points, component] + displacement[..., component]
+            if part.support is None:
+                displacement = part.displacement(parameter)
+                for component in part.components:
+                    positions[part.points, component] = self.body.points[part.points, component] + displacement[..., component]
+        if self.supports is not None:
+            self.supports.set(parameter)
+            self.supports.place(positions)
         for number, plane in enumerate(self._planes):
             force.move_plane(number, plane.displacement(parameter), None if plane.turn is None else plane.turn(parameter))
 
@@ -325,6 +339,11 @@ class Loading(ABC):
         forces, at_points = np.zeros((len(self.names), self.body.dimension)), None
         if self._holds_points:
             at_points = -on_points * (1 - self.free)
+            for part in self._held:
+                if part.support is not None:
+                    self.body.part.fill(at_points)
+                    for component in part.components if len(part.points) else ():
+                        at_points[part.support.others, component] = at_points[part.points, component]
             for part, owned in zip(self._held, self._owned, strict=True):
                 for component, points in owned.items():
                     forces[part.holder, component] += at_points[points, component].sum()
@@ -393,11 +412,9 @@ class Loading(ABC):
         owner = np.full((len(self.body), self.body.dimension), -1)
         for number, part in enumerate(self._held):
             for component in part.components:
-                owner[part.points, component] = number
+                owner[part.every, component] = number
         return [
-            {}
-            if part.holder is None
-            else {c: self._reductions.counts(part.points[owner[part.points, c] == number]) for c in part.components}
+            {} if part.holder is None else {c: self._reductions.counts(part.every[owner[part.every, c] == number]) for c in part.components}
             for number, part in enumerate(self._held)
         ]
 
@@ -459,7 +476,7 @@ class Loading(ABC):
                 found[holder].append(near)
         for part in self._held:
             if part.holder is not None:
-                found[part.holder].append(part.points)
+                found[part.holder].append(part.every)
         return [self._reductions.counts(np.unique(np.concatenate(parts))) for parts in found]
 
     @abstractmethod

@@ -12,6 +12,7 @@ from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from .preconditioner import Preconditioner, preconditioner_of
 from .reductions import LOCAL, LocalReductions
+from .supports import SupportedPreconditioner
 
 Report = Callable[[int, float], None]
 """Called with the force evaluations so far and the residual."""
@@ -127,6 +128,9 @@ class EquilibriumSolver(ABC):
         """What approximates the tangent of the force, made when it is first asked for."""
         if self._preconditioner is None:
             self._preconditioner = preconditioner_of(force, self.free, self.reductions)
+            supports = getattr(force, "supports", None)
+            if supports is not None:
+                self._preconditioner = SupportedPreconditioner(self._preconditioner, supports, self.reductions)
         return self._preconditioner
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:

@@ -23,6 +23,7 @@ from .planes import prescribed_components, reflected_edges
 from .preconditioner import Extension, extension_of
 from .reductions import LocalReductions
 from .regions import along_edge
+from .supports import SupportAtPlace
 
 if TYPE_CHECKING:
     from .loads import Loads
@@ -111,9 +112,19 @@ class PrescribedLoading(Loading):
             points = regions.points(entry.region)
             displacement = self._displacement(number, body.points[points])
             components = prescribed_components(entry, body.dimension)
-            place = regions.place(entry.region)
-            held.append(HeldPoints(f"prescribed.{number}", holders[number], points, components, displacement, place))
+            support = self._support(entry, points, regions)
+            if support is not None and any(step.dynamics is not None for step in scene.steps):
+                raise ValueError(
+                    f"prescribed.{number}.region: {support.count} points are equally near to this place, and a support between points is "
+                    "not followed in dynamics; give points by their numbers, or a box around them"
+                )
+            if support is not None:
+                points, displacement = np.setdiff1d(points, support.others), self._displacement(number, support.place[None])
+            held.append(HeldPoints(f"prescribed.{number}", holders[number], points, components, displacement, support))
         super().__init__(body, names, tuple(planes), tuple(held), loads, reductions)
+        if self.supports is not None:
+            still = np.zeros((len(planes), body.dimension))
+            self.supports.response = lambda held: self._stiffness.response(body, shear_modulus, held, still)
         # Every t at which a programme turns, and places between: amplitudes that agree at all of these are the same.
         samples = np.unique(np.concatenate([np.linspace(a, b, 5) for a, b in pairwise(turning_points)]))
         every = (*along_planes, *held)
@@ -125,6 +136,17 @@ class PrescribedLoading(Loading):
         self._check_planes(tuple(f"prescribed.{numbers[0]}.region" for numbers in edges.values()))
         if any(step.dynamics is None for step in scene.steps):
             self._check_rigid_motions()
+
+    def _support(self, entry: Prescribed, points: np.ndarray, regions: BodyRegions) -> SupportAtPlace | None:
+        """The support that some points make, if they are equally near to a place."""
+        part = self.body.part
+        if not regions.is_place(entry.region):
+            return None
+        rows = [(part.number(int(point)), tuple(self.body.points[point])) for point in points]
+        found = dict(sorted(row for of_part in part.everywhere(rows) for row in of_part))
+        if len(found) == 1:
+            return None
+        return SupportAtPlace(np.mean(list(found.values()), axis=0), len(found), part.local(np.array(list(found)[1:])))
 
     def _displacement(self, number: int, places: np.ndarray) -> Callable[[float], np.ndarray]:
         """Displacement by an entry of points at reference places (k, d), as a function of t; (d,) where it is the same of all."""
@@ -215,11 +237,11 @@ class PrescribedLoading(Loading):
         """Places (k, d) and components (k,) that are held at rest, and the point of the body that each belongs to."""
         places, components, owners = [], [], []
         for part in self._held:
-            points = part.points if part.place is None else part.points[:1]
+            there = self.body.points[part.points] if part.support is None else np.tile(part.support.place, (len(part.points), 1))
             for component in part.components:
-                places.append(self.body.points[points] if part.place is None else np.tile(part.place, (len(points), 1)))
-                components.append(np.full(len(points), component))
-                owners.append(points)
+                places.append(there)
+                components.append(np.full(len(part.points), component))
+                owners.append(part.points)
         for plane, held, sources in zip(self.body.planes, self._planes, self._beside_planes, strict=True):
             beside = self.body.points[sources].copy()
             beside[:, plane.axis] = plane.position
@@ -301,9 +323,9 @@ class PrescribedLoading(Loading):
                     of_planes[number] = goal_planes[number, :, -1] - gradient @ planes[number, :, -1] - shift
             guess += self._stiffness.response(self.body, self._shear_modulus, moved, of_planes, turns)
         for part in self._held:
-            goal = part.displacement(t)
+            goal = self._goal(part, t, start)
             for component in part.components:
-                guess[part.points, component] = self.body.points[part.points, component] + goal[..., component]
+                guess[part.points, component] = goal[:, component]
         return guess
 
     def _turns_left(self, planes: np.ndarray, goal_planes: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
@@ -327,9 +349,9 @@ class PrescribedLoading(Loading):
             goals.append(goal)
 
         for part in self._held:
-            displacement = part.displacement(t)
+            goal = self._goal(part, t, start)
             for component in part.components:
-                add(part.points, start[part.points], component, self.body.points[part.points, component] + displacement[..., component])
+                add(part.points, start[part.points], component, goal[:, component])
         for number, (plane, held, sources) in enumerate(zip(self.body.planes, self._planes, self._beside_planes, strict=True)):
             there, at_rest = start[sources].copy(), self.body.points[sources].copy()
             at_rest[:, plane.axis] = plane.position
@@ -339,6 +361,13 @@ class PrescribedLoading(Loading):
             for component in held.components:
                 add(sources, there, component, there[:, component] + (then - now)[:, component])
         return Samples(*map(np.concatenate, (places, components, goals, points)))
+
+    def _goal(self, part: HeldPoints, t: float, start: np.ndarray) -> np.ndarray:
+        """Where held points go at t, shape (k, d); the one of a support as far as the mean of all goes, from where they start."""
+        displacement = part.displacement(t)
+        if part.support is None:
+            return self.body.points[part.points] + displacement
+        return start[part.points] + displacement - (start[part.every] - self.body.points[part.every]).sum(axis=0) / part.support.count
 
     @cached_property
     def _beside_planes(self) -> list[np.ndarray]:

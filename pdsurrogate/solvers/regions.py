@@ -231,13 +231,11 @@ class BodyRegions:
         """Name of the edge that a region is, if it is exactly one of them."""
         return whole_edge(self._scene, reference, self._body.faces)
 
-    def place(self, reference: str | Region) -> np.ndarray | None:
-        """The place that a region is the nearest points of, if it is said so."""
-        while isinstance(reference, str):
-            if reference not in self._scene.regions:
-                return None
+    def is_place(self, reference: str | Region) -> bool:
+        """Whether a region is what is nearest to a place."""
+        while isinstance(reference, str) and reference in self._scene.regions:
             reference = self._scene.regions[reference]
-        return None if reference.near is None else np.array(reference.near)
+        return isinstance(reference, Region) and reference.near is not None
 
     def label(self, reference: str | Region, otherwise: str) -> str:
         """Name of a region, or of its edge or group, where it is said by one; letters that results have no room for become _."""

@@ -1,4 +1,4 @@
-"""Small bodies of every kind for tests and hard cases, in two and three dimensions."""
+"""Small bodies for tests and hard cases in two and three dimensions: regular, jittered, with holes, notches and reflection planes."""
 
 from __future__ import annotations
 

@@ -337,7 +337,7 @@ def homogeneous_stress(subject: Subject) -> Outcome:
 
 
 def _extended(F: np.ndarray) -> np.ndarray:
-    """Return a gradient of the plane extended by a third stretch that keeps the volume within a few per cent, and rotated."""
+    """Return the three-dimensional extension of an in-plane gradient, rotated; its third stretch keeps the volume within a few per cent."""
     full = np.zeros((3, 3))
     full[:2, :2], full[2, 2] = F, 0.97 / np.linalg.det(F)
     return turn(50, 3) @ full @ turn(20, 3)

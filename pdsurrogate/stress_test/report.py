@@ -24,7 +24,7 @@ BODIES = {"stress": "sheets under plane stress", "space": "bodies in space"}
 
 
 def all_models(plane: str = "stress") -> list[str]:
-    """Return the references of every force model of the given states: built-in ones, and the newest version of each artefact."""
+    """Return the references of every force model that supports a plane: built-in ones, and the newest version of each artefact."""
     found = dict.fromkeys(folder.parent.name for folder in list_artifacts())
     return [name for name in (*FORCES, *found) if plane in load_surrogate(name).honours["plane"]]
 

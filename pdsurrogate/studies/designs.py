@@ -13,7 +13,7 @@ from .description import MOST_RUNS, Distribution, Study
 
 
 def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
-    """Return the values by dotted key, run by run; the last parameter of a grid changes fastest.
+    """Return, for each run, the values of its parameters by dotted key; the last parameter of a grid changes fastest.
 
     Raise SceneError if the lists of a zip differ in length, or a grid has more than `MOST_RUNS` runs.
     """

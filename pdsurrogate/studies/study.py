@@ -50,7 +50,7 @@ class Quiet:
     """Receiver that ignores the progress."""
 
     def begin(self, runs: int, done: int, workers: Workers) -> None:
-        """Ignore the begin."""
+        """Ignore the start of a study."""
 
     def ended(self, place: str, failure: str | None) -> None:
         """Ignore the end of a run."""

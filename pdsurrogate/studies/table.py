@@ -108,7 +108,7 @@ def _leaves(place: Any, steps: list[str], before: tuple[str, ...]) -> Iterator[t
 
 
 def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
-    """Return the columns of rows that may each have some of them, in order, the failure last."""
+    """Return the columns that any of the rows has, in order of appearance, with the column of failures last."""
     found = dict.fromkeys(key for row in rows for key in row)
     found.pop(FAILURE, None)
     return [*found, FAILURE]
