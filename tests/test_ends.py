@@ -1,6 +1,7 @@
 """Runs that end before their time: killed, interrupted, or out of time; what they leave, and how it goes on."""
 
 import csv
+import importlib
 import json
 import math
 import os
@@ -20,6 +21,7 @@ from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.run import levels
 from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
+from pdsurrogate.stress_test.case import Subject
 
 PATIENCE = 300
 """Seconds for what takes some on a free machine."""
@@ -221,6 +223,26 @@ def test_every_run_of_a_study_ends_when_its_time_is_over(tmp_path):
     assert [row["failure"] for row in done.rows] == [None, None]
     with pytest.raises(ValueError, match="max_time: a fit has no checkpoint"):
         pd.study({"fit": {"material": "gent"}, "parameters": {"degree": [3]}}, tmp_path / "fits", max_time=1.0)
+
+
+@pytest.mark.parametrize("where", ["stress_test.deformations", "stress_test.conformance", "reports.compare"])
+def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
+    """It ended one run of many, which counted as failed, and the next began."""
+    module = importlib.import_module(f"pdsurrogate.{where}")
+
+    def interrupted(*given, **options):
+        raise SimulationInterrupted("interrupted", None)
+
+    monkeypatch.setattr(module, "simulate", interrupted)
+    force = pd.load_surrogate("analytic")
+    keys = {"body": pd.Rectangle(size=(1.0, 1.0)), "spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
+    calls = {
+        "stress_test.deformations": lambda: module._run(Subject("analytic"), keys),
+        "stress_test.conformance": lambda: module.checkpoint(Subject("analytic")),
+        "reports.compare": lambda: module.measure_scene(module.Candidate("exact", force, "float64"), pd.NeoHookean(), 0.25),
+    }
+    with pytest.raises(KeyboardInterrupt):
+        calls[where]()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")

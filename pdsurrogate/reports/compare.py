@@ -36,7 +36,7 @@ from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
 from ..results.provenance import processor
 from ..run.run import Silent
-from ..run.simulate import SimulationFailed, simulate
+from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import load_scene
 from .speed import TimedModel, measure_speed, sheet
 
@@ -177,6 +177,8 @@ def measure_scene(entry: Candidate, law: Law, spacing: float, told: Callable[[fl
     scene = load_scene("uniaxial", changes, material=law.describe())
     try:
         result = simulate(scene, entry.model, progress=_Levels(len(scene.stretches), told))
+    except SimulationInterrupted:
+        raise KeyboardInterrupt from None
     except SimulationFailed as error:
         return {"scene_failure": str(error)}
     return {

@@ -154,9 +154,11 @@ def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> Non
         )
 
 
-def check_names(folder: Path, name: str) -> None:
-    """Raise FolderTaken if a folder holds a file called like one of a scene's results that no run wrote."""
+def check_names(folder: Path, name: str, resumed: bool = False) -> None:
+    """Raise FolderTaken if a folder holds a file named like a result of a scene that no run wrote, but for a checkpoint to resume from."""
     for path in (*(folder / kind for kind in _SIGNATURES), *_files_of(folder, name)):
+        if path.name == CHECKPOINT and resumed:
+            continue
         if path.exists() and not _is_ours(path):
             raise FolderTaken(f"{path} was not written by a run and would be replaced; give another folder")
 

@@ -210,7 +210,7 @@ def simulate(
 
     def look_into_folder() -> None:
         if writes and resume:
-            check_names(folder, scene.name)
+            check_names(folder, scene.name, resumed=True)
             remove_leftovers(folder)
         elif writes:
             check_room(folder, Contents.of(scene, [model, *models_of(scene, model)]), overwrite)

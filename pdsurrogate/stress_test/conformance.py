@@ -40,7 +40,7 @@ from ..kernels.reference_state import CORRECTIONS
 from ..learning import wide_design
 from ..materials import PLANES, Law, dimension_of
 from ..run.run import Silent
-from ..run.simulate import SimulationFailed, simulate
+from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import MaterialSpec, load_scene
 from .bodies import disc_with_hole, gripped, jittered, notched, of_points, plain, sheet
 from .case import INAPPLICABLE, PASS, WEAK, Case, Outcome, Subject
@@ -514,6 +514,8 @@ def checkpoint(subject: Subject) -> Outcome:
     scene = load_scene("uniaxial", changes, material=subject.law.describe())
     try:
         whole = simulate(scene, subject.model)
+    except SimulationInterrupted:
+        raise KeyboardInterrupt from None
     except SimulationFailed as error:
         return Outcome(WEAK, str(error), None, None, "does not converge")
     with tempfile.TemporaryDirectory() as name:

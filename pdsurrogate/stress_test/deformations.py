@@ -14,7 +14,7 @@ from ..body import Body
 from ..forces import FORCES, ForceSettings, ForceSurrogate, InvalidState, LearntEnergy
 from ..materials import Gent, Law, NeoHookean, homogeneous
 from ..results import Result
-from ..run.simulate import SimulationFailed, simulate
+from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import Scene, load_scene
 from ..solvers import Unstable
 from .bodies import HORIZONS, SPACING
@@ -68,6 +68,8 @@ def _stretched(subject: Subject, stretches, law: Law, square: bool = False) -> O
     scene = load_scene("uniaxial", changes, stretches=stretches, material=law.describe())
     try:
         result = simulate(scene, subject.model)
+    except SimulationInterrupted:
+        raise KeyboardInterrupt from None
     except SimulationFailed as error:
         if isinstance(error.__cause__, Unstable):
             return Outcome(STOPS, str(error))
@@ -192,6 +194,8 @@ def _run(subject: Subject, described: dict, force=None) -> Result | Outcome:
     scene = Scene(**{"name": "hard-case", "material": subject.law.describe(), "solver": {"most_evaluations": 5000}} | described)
     try:
         return simulate(scene, force or subject.model)
+    except SimulationInterrupted:
+        raise KeyboardInterrupt from None
     except SimulationFailed as error:
         return Outcome(WEAK, str(error), None, None, "does not converge")
 
