@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..forces import InvalidState
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, no_report
 from .minimiser import EnergyMinimiser
@@ -38,16 +40,16 @@ class Automatic(EquilibriumSolver):
             self.gave_up |= not force.nearly_incompressible and self.reductions.total_of_parts(len(self.volumes)) > self.MOST_POINTS
         return self._quick
 
-    def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
+    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
         quick = self._method(force)
         start, began = positions.copy(), force.evaluations
         if not self.gave_up:
             try:
-                return quick.solve(force, positions, tolerance, report)
+                return quick.solve(force, positions, tolerance, report, least_drive)
             except (Diverging, InvalidState, NotConverged):
                 if force.evaluations - began >= self.most_evaluations:
                     raise
                 self.gave_up = True
                 positions[:] = start
-        found = self._sure.solve(force, positions, tolerance, report)
-        return Equilibrium(found.residual, force.evaluations - began, found.method)
+        found = self._sure.solve(force, positions, tolerance, report, least_drive)
+        return replace(found, evaluations=force.evaluations - began)

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from .loads import Loads
 
 
+AT_REST = 1e-14
+"""Displacement over the extent of the body, or amplitude of a load, that counts as none: rounding leaves as much of a sine."""
+
+
 @dataclass(frozen=True)
 class HeldPoints:
     """Points of which some components follow the loading parameter.
@@ -205,6 +209,14 @@ class Loading(ABC):
         """Words for a value of the parameter."""
         return f"{self.parameter} {parameter:g}"
 
+    def at_rest(self, parameter: float) -> bool:
+        """Whether all that is held is where it is at rest at a value of the parameter, and there are no loads."""
+        shares = [np.abs(part.displacement(parameter)[..., list(part.components)]).max(initial=0.0) for part in self._held]
+        motions = [plane.motion(parameter) for plane in self._planes]
+        shares += [max(np.abs(motion[:, -1]).max(), np.abs(motion[:, :-1]).max() * self.body.spacing) for motion in motions]
+        moved = self._reductions.greatest_of_parts(float(max(shares, default=0.0))) > AT_REST * self._reductions.extent(self.body.points)
+        return not moved and (self.loads is None or self.loads.vanish(parameter))
+
     def apply(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter, and bring the loads to their size there."""
         self.hold(parameter, force, positions)
@@ -272,7 +284,7 @@ class Loading(ABC):
         for number, plane in enumerate(self._planes):
             for component in plane.components:
                 forces[plane.holders[component], component] += on_planes[number, component]
-        if any(part.holder is not None for part in self._held):
+        if self._held:
             at_points = -(self._on_points(force) if on_points is None else on_points) * (1 - self.free)
             for part, owned in zip(self._held, self._owned, strict=True):
                 for component, points in owned.items():
