@@ -40,9 +40,12 @@ FARTHEST = 0.5
 solver goes that far within some ten evaluations, and then takes thousands to fail; what comes to rest beyond is found with shorter
 increments too."""
 
-PATIENCE, LEAST_PATIENCE = 100, 2000
-"""Evaluations for all increments that follow one in which the body ran away, until one succeeds, over the mean of those that succeeded
-before; and at least.  Close below a greatest load the stiffness vanishes and solvers wander."""
+PATIENCE, LEAST_PATIENCE = 30, 2000
+"""Evaluations for all increments that follow one that failed, until one succeeds, over the mean of those that succeeded before; and at
+least.  Close below a greatest load the stiffness vanishes and solvers wander."""
+
+MOST_WASTED = 5000
+"""Evaluations of all increments of a run that fail, beyond which the next failure ends it: good runs take tens to some hundreds."""
 
 FINE, COARSE = 1e-3, 1e-2
 """Residuals of states on the way to an output, which only bring the next start near; the second of nearly incompressible bodies, whose
@@ -109,7 +112,7 @@ def go_through(run: Run, solver: EquilibriumSolver, stage: Stage) -> bool:
 def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, stage: Stage, evaluations: list[int]):
     """Follow the equilibrium to the run's target; None where a bond would break on the way."""
     largest = run.loading.largest_increment(run.positions, run.parameter, run.target, stage.largest_increment)
-    increments, wasted = Increments(run.parameter, run.target, largest), 0
+    increments = Increments(run.parameter, run.target, largest)
     ran_away, patience = None, np.inf
     while not increments.finished:
         accepted, began = _Accepted(run, solver), run.force.evaluations
@@ -120,11 +123,11 @@ def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, stage: Stage, ev
             raise
         except FAILURES as error:
             taken = run.force.evaluations - began
-            wasted, patience = wasted + taken, patience - taken
+            run.wasted += taken
+            patience = min(patience - taken, max(LEAST_PATIENCE, PATIENCE * np.mean(evaluations or 0)))
             if isinstance(error, RanAway) and ran_away is None:
-                # With short increments from close below a greatest load solvers fail in other ways.
-                ran_away, patience = error, max(LEAST_PATIENCE, PATIENCE * np.mean(evaluations or 0))
-            spent = min(run.scene.solver.most_evaluations - wasted, patience) <= 0
+                ran_away = error  # with short increments from close below a greatest load solvers fail in other ways
+            spent = patience <= 0 or run.wasted >= min(MOST_WASTED, run.scene.solver.most_evaluations)
             _take_back(run, solver, accepted, increments, error, ran_away or error, spent)
             continue
         ran_away, patience = None, np.inf
@@ -271,7 +274,7 @@ def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float,
         if run.reductions.any(run.interruption.asked):
             raise Interrupted
         if evaluations > patience:
-            raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after the body had run away")
+            raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
         if run.loads is not None:
             moved = run.reductions.greatest(np.abs(run.positions - guess))
             if moved > farthest:

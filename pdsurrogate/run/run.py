@@ -118,6 +118,8 @@ class Run:
         Loading parameter where that stage began.
     greatest_drive : float
         What drove the body (`Equilibrium.drive`) in the outputs so far, at most.
+    wasted : int
+        Evaluations of increments that failed.
     elapsed : float
         Time that earlier stages in dynamics took.
     damage : Damage or None
@@ -170,7 +172,7 @@ class Run:
         scene = self.scene
         self.ranks = communicator()
         self.stages = stages_of(scene)
-        self.stage, self.outputs, self.elapsed, self.greatest_drive = 0, 0, 0.0, 0.0
+        self.stage, self.outputs, self.wasted, self.elapsed, self.greatest_drive = 0, 0, 0, 0.0, 0.0
         self.damage: Damage | None = None
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
@@ -406,6 +408,7 @@ class Run:
             "evaluations": self.force.evaluations,
             "precision": self.force.precision,
             "greatest_drive": self.greatest_drive,
+            "wasted": self.wasted,
             "outside": self.reductions.total_of_parts(self.force.pairs_outside),
         }
         held = {"positions": self.positions, **self.force.state_arrays(), **arrays}
@@ -433,7 +436,7 @@ class Run:
         self.history, self.convergence, self.beyond_data = progress["history"], progress["convergence"], progress["beyond_data"]
         self.stage, self.outputs = progress["stage"], progress["outputs"]
         self.begin, self.elapsed, self.crack = progress["begin"], progress["elapsed"], progress["crack"]
-        self.greatest_drive = progress["greatest_drive"]
+        self.greatest_drive, self.wasted = progress["greatest_drive"], progress["wasted"]
         if progress["earlier"] is not None:
             self.earlier = progress["earlier"], found.arrays["earlier"].copy()
         self.states = self._states([Moment(*moment) for moment in progress["moments"]])

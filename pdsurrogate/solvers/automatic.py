@@ -24,6 +24,10 @@ class Automatic(EquilibriumSolver):
     # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor takes some 3 kB a point.
     MOST_POINTS = 1_000_000
 
+    # Most evaluations of relaxation, over the spacings in the body's extent, and at least.  It takes some tens for each of them where the
+    # body is as thick as it is long, more where it is slender.
+    RELAXED, LEAST_RELAXED = 100, 2_000
+
     _quick: EquilibriumSolver | None = None
 
     def __init__(self, *settings) -> None:
@@ -51,5 +55,7 @@ class Automatic(EquilibriumSolver):
                     raise
                 self.gave_up = True
                 positions[:] = start
+        most = max(self.LEAST_RELAXED, int(self.RELAXED * self.reductions.extent(force.body.points) / force.body.spacing))
+        self._sure.most_evaluations = min(self.most_evaluations, most)
         found = self._sure.solve(force, positions, tolerance, report, least_drive)
         return replace(found, evaluations=force.evaluations - began)

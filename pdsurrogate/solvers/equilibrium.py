@@ -37,7 +37,7 @@ IDLE = 5
 """See `ROUNDED`."""
 
 
-RIGID = 10
+RIGID = 1000
 """Strain of a body that is moved as a whole, over that of rounding."""
 
 

@@ -33,8 +33,8 @@ COMPRESSED = 0.05
 show, whose horizons are incomplete."""
 
 LARGEST_TURN = 10.0
-"""Degrees by which held parts turn at once in a first guess.  Points between them go along chords, which shrinks the body half way by 0.4 % for
-10 degrees and by 13 % for 60; of 2, 5, 10 and 60 degrees the first three take as many evaluations (twisted boxes and cylinders)."""
+"""Degrees by which held parts turn at once in a first guess.  Points between them go along chords, which shrinks the body half way by 0.4 %
+for 10 degrees and by 13 % for 60; of 2, 5, 10 and 60 degrees the first three take as many evaluations (twisted boxes and cylinders)."""
 
 HALVINGS = 10
 """Of a step, to find an increment that is not too long; a first guess that strains bonds by more than a thousand is a slip."""

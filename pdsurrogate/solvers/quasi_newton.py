@@ -31,8 +31,9 @@ class QuasiNewton(EquilibriumSolver):
     # Growth of the residual's norm that is still let pass: on the way from a rough start it need not fall at every step.
     MOST_GROWTH = 2.0
     LEAST_STEP = 1e-4
-    # Evaluations after which a method that converges at all would have done so: it takes 20 to 60 where it suits.
-    PATIENCE = 250
+    # Evaluations after which a method that suits has converged, with 20 to 60, or comes on, as on slender bodies that bend: the least residual
+    # of the last `WINDOW` steps is a tenth of that of as many before.
+    PATIENCE, WINDOW = 250, 100
 
     def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
         tolerance, began = tolerance or self.tolerance, force.evaluations
@@ -42,6 +43,7 @@ class QuasiNewton(EquilibriumSolver):
         self.evaluate(force, positions, forces)
         residual, settled = self.judge(force, forces, tolerance)
         history: deque = deque(maxlen=self.MEMORY)
+        residuals = [residual]
         while not settled:
             preconditioner.update()
             step = self._direction(preconditioner, forces, history)
@@ -61,9 +63,15 @@ class QuasiNewton(EquilibriumSolver):
                 history.append((step, change, 1 / curvature))
             forces = following
             report(evaluations, residual)
-            if evaluations >= min(self.PATIENCE, self.most_evaluations) and not settled:
+            residuals.append(residual)
+            lost = evaluations >= self.PATIENCE and not self._comes_on(residuals)
+            if not settled and (lost or evaluations >= self.most_evaluations):
                 raise self.not_converged(force, residual, evaluations, tolerance)
         return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
+
+    def _comes_on(self, residuals: list[float]) -> bool:
+        """Whether a search that takes long is worth going on with."""
+        return min(residuals[-self.WINDOW :]) < 0.1 * min(residuals[-2 * self.WINDOW : -self.WINDOW], default=0.0)
 
     def _bound(self, force, step) -> None:
         """Shorten a step that strains a bond more than may be."""
