@@ -31,8 +31,8 @@ class QuasiNewton(EquilibriumSolver):
     # Growth of the residual's norm that is still let pass: on the way from a rough start it need not fall at every step.
     MOST_GROWTH = 2.0
     LEAST_STEP = 1e-4
-    # Evaluations after which a method that suits has converged, with 20 to 60, or comes on, as on slender bodies that bend: the least residual
-    # of the last `WINDOW` steps is a tenth of that of as many before.
+    # Evaluations after which a method that suits has converged, as it does in 20 to 60, or comes on, as on slender bodies that bend: the
+    # least residual of the last `WINDOW` steps is a tenth of that of as many before.
     PATIENCE, WINDOW = 250, 100
 
     def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
