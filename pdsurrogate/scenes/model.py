@@ -71,8 +71,8 @@ class MaterialSpec(StrictModel):
             value = getattr(law, key)
             if not LEAST_MODULUS <= value <= MOST_MODULUS:
                 raise ValueError(
-                    f"{key} is {value:g}: forces of a material are computed for moduli from {LEAST_MODULUS:g} to {MOST_MODULUS:g}; take other "
-                    "units of stress"
+                    f"{key} is {value:g}: forces of a material are computed for moduli from {LEAST_MODULUS:g} to {MOST_MODULUS:g}; "
+                    "take other units of stress"
                 )
         return self
 
