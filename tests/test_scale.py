@@ -76,8 +76,8 @@ def test_a_strip_bends_under_its_own_weight(spacing, tip):
 def test_small_loads_bend_in_proportion(force):
     """Below 1e-6 shear moduli there was no displacement, and with it a clamp carried 0.63 to 0.78 of the load.
 
-    Of a load s shear moduli the square of the deflection over the length, some (10 s)^2, is not linear; forces left may be 5e-4 of the load,
-    which between two loads is twice that.
+    Of a load s shear moduli the square of the deflection over the length, some (10 s)^2, is not linear; forces left may be 5e-4 of the
+    load, which between two loads is twice that.
     """
     loads = np.array([1e-9, 1e-8, 1e-7, 1e-6, 1e-5])
     results = [simulate(cantilever(load), force) for load in loads]
