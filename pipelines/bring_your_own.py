@@ -34,8 +34,8 @@ from sklearn.svm import SVR
 from skorch import NeuralNetRegressor
 
 import pdsurrogate as pd
+from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.identification import committee_spread, nominal_stress
-from pdsurrogate.kernels.threads import thread_count
 from pdsurrogate.learning.settings import FitSettings
 from pdsurrogate.learning.validation import stiffness_slopes
 from pdsurrogate.reports.speed import bench_positions, sheet

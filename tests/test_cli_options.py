@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pd
 from pdsurrogate.cli import app, application
+from pdsurrogate.engine.threads import at_most, most_threads, threads_for
 from pdsurrogate.forces import OutsideDomainWarning
-from pdsurrogate.kernels.threads import at_most, most_threads, threads_for
 from pdsurrogate.materials import LAWS
 from pdsurrogate.run.sharing import Oversubscribed
 

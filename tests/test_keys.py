@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numba.extending import overload
 
+from pdsurrogate.engine.keys import NotKeyable, code_digest
 from pdsurrogate.kernels import bond_force
-from pdsurrogate.kernels.keys import NotKeyable, code_digest
 from pdsurrogate.materials import plane_stress
 from pdsurrogate.materials.consistency import law_digest
 
@@ -160,6 +160,10 @@ def test_what_cannot_be_keyed_is_named():
 
 def test_digests_are_the_same_in_every_process():
     """Orders of sets and addresses of objects differ between processes."""
-    source = "from pdsurrogate.kernels import bond_force, keys; print(keys.code_digest(bond_force.pair_forces.function))"
+    source = """
+from pdsurrogate.engine.keys import code_digest
+from pdsurrogate.kernels.bond_force import pair_forces
+print(code_digest(pair_forces.function))
+"""
     other = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=True).stdout.strip()
     assert other == code_digest(bond_force.pair_forces.function)

@@ -210,8 +210,8 @@ UNPHYSICAL = [
     ("yeoh", {"second": -0.1, "third": 1e-4}, "stress fall"),
     ("ogden", {"moduli": (1.0, 1.0), "exponents": (2.0, -2.0)}, "term 2 must be positive"),
     ("ogden", {"moduli": (1.0,), "exponents": (0.0,)}, "must be positive, not 0"),
-    ("ogden", {"moduli": (1.0, 2.0), "exponents": (2.0,)}, "equally many"),
-    ("ogden", {"moduli": (), "exponents": ()}, "equally many"),
+    ("ogden", {"moduli": (1.0, 2.0), "exponents": (2.0,)}, "lists of equal length"),
+    ("ogden", {"moduli": (), "exponents": ()}, "lists of equal length"),
     ("ogden", {"moduli": (np.inf,), "exponents": (2.0,)}, "must be finite"),
     ("ogden", {"shear_modulus": 3.0}, "make the shear_modulus 1, not 3"),
 ]

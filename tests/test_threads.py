@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 import pdsurrogate as pd
-from pdsurrogate.kernels import threads
-from pdsurrogate.kernels.passes import Chain, Pass
-from pdsurrogate.kernels.threads import SPIN_COUNT, Chunks, thread_count, threads_for
+from pdsurrogate.engine import threads
+from pdsurrogate.engine.passes import Chain, Pass
+from pdsurrogate.engine.threads import SPIN_COUNT, Chunks, thread_count, threads_for
 
 USE = """
 import os, sys
 import pdsurrogate as pd
 from pdsurrogate.reports.calibration import arithmetic
-from pdsurrogate.kernels.block_arrays import aligned_rows
+from pdsurrogate.engine.block_arrays import aligned_rows
 {first}
 before = dict(os.environ)
 for _ in range(2):
     arithmetic(1, aligned_rows((2, 8, 256), "float32", 0.5))
-    with pd.kernels.threads.thread_count(2):
+    with pd.engine.threads.thread_count(2):
         pass
 print(before == dict(os.environ), numba.threading_layer() if "numba" in globals() else "")
 """

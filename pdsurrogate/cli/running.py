@@ -232,12 +232,12 @@ def _print_crack(summary) -> None:
     if crack["start"] is None:
         out.print(f"No bond reached the critical stretch {summary['critical_stretch']:.4g}.")
         return
-    start = crack["start"]
-    where = ", ".join(f"{value:.3g}" for value in start["x"])
+    start, peak = crack["start"], crack.get("peak")
+    where = " and ".join(f"({', '.join(f'{value:.3g}' for value in tip)})" for tip in start["tips"])
     at = f"stretch {start['stretch']:.4f}" if "stretch" in start else f"t = {start['t']:.4f}"
-    peak = f"peak nominal stress {summary['peak_nominal_stress']:.5g} {units['stress']}; " if "peak_nominal_stress" in summary else ""
+    most = f"peak nominal stress {peak['nominal_stress']:.5g} {units['stress']} at stretch {peak['stretch']:.4f}; " if peak else ""
     out.print(
-        f"Crack from ({where}) at {at}; {peak}"
+        f"First bond broken at {where} at {at}; {most}"
         f"{crack['broken_bonds']} bonds broken, {'the body came apart' if crack['through'] else 'the body still holds'}; "
         f"{summary['unsupported_points']} points without support",
         soft_wrap=True,
@@ -247,7 +247,10 @@ def _print_crack(summary) -> None:
 def _print_cells(result) -> None:
     """Say which cells were taken where squares of the spacing do not fill the body."""
     summary, asked, unit = result.summary, result.scene.spacing, result.summary["units"]["length"]
-    if any(side != asked for side in summary["cell_size"]):
+    if result.scene.body.shape == "mesh":
+        told = f"The mesh has a spacing of {summary['spacing']:.6g} {unit}; the horizon is {summary['horizon']:.6g} {unit}"
+        out.print(told, soft_wrap=True)
+    elif any(side != asked for side in summary["cell_size"]):
         out.print(
             f"Cells of {' x '.join(f'{side:.6g}' for side in summary['cell_size'])} {unit} fill the body, the nearest to the spacing of "
             f"{asked:g}; the horizon is {summary['horizon']:.6g} {unit}",
@@ -356,9 +359,20 @@ def _print_probes(summary) -> None:
     show(table)
 
 
+def _print_accounts(summary) -> None:
+    """The account of energy of every stage in dynamics."""
+    for told in summary.get("dynamics", ()):
+        if told["energy_gap"] is None:
+            out.print(f"No account of energy: {told['remark']}", soft_wrap=True)
+        else:
+            put_in = f"{told['energy_put_in']:.4g} {summary['units']['energy']}"
+            out.print(f"Account of energy: off by {told['energy_gap']:+.2g} % of the {put_in} put in", soft_wrap=True)
+
+
 def _print_end(summary) -> None:
     if "crack" in summary:
         _print_crack(summary)
+    _print_accounts(summary)
     threads = f"{summary['threads']} thread{'s' if summary['threads'] != 1 else ''}"
     out.print(
         f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_directed_bond']:.2f} ns per directed bond on {threads}, "

@@ -56,7 +56,12 @@ def fit(
     folds: Annotated[int, typer.Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5,
     seed: Annotated[int, typer.Option(help="Seed of samples, split and first weights.", min=0)] = 0,
     folder: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder of artefacts; by default artifacts here, or $PDSURROGATE_ARTIFACTS.")
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder of artefacts; by default artifacts here (own-artifacts in a checkout), or $PDSURROGATE_ARTIFACTS.",
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

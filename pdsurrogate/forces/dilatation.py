@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..engine.block_arrays import BLOCK, aligned_rows, power_of_two
+from ..engine.passes import Chain
 from ..kernels import dilatation, selective_energy
-from ..kernels.block_arrays import BLOCK, aligned_rows, power_of_two
 from ..kernels.ghosts import place_points
-from ..kernels.passes import Chain
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ..body import Body
     from ..body.part import Whole
-    from ..kernels.passes import BoundPass
-    from ..kernels.threads import Chunks
+    from ..engine.passes import BoundPass
+    from ..engine.threads import Chunks
     from .kinematics import Kinematics
     from .selective_energy import SelectiveEnergyEvaluation, SelectivePairs, SinglePrecisionSmoothing, Smoothing
 

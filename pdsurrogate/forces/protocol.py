@@ -92,7 +92,7 @@ class Domain:
             return passed if bulk is None else np.maximum(passed, np.maximum(np.log(bulk) - high, low - np.log(bulk)))
 
     def limits(self, dtype) -> np.ndarray:
-        """Constants of `pdsurrogate.kernels.bond_state.is_outside`."""
+        """Constants of `pdsurrogate.kernels.domain.is_outside`."""
         low, high = np.float64(self.least_stretch) ** 2, np.float64(self.greatest_stretch) ** 2
         with np.errstate(divide="ignore"):
             return np.array([low, high, 1 / low, 1 / high, self.least_bulk, self.greatest_bulk, LEAST_NORMAL_STRETCH], dtype=dtype)
@@ -109,7 +109,7 @@ class CompiledBondForce:
     Attributes
     ----------
     address : int
-        Of the block function (`pdsurrogate.kernels.compile.bond_force_signature`).
+        Of the block function (`pdsurrogate.engine.compile.bond_force_signature`).
     sizes : ndarray of int64
     weights : ndarray, in the precision of the bond pass
     work_rows : int

@@ -1,4 +1,4 @@
-"""Material laws, their relations in the plane and in space, and exact homogeneous solutions."""
+"""Material laws, their stresses in plane stress, plane strain and three dimensions, and exact homogeneous solutions."""
 
 from .arruda_boyce import ArrudaBoyce
 from .full_network import FullNetwork

@@ -1,6 +1,6 @@
-"""Exact homogeneous solutions of slightly compressible laws, under plane stress or in plane strain: what simulations are compared with.
+"""Exact homogeneous solutions of slightly compressible laws, in plane stress or plane strain, as references for simulations.
 
-The textbook formulas of the paper's Table 1 are the incompressible limit, off by about 1 % in stress at K = 100 mu.
+The textbook formulas of the paper's Table 1 hold in the incompressible limit and are off by about 1 % in stress at K = 100 mu.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ class HomogeneousState:
 
 
 def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stress") -> HomogeneousState:
-    """State at two given in-plane stretches of a sheet; `plane` is one of `SHEETS`."""
+    """Return the state of a sheet at two given in-plane stretches; `plane` is one of `SHEETS`."""
     if plane not in SHEETS:
-        raise ValueError(f"plane: two stretches say what a sheet does; it must be {' or '.join(SHEETS)}, not {plane}")
+        raise ValueError(f"plane must be {' or '.join(SHEETS)} for two given stretches of a sheet, not {plane}")
     for value in (stretch, lateral_stretch):
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"a stretch must be positive and finite, not {value}")
@@ -68,25 +68,25 @@ def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stre
 
 
 def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousState:
-    """Tension or compression along x1 with sides that nothing holds: P22 = 0, and P33 = 0 under plane stress and in space.
+    """Return the state in tension or compression along x1 with free sides: P22 = 0, and P33 = 0 in plane stress and three dimensions.
 
     `plane` is a name of `PLANES`.
     """
     if plane == "space":
-        # The same state: nothing holds the thickness either.
+        # The state is that of plane stress, since the thickness is free as well.
         plane = "stress"
 
     def lateral_stress(lateral_stretch):
         return biaxial(law, stretch, lateral_stretch, plane).lateral_stress
 
-    # From the incompressible lateral stretch outwards, but not past the law's limit, which may be near.
+    # The search starts at the incompressible lateral stretch and stops at the law's limit, which may be near.
     middle = stretch**-0.5 if plane == "stress" else 1 / stretch
     low, high = (_enclosing(lateral_stress, middle, sign) for sign in (-1, 1))
     return biaxial(law, stretch, brentq(lateral_stress, low, high, xtol=1e-15, rtol=1e-15), plane)
 
 
 def _enclosing(function, middle: float, sign: int) -> float:
-    """Where a rising function has the given sign, beyond `middle` on that side; ValueError if it ends before."""
+    """Return a place, beyond `middle` on one side, where an increasing function has the given sign; raise ValueError if there is none."""
     near, far, step = 0.0, np.inf, 1e-3
     for _ in range(60):
         place = middle * np.exp(sign * step)
@@ -102,10 +102,10 @@ def _enclosing(function, middle: float, sign: int) -> float:
 
 
 def equibiaxial(law: Law, stretch: float) -> HomogeneousState:
-    """Equal stretches along x1 and x2."""
+    """Return the state at equal stretches along x1 and x2."""
     return biaxial(law, stretch, stretch)
 
 
 def pure_shear(law: Law, stretch: float) -> HomogeneousState:
-    """Stretch along x1 at a held width (lateral stretch 1)."""
+    """Return the state at a stretch along x1 and a fixed width (lateral stretch 1)."""
     return biaxial(law, stretch, 1.0)

@@ -13,7 +13,7 @@ MOST_TERMS = 8
 
 @dataclass(frozen=True)
 class Ogden(PrincipalStretchLaw):
-    """Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + U(J3), with the isochoric principal stretches l.
+    """Ogden's law, Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + U(J3), with the isochoric principal stretches l.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Ogden(PrincipalStretchLaw):
 
     def _check_terms(self) -> None:
         if len(self.moduli) != len(self.exponents) or not 1 <= len(self.moduli) <= MOST_TERMS:
-            raise ValueError(f"{self.name}: moduli and exponents must be equally many, from 1 to {MOST_TERMS}")
+            raise ValueError(f"{self.name}: moduli and exponents must be lists of equal length, from 1 to {MOST_TERMS}")
         if not np.isfinite([*self.moduli, *self.exponents]).all():
             raise ValueError(f"{self.name}: moduli and exponents must be finite")
         for number, product in enumerate(self._products()):

@@ -67,7 +67,7 @@ def contour_figure(
             cut.add_collection(drawn)
             cut.set(aspect="equal", xlim=(low[across[0]], high[across[0]]), ylim=(low[across[1]], high[across[1]]))
             cut.set_axis_off()
-            cut.set_title(f"cut at x{axis + 1} = {middle:.4g}, undeformed", pad=2)
+            cut.set_title(f"deformed section, at rest at x{axis + 1} = {middle:.4g}", pad=2)
             figure.colorbar(drawn, ax=cut, label=label, fraction=0.05, pad=0.05, shrink=0.8)
         return figure
 

@@ -8,6 +8,7 @@ from .. import artifacts
 from ..body import Body
 from ..forces import ForceModel, ForceSettings, Portion
 from ..scenes import Scene, SceneError
+from ..scenes.model import tip_diameter
 from ..solvers.regions import BodyRegions
 
 
@@ -29,7 +30,18 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
         model.check_material(scene.material.build())
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
+    check_fracture(scene, model)
     return [model, *models_of(scene, model)]
+
+
+def check_fracture(scene: Scene, model: ForceModel) -> None:
+    """Raise SceneError for a fracture energy from which no critical stretch follows with this model."""
+    if scene.fracture is None or scene.fracture.energy is None:
+        return
+    try:
+        tip_diameter(scene.plane, scene.horizon_ratio, model.family)
+    except ValueError as error:
+        raise SceneError(f"scene {scene.name}: {error}") from None
 
 
 def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:

@@ -12,9 +12,9 @@ import numpy as np
 
 from ..body import Body, Surface
 from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
+from ..engine.threads import threads_for
 from ..forces import ForceModel, ForceSettings, InternalForce, bind_portions
 from ..forces.interfaces import SIGHT
-from ..kernels.threads import threads_for
 from ..materials import Law
 from ..ranks import ALONE, HALO, Communicator, ReductionsOfParts, communicator, divided
 from ..ranks.communicator import Alone
@@ -32,7 +32,7 @@ from ..solvers.prescribed import PrescribedLoading
 from ..solvers.reductions import LOCAL, LocalReductions
 from ..solvers.regions import BodyRegions
 from .interruption import Interruption
-from .materials import models_of, portions_of, settings_of
+from .materials import check_fracture, models_of, portions_of, settings_of
 from .programme import Inertia, stages_of
 
 if TYPE_CHECKING:
@@ -81,6 +81,15 @@ class Silent:
 
     def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
         """Say nothing."""
+
+
+def loading_of(
+    scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray, regions: BodyRegions, loads: Loads | None, reductions: LocalReductions
+) -> Loading:
+    """Return the conditions of a scene on its body; see `GripLoading` and `PrescribedLoading` for what is refused."""
+    if scene.stretched:
+        return GripLoading(scene, body, lower, upper, reductions)
+    return PrescribedLoading(scene, body, lower, upper, regions, loads, scene.material.build().shear_modulus, reductions)
 
 
 @dataclass
@@ -139,6 +148,8 @@ class Run:
         Latest of the equilibrium iteration.
     crack : dict or None
         What the dynamics tell about a crack.
+    dynamics : list of dict
+        What is told of every stage in dynamics: its viscosity and its account of energy.
     beyond_data : list of dict
         Of every recorded state of an energy from test data, which share of the bonds is beyond them, and how far the farthest.
     interruption : Interruption
@@ -163,6 +174,7 @@ class Run:
     convergence: list[dict] = field(default_factory=list)
     residual: float | None = None
     crack: dict | None = None
+    dynamics: list[dict] = field(default_factory=list)
     beyond_data: list[dict] = field(default_factory=list)
     interruption: Interruption = field(default_factory=Interruption)
     reductions: LocalReductions = LOCAL
@@ -177,6 +189,7 @@ class Run:
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
         self.law: Law = scene.material.build()
+        check_fracture(scene, self.model)
         self.models = [self.model, *models_of(scene, self.model)]
         self.contents = Contents.of(scene, self.models)
         self.body: Body
@@ -193,7 +206,7 @@ class Run:
         settings = settings_of(scene)
         try:
             self.loads = Loads(scene, self.body, self.regions) if scene.loads else None
-            self.loading = self._loading(lower, upper)
+            self.loading = loading_of(scene, self.body, lower, upper, self.regions, self.loads, self.reductions)
             self.body.part.clear(self.loading.free)  # what others own they move
             self._check_speeds()
             numba.set_num_threads(self.threads)
@@ -284,13 +297,6 @@ class Run:
         """Shear modulus of the material in which shear waves are slowest."""
         return min(law.shear_modulus for law in (self.law, *(part.material.build() for part in self.scene.materials)))
 
-    def _loading(self, lower, upper) -> Loading:
-        scene = self.scene
-        if scene.stretched:
-            return GripLoading(scene, self.body, lower, upper, self.reductions)
-        conditions = self.regions, self.loads, self.law.shear_modulus, self.reductions
-        return PrescribedLoading(scene, self.body, lower, upper, *conditions)
-
     def _check_speeds(self) -> None:
         """Refuse held parts that move apart faster than shear waves: what the body does then hangs on the motion it is started with."""
         begin = self.loading.rest
@@ -322,7 +328,7 @@ class Run:
                 where = ("in one plane", "two layers of points or more in every direction")
             raise ValueError(
                 f"body: the bonds of {len(alone)} of its points, the first at {place_of(self.body, alone[0])}, lie {where[0]}; the body "
-                f"needs {where[1]} everywhere, {self.body.spacing:.4g} apart"
+                f"needs {where[1]} everywhere, {self.body.spacing:.4g} apart: take {self.body.finer}"
             )
 
     def warm_up(self) -> None:
@@ -399,6 +405,7 @@ class Run:
             "begin": self.begin,
             "elapsed": self.elapsed,
             "crack": self.crack,
+            "dynamics_told": self.dynamics,
             "earlier": None if self.earlier is None else self.earlier[0],
             "levels": self.levels,
             "history": self.history,
@@ -437,6 +444,7 @@ class Run:
         self.stage, self.outputs = progress["stage"], progress["outputs"]
         self.begin, self.elapsed, self.crack = progress["begin"], progress["elapsed"], progress["crack"]
         self.greatest_drive, self.wasted = progress["greatest_drive"], progress["wasted"]
+        self.dynamics = progress["dynamics_told"]
         if progress["earlier"] is not None:
             self.earlier = progress["earlier"], found.arrays["earlier"].copy()
         self.states = self._states([Moment(*moment) for moment in progress["moments"]])

@@ -14,9 +14,9 @@ from threadpoolctl import threadpool_limits
 
 from .. import artifacts
 from ..arguments import check_is, check_path, check_whole_number
+from ..engine.compile import compilation_clock
+from ..engine.threads import thread_count
 from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
-from ..kernels.compile import compilation_clock
-from ..kernels.threads import thread_count
 from ..ranks import communicator
 from ..results import Result
 from ..results.checkpoint import CheckpointError
@@ -25,6 +25,7 @@ from ..results.folder import check_room, make_room, occupied
 from ..results.provenance import provenance
 from ..scenes import Scene, SceneError, load_scene
 from ..solvers import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
+from ..solvers.conditions import FoldedOver
 from .interruption import Interrupted
 from .levels import go_through, solver_of
 from .materials import checked_models, models_of
@@ -89,6 +90,8 @@ ADVICE = {
     Unstable: "push it less far, or follow it in dynamics",
     RanAway: "a load may have a maximum, as the pressure in a balloon has: to go beyond it prescribe displacements in its place, or follow "
     "it in dynamics",
+    FoldedOver: "contact is not followed, and a finer spacing shows the fold sooner: push it less far, make the free side hollow, or let "
+    "the body slide there, with the components along the plane left free",
     InvalidState: "take a finer spacing; or the material itself does not reach this far",
 }
 """What to change, by what went wrong between levels in equilibrium."""
@@ -270,7 +273,7 @@ def _go(run: Run, resume: bool) -> None:
         # Imported here: a scene without damage compiles none.
         from .fracture import Damage, critical_stretch_in
 
-        run.critical_stretch = critical_stretch_in(run.scene, run.law, run.body.horizon)
+        run.critical_stretch = critical_stretch_in(run.scene, run.law, run.body.horizon, run.model.family)
         run.damage = Damage(run.body, run.critical_stretch)
     solver, transient = solver_of(run), None
     if resume:
@@ -350,6 +353,12 @@ def _take_up(run: Run, solver):
         raise CheckpointError(f"the checkpoint in {run.folder} is damaged ({error}); run without resume") from None
 
 
+def _peak(history: list[dict]) -> dict | None:
+    """Where the nominal stress is greatest: the load that a body with a crack bears."""
+    highest = max(history, key=lambda row: row["nominal_stress"], default=None)
+    return highest and {key: highest[key] for key in ("time", "stretch", "nominal_stress") if key in highest}
+
+
 def _result(run: Run, seconds_compile: float, began: float, failure: str | None, interrupted: bool = False) -> Result:
     """Everything reached so far."""
     force, scene = run.force, run.scene
@@ -410,7 +419,8 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None,
             stresses = [row["nominal_stress"] for row in [*run.levels, *run.history] if "nominal_stress" in row]
             summary["peak_nominal_stress"] = max(stresses, default=None)
         summary["n_steps"] = run.steps
+        summary["dynamics"] = run.dynamics
     if run.crack is not None:
         summary["critical_stretch"] = run.critical_stretch
-        summary["crack"] = run.crack
+        summary["crack"] = run.crack | ({"peak": _peak(run.history)} if scene.stretched else {})
     return Result(scene, run.body if run.whole is None else run.whole, summary, run.history, run.states, run.convergence)

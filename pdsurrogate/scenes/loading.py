@@ -156,7 +156,7 @@ class StepDynamics(StrictModel):
     duration: Positive
     density: Positive
     damping: Annotated[Finite, Field(ge=0)] = 0.0
-    viscosity: Annotated[Finite, Field(ge=0)] = 0.0
+    viscosity: Annotated[Finite, Field(ge=0)] | None = None
     safety: Annotated[Positive, Field(le=1)] = 0.7
 
 

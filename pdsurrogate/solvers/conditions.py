@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,6 +24,14 @@ if TYPE_CHECKING:
 AT_REST = 1e-14
 """Displacement over the extent of the body, or amplitude of a load, that counts as none: rounding leaves as much of a sine."""
 
+ONE_SIDED = 0.1
+"""Horizons from a point to the middle of its neighbours, along a plane, from which it lies beside a free side: full horizons have it at the
+point, halves 0.4 away."""
+
+
+class FoldedOver(InvalidState):
+    """A free side has bulged over the plane that it is bonded to, where it would lie against it."""
+
 
 @dataclass(frozen=True)
 class HeldPoints:
@@ -38,6 +47,8 @@ class HeldPoints:
     components : tuple of int
     displacement : callable
         Displacement at a value of the parameter, shape (d,) or (k, d); only held components are read.
+    place : ndarray, shape (d,), optional
+        That the points are the nearest to: together they are a support at one place, which keeps nothing from turning about it.
     """
 
     name: str
@@ -45,6 +56,7 @@ class HeldPoints:
     points: np.ndarray
     components: tuple[int, ...]
     displacement: Callable[[float], np.ndarray]
+    place: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -205,6 +217,12 @@ class Loading(ABC):
         within = bonds.second < n if intact is None else (bonds.second < n) & intact
         return self._reductions.pieces(n, bonds.first[within], bonds.second[within])
 
+    def _remark_on_pieces(self, count: int) -> None:
+        """Say that the body is in several pieces, each of which is held."""
+        if count > 1 and self.body.part.leads:
+            why = f"as where a cut goes all the way, or a wall is thinner than the spacing, {self.body.spacing:.3g}"
+            warnings.warn(f"the body is in {count} pieces with no bonds between them, {why}; each is held by itself", stacklevel=2)
+
     def at(self, parameter: float) -> str:
         """Words for a value of the parameter."""
         return f"{self.parameter} {parameter:g}"
@@ -232,6 +250,20 @@ class Loading(ABC):
         for number, plane in enumerate(self._planes):
             force.move_plane(number, plane.displacement(parameter), None if plane.turn is None else plane.turn(parameter))
 
+    def unevenness(self, last: float, now: float, ahead: float) -> float:
+        """Return by what share of its way to a value `ahead` what is held departs from its velocity since the `last` value."""
+        if now == last:
+            return 0.0
+
+        def places(parameter: float) -> np.ndarray:
+            motions = [*(part.displacement(parameter) for part in self._held), *(plane.motion(parameter) for plane in self._planes)]
+            return np.concatenate([np.ravel(motion) for motion in motions]) if motions else np.zeros(1)
+
+        before, present, after = map(places, (last, now, ahead))
+        way, evenly = after - present, (present - before) * ((ahead - now) / (now - last))
+        off, *ways = (self._reductions.greatest_of_parts(np.abs(change).max(initial=0.0)) for change in (way - evenly, way, evenly))
+        return off / max(ways) if off > 0 else 0.0
+
     def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Check that no point is on the far side of a plane in which the body is reflected, where its own image belongs.
 
@@ -257,7 +289,18 @@ class Loading(ABC):
             if beyond[worst] > 1e-6 * self.body.spacing:
                 what = f"it lies {beyond[worst]:.3g} beyond the {held.name}, on the side of its own image"
                 error = InvalidState(at_point(self.body, worst, what))
+                if len(held.components) > 1 and self._beside_free_side(worst, plane.axis):
+                    what += "; the free side beside it bulges over what it is bonded to, and would lie against it"
+                    error = FoldedOver(at_point(self.body, worst, what))
             self.body.part.agree(error)
+
+    def _beside_free_side(self, point: int, axis: int) -> bool:
+        """Whether the neighbours of a point are on one side of it, along a plane that an axis is normal to."""
+        bonds = self.body.bonds
+        neighbours = bonds.neighbours[bonds.pointers[point] : bonds.pointers[point + 1]]
+        arms = self.body.all_points[neighbours] - self.body.points[point]
+        middle = np.average(arms, axis=0, weights=self.body.all_volumes[neighbours])
+        return bool(np.linalg.norm(np.delete(middle, axis)) > ONE_SIDED * self.body.horizon)
 
     def reactions(self, force: InternalForce, on_points: np.ndarray | None = None) -> Reactions:
         """Forces of all holders on the body in the state last evaluated.
@@ -280,16 +323,27 @@ class Loading(ABC):
         levers = None
         if any(plane.turn is not None for plane in self._planes):
             levers = self._reductions.total_of_parts(self._levers_on_planes(force, crossing))
-        forces, at_points = np.zeros((len(self.names), dimension)), None
-        for number, plane in enumerate(self._planes):
-            for component in plane.components:
-                forces[plane.holders[component], component] += on_planes[number, component]
-        if self._held:
-            at_points = -(self._on_points(force) if on_points is None else on_points) * (1 - self.free)
+        if on_points is None and self._holds_points:
+            on_points = self._on_points(force)
+        return self.reactions_of(self._reductions.total_of_parts(on_planes), levers, on_points)
+
+    @property
+    def _holds_points(self) -> bool:
+        return bool(self._held)
+
+    def reactions_of(self, on_planes: np.ndarray, levers: np.ndarray | None, on_points: np.ndarray | None) -> Reactions:
+        """Forces of all holders by those on planes, with their levers, and by internal force and loads on every point."""
+        forces, at_points = np.zeros((len(self.names), self.body.dimension)), None
+        if self._holds_points:
+            at_points = -on_points * (1 - self.free)
             for part, owned in zip(self._held, self._owned, strict=True):
                 for component, points in owned.items():
                     forces[part.holder, component] += at_points[points, component].sum()
-        return Reactions(self._reductions.total_of_parts(forces), self._reductions.total_of_parts(on_planes), at_points, levers)
+            forces = self._reductions.total_of_parts(forces)
+        for number, plane in enumerate(self._planes):
+            for component in plane.components:
+                forces[plane.holders[component], component] += on_planes[number, component]
+        return Reactions(forces, on_planes, at_points, levers)
 
     def moments(self, force: InternalForce, reactions: Reactions) -> np.ndarray:
         """Moments of the holders' forces about the origin of the coordinates.

@@ -6,10 +6,10 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from ..kernels.block_arrays import power_of_two
+from ..engine.block_arrays import power_of_two
+from ..engine.passes import Chain
+from ..engine.threads import chunks_of
 from ..kernels.multigrid import passes_of
-from ..kernels.passes import Chain
-from ..kernels.threads import chunks_of
 
 COARSENING = 3
 """Mean distances of points, along each axis, that are one on the next level."""

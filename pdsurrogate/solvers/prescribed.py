@@ -87,7 +87,7 @@ class PrescribedLoading(Loading):
         labels = _labels(scene, regions)
         names = tuple(dict.fromkeys(labels[: len(scene.prescribed)]))
         holders = [names.index(label) for label in labels[: len(scene.prescribed)]]
-        edges = reflected_edges(scene)
+        edges = reflected_edges(scene, body.faces)
         planes, held, along_planes = [], [], []
         for edge, numbers in edges.items():
             points = np.flatnonzero(along_edge(body, edge, lower, upper).inside)
@@ -118,7 +118,8 @@ class PrescribedLoading(Loading):
             points = regions.points(entry.region)
             displacement = self._displacement(number, body.points[points])
             components = prescribed_components(entry, body.dimension)
-            held.append(HeldPoints(f"prescribed.{number}", holders[number], points, components, displacement))
+            place = regions.place(entry.region)
+            held.append(HeldPoints(f"prescribed.{number}", holders[number], points, components, displacement, place))
         super().__init__(body, names, tuple(planes), tuple(held), loads, reductions)
         # Every t at which a programme turns, and places between: amplitudes that agree at all of these are the same.
         samples = np.unique(np.concatenate([np.linspace(a, b, 5) for a, b in pairwise(turning_points)]))
@@ -213,17 +214,19 @@ class PrescribedLoading(Loading):
             advice = f"hold {ways} of a region by 0 against it, or let the steps be in dynamics"
             if count > 1:
                 thin = f"as where a wall is thinner than the spacing, {self.body.spacing:.3g}, or a cut goes all the way"
-                advice = f"there are {count} pieces with no bonds between them, {thin}: take a smaller spacing, or {advice}"
+                advice = f"there are {count} pieces with no bonds between them, {thin}: take {self.body.finer}, or {advice}"
             raise ValueError(f"prescribed: nothing keeps {what} from {' or '.join(motions)}; {advice}")
+        self._remark_on_pieces(count)
 
     def _constraints(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Places (k, d) and components (k,) that are held at rest, and the point of the body that each belongs to."""
         places, components, owners = [], [], []
         for part in self._held:
+            points = part.points if part.place is None else part.points[:1]
             for component in part.components:
-                places.append(self.body.points[part.points])
-                components.append(np.full(len(part.points), component))
-                owners.append(part.points)
+                places.append(self.body.points[points] if part.place is None else np.tile(part.place, (len(points), 1)))
+                components.append(np.full(len(points), component))
+                owners.append(points)
         for plane, held, sources in zip(self.body.planes, self._planes, self._beside_planes, strict=True):
             beside = self.body.points[sources].copy()
             beside[:, plane.axis] = plane.position

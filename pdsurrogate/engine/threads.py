@@ -1,4 +1,4 @@
-"""Threads of the kernels: how many, and how they wait for each other."""
+"""Number of threads of the kernels, and how they wait for each other."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ import numba
 from numba.np.ufunc import parallel
 
 SPIN_COUNT = 1000
-"""Turns that a thread of GNU OpenMP takes in a waiting loop before it sleeps.
+"""Iterations for which a waiting thread of GNU OpenMP spins before it sleeps.
 
-Its own default, 300,000, lasts some milliseconds, in which a thread that waits keeps the core from the one it waits for wherever there are
-fewer free cores than threads. `python pipelines/threads.py` measures this choice against others, on free and on busy cores.
+The default of GNU OpenMP, 300,000, lasts some milliseconds, during which a waiting thread occupies a core that the thread it waits for may
+need. `python pipelines/threads.py` compares this choice with others, on free and on busy cores.
 """
 
 PAIRS_PER_THREAD = 5_000
-"""Pairs of points below which a further thread costs more in waiting than it takes over (`python pipelines/threads.py`)."""
+"""Pairs of points below which a further thread costs more in waiting than it saves (`python pipelines/threads.py`)."""
 
 PAIRS_PER_CHUNK = 1_000
-"""Pairs of points in a chunk of a pass, which takes some ten microseconds: less than the turns of `SPIN_COUNT`, so that threads that end
-half a chunk apart do not fall asleep."""
+"""Pairs of points in a chunk of a pass. A chunk takes some ten microseconds, less than `SPIN_COUNT` iterations, so that threads that finish
+half a chunk apart do not fall asleep.
+"""
 
 _WAITING = ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")
-"""Variables by which a user says how threads wait."""
+"""Environment variables by which a user sets how threads wait."""
 
 
 class ThreadsSpinWarning(RuntimeWarning):
-    """The kernels' threads wait for each other in loops, because they ran before that could be set."""
+    """Warning that the kernels' threads spin while they wait, because numba started them before pdsurrogate could set it."""
 
 
 _started = False
 
 
 def start_threads() -> None:
-    """Start numba's threading layer with threads that soon sleep when they wait, unless the user has set how they wait.
+    """Start numba's threads such that a waiting thread soon sleeps, unless the user has set how threads wait; warn once if it is too late.
 
-    GNU OpenMP reads that from the environment once, when it is loaded; the environment is left as it was. Says so once where it comes too
-    late.
+    GNU OpenMP reads the setting from the environment when it is loaded; the environment is restored afterwards.
     """
     global _started
     if _started:
@@ -52,8 +52,8 @@ def start_threads() -> None:
         return
     if _runs_already():
         warnings.warn(
-            "numba's threads ran before pdsurrogate could set how they wait: beside other work, two threads may be far slower than one; "
-            f"set GOMP_SPINCOUNT={SPIN_COUNT} in the environment, or import and use pdsurrogate first",
+            "numba's threads were started before pdsurrogate could set how they wait: if other work uses the cores, two threads may be "
+            f"far slower than one; set GOMP_SPINCOUNT={SPIN_COUNT} in the environment, or import and use pdsurrogate first",
             ThreadsSpinWarning,
             stacklevel=2,
         )
@@ -66,18 +66,18 @@ def start_threads() -> None:
 
 
 def _runs_already() -> bool:
-    """Whether numba's threads run on GNU OpenMP, or another library has loaded the same one."""
+    """Return whether numba's threads already run on GNU OpenMP, or another library has loaded the same copy of it."""
     if parallel._is_initialized:
         return numba.threading_layer() == "omp"
     if sys.platform != "linux":
         return False
-    # Wheels bring copies of their own, which are not the one that numba takes.
+    # Wheels bring their own copies, which numba does not use.
     mapped = {line.split()[-1] for line in Path("/proc/self/maps").read_text().splitlines() if "/libgomp" in line}
     return any("site-packages" not in file for file in mapped)
 
 
 def threads_in_use() -> int:
-    """Threads that passes bound now are shared among."""
+    """Return the number of threads for passes that are bound now."""
     start_threads()
     return numba.get_num_threads()
 
@@ -86,19 +86,13 @@ _most: int | None = None
 
 
 def most_threads() -> int:
-    """Threads that numba was started with, or fewer within `at_most`."""
+    """Return the number of threads that numba was started with, or the limit set by `at_most`."""
     return _most or numba.config.NUMBA_NUM_THREADS
 
 
 @contextmanager
 def at_most(threads: int | None) -> Iterator[None]:
-    """Context in which everything keeps to so many threads; None for all.
-
-    Raises
-    ------
-    ValueError
-        If there are not so many.
-    """
+    """Limit everything within the context to a number of threads, None for all; raise ValueError if there are fewer."""
     global _most
     before = _most
     with thread_count(threads):
@@ -110,32 +104,26 @@ def at_most(threads: int | None) -> Iterator[None]:
 
 
 def threads_for(pairs: int) -> int:
-    """How many threads pay for a body of so many pairs of points: at most `most_threads`."""
+    """Return how many threads are worthwhile for a body with this number of pairs of points, at most `most_threads`."""
     return max(1, min(most_threads(), pairs // PAIRS_PER_THREAD))
 
 
 class Chunks(NamedTuple):
-    """Into how many parts the work of a pass is cut, and how many threads share them."""
+    """Number of threads of a pass, and number of chunks that they share."""
 
     threads: int
     number: int
 
 
 def chunks_of(pairs: int) -> Chunks:
-    """How passes over a body of so many pairs are cut up for the threads in use: at least into one chunk for each of them."""
+    """Return the chunks of passes over a body with this number of pairs, at least one for each thread in use."""
     threads = threads_in_use()
     return Chunks(threads, 1 if threads == 1 else max(threads, pairs // PAIRS_PER_CHUNK))
 
 
 @contextmanager
 def thread_count(threads: int | None) -> Iterator[int]:
-    """Context in which the kernels use `threads` threads (all that numba was started with if None); yields their number.
-
-    Raises
-    ------
-    ValueError
-        If there are not so many.
-    """
+    """Use this number of threads within the context, None for all, and yield it; raise ValueError if there are fewer."""
     most = most_threads()
     if threads is not None and not 1 <= threads <= most:
         raise ValueError(f"threads must be between 1 and {most} on this machine, not {threads}")
