@@ -22,7 +22,7 @@ LEAST_SHARE = 0.01
 """Of the moment over the extent of the body: what is turned has smaller forces, of which the table tells nothing."""
 
 LEAST_SHOWN = 5e-6
-"""Forces below it are printed as zero."""
+"""Forces below it are printed as zero; where none is as large as 1, over the greatest."""
 
 CAUTION = 0.01
 """Relative RMS error stated by an artefact's card from which a run says so."""
@@ -280,19 +280,30 @@ def _print_levels(result) -> None:
         if compared:
             table.add_column("exact" if homogeneous else "reference", justify="right")
             table.add_column("error (%)", justify="right")
-    for level in summary["levels"]:
-        cells = [f"{level['stretch']:g}"]
+    columns = {}
+    for key, *_ in quantities:
+        greatest = max((abs(level[key]) for level in summary["levels"] if key in level), default=0.0)
+        for column in (key, f"{key}_reference"):
+            columns[column] = _figures([level.get(column) for level in summary["levels"]], greatest)
+    for number, level in enumerate(summary["levels"]):
+        cells = [f"{level['stretch']:.10g}"]
         for key, *_ in quantities:
-            cells.append(f"{level[key]:.5f}" if key in level else "")
+            cells.append(columns[key][number])
             if compared:
                 error = level.get(f"{key}_error")
-                reference = level.get(f"{key}_reference")
-                cells += ["" if reference is None else f"{reference:.5f}", "" if error is None else f"{100 * error:+.4f}"]
+                cells += [columns[f"{key}_reference"][number], "" if error is None else f"{100 * error:+.4f}"]
         table.add_row(*cells)
     if summary["levels"]:
         show(table)
         _print_grip(result)
     _print_end(result)
+
+
+def _figures(values: list[float | None], greatest: float) -> list[str]:
+    """Values of a column as they are shown, blanks for None: with five decimals, or in powers of ten where the greatest asks for them."""
+    form = ".5f" if greatest == 0 or 0.01 <= greatest < 1e7 else ".4e"
+    # Rounded first: no minus before a zero.
+    return ["" if value is None else format(round(value, 5) + 0.0 if form == ".5f" else value, form) for value in values]
 
 
 def _print_outputs(result) -> None:
@@ -306,26 +317,29 @@ def _print_outputs(result) -> None:
         table.add_column(units.label("time", "time"), justify="right")
     # Components that are zero throughout are left out; of what has next to no force, as turned parts have, the moment is told.
     extent = float(np.ptp(result.body.points, axis=0).max())
+    greatest = max((abs(value) for level in summary["levels"] for force in level["forces"].values() for value in force), default=0.0)
+    nothing = LEAST_SHOWN * min(1.0, greatest)
     for name in dict.fromkeys(name for level in summary["levels"] for name in level["forces"]):
         forces = [level["forces"][name] for level in summary["levels"]]
         # About x3 alone in the plane, about all three axes in space.
         moments = np.array([np.atleast_1d(level["moments"][name]) for level in summary["levels"]])
-        least = max(LEAST_SHOWN, LEAST_SHARE * np.abs(moments).max() / extent)
+        least = max(nothing, LEAST_SHARE * np.abs(moments).max() / extent)
         shown = [component for component in range(len(forces[0])) if any(abs(force[component]) >= least for force in forces)]
         for component in shown:
             columns[units.label(f"{name} x{component + 1}", "force")] = [force[component] for force in forces]
-        turned = np.flatnonzero(np.abs(moments).max(axis=0) >= LEAST_SHOWN) if moments.shape[1] == 3 else [0] * (not shown)
+        turned = np.flatnonzero(np.abs(moments).max(axis=0) >= nothing * min(1.0, extent)) if moments.shape[1] == 3 else [0] * (not shown)
         for component in turned:
             which = f" about x{component + 1}" if moments.shape[1] == 3 else ""
             columns[units.label(f"{name} moment{which}", "energy")] = moments[:, component].tolist()
     for title in columns:
         table.add_column(title, justify="right")
+    greatest = max((abs(value) for values in columns.values() for value in values), default=0.0)
+    shown_columns = [_figures(values, greatest) for values in columns.values()]
     for number, level in enumerate(summary["levels"]):
         cells = [f"{level['t']:g}"]
         if moving:
             cells.append(f"{level['time']:.4g}" if "time" in level else "")
-        # Rounded first: no minus before a zero.
-        table.add_row(*cells, *(f"{round(values[number], 5) + 0.0:.5f}" for values in columns.values()))
+        table.add_row(*cells, *(figures[number] for figures in shown_columns))
     if summary["levels"]:
         show(table)
         if "probes" in summary["levels"][0]:
@@ -341,9 +355,11 @@ def _print_probes(summary, units) -> None:
     for name in names:
         for component in range(1, len(summary["levels"][0]["probes"][name]["displacement"]) + 1):
             table.add_column(units.label(f"{name} x{component}", "length"), justify="right")
-    for level in summary["levels"]:
-        values = [value for name in names for value in level["probes"][name]["displacement"]]
-        table.add_row(f"{level['t']:g}", *(f"{round(value, 5) + 0.0:.5f}" for value in values))
+    rows = [[value for name in names for value in level["probes"][name]["displacement"]] for level in summary["levels"]]
+    greatest = max((abs(value) for row in rows for value in row), default=0.0)
+    columns = [_figures(list(values), greatest) for values in zip(*rows, strict=True)]
+    for number, level in enumerate(summary["levels"]):
+        table.add_row(f"{level['t']:g}", *(figures[number] for figures in columns))
     show(table)
 
 

@@ -24,6 +24,11 @@ SCRATCH_ROWS = 9
 CACHE_LINE = 64
 
 
+def power_of_two(size: float) -> float:
+    """The power of two next above a size, 1 for 0: numbers are divided by it, and none of their digits changes, to be kept in single."""
+    return float(np.ldexp(1.0, int(np.frexp(size)[1]))) if size > 0 else 1.0
+
+
 def aligned_rows(shape, dtype=np.float64, value=0):
     """Return an array filled with `value` that begins at a cache line, so that no vector of a row lies across two lines.
 

@@ -378,6 +378,10 @@ class InternalForce(ABC):
         """
         return self.law.shear_modulus
 
+    def applied(self) -> np.ndarray | None:
+        """Forces of loads on the points in the state last evaluated, shape (n, d); None without loads, which `LoadedForce` adds."""
+        return None
+
     @property
     def force_scale(self) -> float | np.ndarray:
         """Shear modulus that the force on a point is measured by: one number, or of several materials shape (n,).

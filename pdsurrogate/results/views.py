@@ -75,7 +75,8 @@ def contour_figure(
 def cut_of(cells: CellMesh) -> tuple[int, float]:
     """The plane that a body of such cells is cut by for a picture: the axis that it is normal to, and where on it."""
     # The last of directions alike, so that a cube is cut along x1, in which bodies are pulled.
-    axis = 2 - int(np.argmin(np.ptp(cells.nodes, axis=0)[::-1].round(9)))
+    sides = np.ptp(cells.nodes, axis=0)[::-1]
+    axis = 2 - int(np.argmin((sides / sides.max()).round(9)))
     return axis, float(cells.nodes[:, axis].min() + cells.nodes[:, axis].max()) / 2
 
 

@@ -20,10 +20,13 @@ from ..solvers import (
     NotConverged,
     RanAway,
     TooFar,
+    TooSmall,
+    Unbalanced,
     Unstable,
     told_of_zero_energy_modes,
 )
 from ..solvers.branch import Branch
+from ..solvers.equilibrium import is_rigid, strain_of, strain_rounding
 from .interruption import Interrupted
 from .programme import Stage
 from .rows import compare, equilibrium_columns, level_row
@@ -39,13 +42,27 @@ FARTHEST = 0.5
 solver goes that far within some ten evaluations, and then takes thousands to fail; what comes to rest beyond is found with shorter
 increments too."""
 
-PATIENCE, LEAST_PATIENCE = 100, 2000
-"""Evaluations for all increments that follow one in which the body ran away, until one succeeds, over the mean of those that succeeded
-before; and at least.  Close below a greatest load the stiffness vanishes and solvers wander."""
+PATIENCE, LEAST_PATIENCE = 30, 2000
+"""Evaluations for all increments that follow one that failed, until one succeeds, over the mean of those that succeeded before; and at
+least.  Close below a greatest load the stiffness vanishes and solvers wander."""
+
+MOST_WASTED = 5000
+"""Evaluations of all increments of a run that fail, beyond which the next failure ends it: good runs take tens to some hundreds."""
 
 FINE, COARSE = 1e-3, 1e-2
 """Residuals of states on the way to an output, which only bring the next start near; the second of nearly incompressible bodies, whose
 preconditioner puts right what is left (a fifth fewer evaluations of bonded blocks)."""
+
+PRECISION_NAMES = {"float32": "single", "float64": "double"}
+
+RESOLVED = 1000
+"""Least strain of the body's most strained bond, over that which rounding leaves: smaller ones would be off by more than 0.1 %."""
+
+FORCE_ROUNDING = {"float32": 1e-7, "float64": 0.0}
+"""Strain whose stress is what rounding of the forces leaves, by precision.  In single at a strain of 1e-4 forces were 0.03 % off."""
+
+MOST_OFF = 1e-3
+"""Sum of all loads and reactions of an equilibrium, over what drives the body."""
 
 FAILURES = (NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable)
 """What a shorter increment may mend."""
@@ -149,20 +166,23 @@ class Way:
 
 def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, way: Way):
     """Follow the equilibrium to the run's target; None where a bond would break on the way."""
-    increments, evaluations, wasted = way.increments, way.evaluations, 0
+    increments, evaluations = way.increments, way.evaluations
     ran_away, patience = None, np.inf
     while not increments.finished:
         accepted, began = _Accepted(run, solver), run.force.evaluations
         way.accepted = accepted
         try:
             equilibrium = _follow(run, solver, branch, way, patience)
+        except TooSmall:
+            accepted.restore(run, solver)
+            raise
         except FAILURES as error:
             taken = run.force.evaluations - began
-            wasted, patience = wasted + taken, patience - taken
+            run.wasted += taken
+            patience = min(patience - taken, max(LEAST_PATIENCE, PATIENCE * np.mean(evaluations or 0)))
             if isinstance(error, RanAway) and ran_away is None:
-                # With short increments from close below a greatest load solvers fail in other ways.
-                ran_away, patience = error, max(LEAST_PATIENCE, PATIENCE * np.mean(evaluations or 0))
-            spent = min(run.scene.solver.most_evaluations - wasted, patience) <= 0
+                ran_away = error  # with short increments from close below a greatest load solvers fail in other ways
+            spent = patience <= 0 or run.wasted >= min(MOST_WASTED, run.scene.solver.most_evaluations)
             _take_back(run, solver, accepted, increments, error, ran_away or error, spent)
             continue
         ran_away, patience = None, np.inf
@@ -213,8 +233,35 @@ def _follow(run: Run, solver: EquilibriumSolver, branch: Branch, way: Way, patie
     run.positions[:] = start
     equilibrium = _solve(run, solver, target, tolerance, guess, patience, way)
     branch.check(run.parameter, target, guess, run.positions)
+    if increments.ends:
+        _check_resolved(run, target)
     run.parameter = target
     return equilibrium
+
+
+def _check_resolved(run: Run, target: float) -> None:
+    """Raise `TooSmall` where the strains of an equilibrium are so small that rounding is more than a thousandth of them."""
+    if not _is_driven(run, target):
+        return
+    moduli = [law.shear_modulus for law, _ in run.force.laws]
+    rounding = max(FORCE_ROUNDING[run.force.precision], strain_rounding(run.body, run.reductions)) * max(moduli) / min(moduli)
+    strain = strain_of(run.loaded, run.reductions)
+    if strain < RESOLVED * rounding:
+        contrast = f" with moduli {max(moduli) / min(moduli):.3g} apart" if max(moduli) > min(moduli) else ""
+        raise TooSmall(
+            f"the greatest strain, {strain:.2g}, is too small for {PRECISION_NAMES[run.force.precision]} precision, which resolves "
+            f"{RESOLVED * rounding:.1g}{contrast}"
+        )
+
+
+def _is_driven(run: Run, parameter: float) -> bool:
+    """Whether the body is strained at a value of the parameter: neither at rest nor, without loads, moved as a whole."""
+    if run.loading.at_rest(parameter):
+        return False
+    loads = run.loaded.applied()
+    if loads is not None and run.reductions.any(bool((loads * run.loading.free).any())):
+        return True
+    return not is_rigid(run.loaded, run.reductions)
 
 
 def _best(run: Run, guesses: list[np.ndarray], target: float) -> np.ndarray:
@@ -285,14 +332,15 @@ def _solve(
         run.progress.residual(evaluations, residual, tolerance)
         _keep_or_stop(run, solver, way)
         if evaluations > patience:
-            raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after the body had run away")
+            raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
         if run.loads is not None:
             moved = run.reductions.greatest(np.abs(run.positions - guess))
             if moved > farthest:
                 weak = told_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
                 raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")
 
-    return solver.solve(run.loaded, run.positions, tolerance, report)
+    least_drive = run.greatest_drive or np.inf if run.loading.at_rest(target) else 0.0
+    return solver.solve(run.loaded, run.positions, tolerance, report, least_drive)
 
 
 def _keep_or_stop(run: Run, solver: EquilibriumSolver, way: Way | None) -> None:
@@ -311,9 +359,20 @@ def _keep_or_stop(run: Run, solver: EquilibriumSolver, way: Way | None) -> None:
 
 
 def _record(run: Run, equilibrium: Equilibrium) -> None:
-    """Record an output in equilibrium."""
-    level = level_row(run)
+    """Record an output in equilibrium.
+
+    Raises
+    ------
+    Unbalanced
+        If loads and reactions are not in balance.
+    """
+    drive = equilibrium.drive if _is_driven(run, run.parameter) else run.greatest_drive or None
+    run.greatest_drive = max(run.greatest_drive, drive or 0.0)
+    level = level_row(run, drive)
     level |= {"residual": equilibrium.residual, "evaluations": equilibrium.evaluations, "method": equilibrium.method}
+    if drive and level["force_balance"] > MOST_OFF:
+        off = f"{100 * level['force_balance']:.2g} % of what drives the body, and may leave {100 * MOST_OFF:g} %"
+        raise Unbalanced(f"the sum of all loads and reactions is {off}")
     compare(run, level)
     run.levels.append(level)
     reached = run.loading.at(run.parameter), equilibrium.evaluations, equilibrium.residual, equilibrium.method

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -14,7 +14,7 @@ import numpy as np
 from ..body import Body, Surface
 from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
 from ..engine.threads import threads_for
-from ..forces import ForceModel, InternalForce, bind_portions
+from ..forces import ForceModel, ForceSettings, InternalForce, bind_portions
 from ..forces.interfaces import SIGHT
 from ..materials import Law
 from ..ranks import ALONE, HALO, Communicator, ReductionsOfParts, communicator, divided
@@ -139,6 +139,10 @@ class Run:
         Number of the stage that is under way, and how many of its outputs are there.
     begin : float
         Loading parameter where that stage began.
+    greatest_drive : float
+        What drove the body (`Equilibrium.drive`) in the outputs so far, at most.
+    wasted : int
+        Evaluations of increments that failed.
     elapsed : float
         Time that earlier stages in dynamics took.
     damage : Damage or None
@@ -200,7 +204,7 @@ class Run:
         scene = self.scene
         self.ranks = communicator()
         self.stages = stages_of(scene)
-        self.stage, self.outputs, self.elapsed = 0, 0, 0.0
+        self.stage, self.outputs, self.wasted, self.elapsed, self.greatest_drive = 0, 0, 0, 0.0, 0.0
         self.damage: Damage | None = None
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
@@ -233,11 +237,7 @@ class Run:
                 from .sharing import compile_first  # of which a run of one process has no need
 
                 compile_first(self.ranks, self.model, self.law, settings, scene.dimension)
-            self.force: InternalForce
-            if scene.materials:
-                self.force = bind_portions(self.body, portions_of(scene, self.body, self.models, self.regions), settings)
-            else:
-                self.force = self.model.bind(self.body, self.law, settings)
+            self._bind(settings)
             self._check_support()
             for number, probe in enumerate(scene.probes):
                 self.regions.check_place(f"probes.{number}.at", probe.at)
@@ -246,14 +246,39 @@ class Run:
             raise SceneError(f"scene {scene.name}: {error}") from None
         if self.ranks.rank:
             self.whole = None
-        self.loaded = self.force
-        if self.loads is not None or self.loading.supports is not None:
-            self.loaded = LoadedForce(self.force, self.loads, self.loading.supports)
         self.grip_areas = grip_areas(scene, lower, upper)
         self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]), default=None)
         self.parameter = self.target = self.begin = self.loading.rest
         self.positions = self.body.points.copy()
         self.states = self._states()
+
+    def _bind(self, settings: ForceSettings) -> None:
+        """Bind the force models to the body."""
+        self.force: InternalForce
+        if self.scene.materials:
+            self.force = bind_portions(self.body, portions_of(self.scene, self.body, self.models, self.regions), settings)
+        else:
+            self.force = self.model.bind(self.body, self.law, settings)
+        self.loaded = self.force
+        if self.loads is not None or self.loading.supports is not None:
+            self.loaded = LoadedForce(self.force, self.loads, self.loading.supports)
+
+    def takes_double(self) -> bool:
+        """Whether the force models may be evaluated in double precision in the place of single."""
+        if self.scene.precision is not None or self.force.precision == "float64":
+            return False
+        return all("float64" in model.honoured(self.scene.plane)["precision"] for model in self.models)
+
+    def take_double(self) -> None:
+        """Evaluate the force models in double precision from here on."""
+        old = self.force
+        self._bind(replace(settings_of(self.scene), precision="float64"))
+        for key, array in self.force.state_arrays().items():
+            array[:] = old.state_arrays()[key]
+        if self.damage is not None and self.reductions.any(bool(self.damage.broken.any())):
+            self.force.break_bonds(np.flatnonzero(self.damage.broken))
+        self.force.evaluations, self.force.pairs_outside = old.evaluations, old.pairs_outside
+        self.force.seconds, self.force.timed = old.seconds, old.timed
 
     def _states(self, moments: list[Moment] | None = None) -> States:
         """Where states are recorded, with those that are there already, of a run that is resumed."""
@@ -414,6 +439,9 @@ class Run:
             "beyond_data": self.beyond_data,
             "moments": [astuple(moment) for moment in self.states.moments],
             "evaluations": self.force.evaluations,
+            "precision": self.force.precision,
+            "greatest_drive": self.greatest_drive,
+            "wasted": self.wasted,
             "outside": self.reductions.total_of_parts(self.force.pairs_outside),
         }
         held = {"positions": self.positions, **self.force.state_arrays(), **arrays}
@@ -439,12 +467,16 @@ class Run:
         held = {"positions": self.positions, **self.force.state_arrays()}
         found = self._read_checkpoint(held)
         progress = found.progress
+        if progress["precision"] != self.force.precision:
+            self.take_double()
+            held |= self.force.state_arrays()
         for key, array in held.items():
             array[:] = found.arrays[key]
         self.parameter, self.levels = progress["parameter"], progress["levels"]
         self.history, self.convergence, self.beyond_data = progress["history"], progress["convergence"], progress["beyond_data"]
         self.stage, self.outputs = progress["stage"], progress["outputs"]
         self.begin, self.elapsed, self.crack = progress["begin"], progress["elapsed"], progress["crack"]
+        self.greatest_drive, self.wasted = progress["greatest_drive"], progress["wasted"]
         self.dynamics = progress["dynamics_told"]
         if progress["earlier"] is not None:
             self.earlier = progress["earlier"], found.arrays["earlier"].copy()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import time
+import warnings
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,7 +27,7 @@ from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, ch
 from ..results.provenance import provenance
 from ..results.result import write_tables
 from ..scenes import Scene, SceneError, load_scene
-from ..solvers import Diverging, NotConverged, RanAway, TooFar, Unstable
+from ..solvers import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from ..solvers.conditions import FoldedOver
 from .interruption import Interrupted, Interruption
 from .levels import Way, go_through, solver_of
@@ -61,6 +62,18 @@ class SimulationFailed(RuntimeError):
         self.result = result
 
 
+class SinglePrecisionLeft(RuntimeWarning):
+    """A run takes double precision, since single does not resolve its strains.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> from pdsurrogate.run.simulate import SinglePrecisionLeft
+    >>> issubclass(SinglePrecisionLeft, RuntimeWarning)
+    True
+    """
+
+
 class SimulationInterrupted(SimulationFailed):
     """A run that was stopped by Ctrl-C, or because its time was over; with a folder, its checkpoint is in it.
 
@@ -88,6 +101,8 @@ UNDER_WAY = "the run is under way, or was ended from without"
 ADVICE = {
     NotConverged: "allow more solver.most_evaluations, take a smaller solver.largest_increment, or another solver.method",
     Diverging: "take another solver.method",
+    TooSmall: "take larger strains, of which smaller ones are a part, or precision=float64 if it is single",
+    Unbalanced: "take a smaller solver.tolerance",
     TooFar: "take a smaller steps.largest_increment, or more outputs",
     Unstable: "push it less far, or follow it in dynamics",
     RanAway: "a load may have a maximum, as the pressure in a balloon has: to go beyond it prescribe displacements in its place, or follow "
@@ -251,7 +266,7 @@ def simulate(
             what = f"stopped after max_time, {max_time:g} s" if over else "interrupted"
             message = f"{run.loading.at(run.parameter)}: {what}"
             raise SimulationInterrupted(message, ended(message, INTERRUPTED), over) from None
-        except (NotConverged, Diverging, RanAway, TooFar, Unstable, InvalidState, OutsideDomain, OwnForceFailed) as error:
+        except (NotConverged, Diverging, RanAway, TooFar, TooSmall, Unstable, InvalidState, OutsideDomain, OwnForceFailed) as error:
             inertia = run.stages[run.stage].inertia is not None and run.steps > 0
             advice = DYNAMICS_ADVICE if inertia else ADVICE.get(type(error))
             if isinstance(error, OwnForceFailed | OwnForceInvalid):
@@ -310,7 +325,14 @@ def _go(run: Run, resume: bool) -> None:
     while run.stage < len(run.stages) and not (run.crack is not None and run.crack["through"]):
         stage = run.stages[run.stage]
         if stage.inertia is None:
-            follows = run.stage + 1 if go_through(run, solver, stage) else _dynamics_after(run)
+            try:
+                follows = run.stage + 1 if go_through(run, solver, stage) else _dynamics_after(run)
+            except TooSmall as error:
+                if not run.takes_double():
+                    raise
+                _take_double(run, error)
+                solver = solver_of(run)
+                continue
             run.velocities = None
         else:
             transient = transient or _begun(run)
@@ -319,6 +341,16 @@ def _go(run: Run, resume: bool) -> None:
             run.elapsed += transient.account.time
             transient = None
         run.stage, run.outputs, run.begin = follows, 0, run.parameter
+
+
+def _take_double(run: Run, error: TooSmall) -> None:
+    """Go on in double precision, and say so."""
+    reason = f"{error}: the forces are evaluated in double precision from here on"
+    run.convergence.append({run.loading.parameter: run.target, "evaluation": run.force.evaluations, "reason": reason})
+    if run.ranks.rank == 0:
+        warnings.warn(f"{run.loading.at(run.target)}: {reason}", SinglePrecisionLeft, stacklevel=4)
+    run.take_double()
+    run.loading.apply(run.parameter, run.loaded, run.positions)
 
 
 def _dynamics_after(run: Run) -> int:

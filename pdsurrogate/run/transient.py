@@ -263,7 +263,7 @@ class Transient:
             return self.account.time >= self._time_due(self.account.outputs)
         motion = self.motion
         due = motion.begin + (motion.end - motion.begin) * (self.account.outputs + 1) / self.most_outputs
-        return motion.at(self.account.time) >= due - 1e-12
+        return motion.at(self.account.time) >= due - 1e-12 * (motion.end - motion.begin)
 
     def save_last_state(self) -> None:
         """Go back to before the step that failed, and record the state there unless it has been."""

@@ -115,6 +115,11 @@ MOST_INCREMENTS = 100_000
 """Of a step; more take days on the smallest body."""
 
 
+LEAST_MODULUS, MOST_MODULUS = 1e-30, 1e30
+LEAST_SPACING, MOST_SPACING = 1e-12, 1e12
+"""Between them products of forces and of volumes, in single precision too, neither overflow nor vanish."""
+
+
 class MaterialSpec(StrictModel):
     """A material law by name, with its parameters."""
 
@@ -131,7 +136,14 @@ class MaterialSpec(StrictModel):
 
     @model_validator(mode="after")
     def _build(self) -> MaterialSpec:
-        self.build()
+        law = self.build()
+        for key in ("shear_modulus", "bulk_modulus"):
+            value = getattr(law, key)
+            if not LEAST_MODULUS <= value <= MOST_MODULUS:
+                raise ValueError(
+                    f"{key} is {value:g}: forces of a material are computed for moduli from {LEAST_MODULUS:g} to {MOST_MODULUS:g}; "
+                    "take other units of stress"
+                )
         return self
 
     def build(self) -> Law:
@@ -348,7 +360,7 @@ class Scene(StrictModel):
 
     name: SceneName
     title: str = ""
-    spacing: Positive | None
+    spacing: Annotated[Positive, Field(ge=LEAST_SPACING, le=MOST_SPACING)] | None
     stretches: tuple[Level, ...] = ()
     body: AnyBody
     holes: tuple[AnyShape, ...] = ()

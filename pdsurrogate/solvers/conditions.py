@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from .loads import Loads
 
 
+AT_REST = 1e-14
+"""Displacement over the extent of the body, or amplitude of a load, that counts as none: rounding leaves as much of a sine."""
+
 ONE_SIDED = 0.1
 """Horizons from a point to the middle of its neighbours, along a plane, from which it lies beside a free side: full horizons have it at the
 point, halves 0.4 away."""
@@ -234,6 +237,14 @@ class Loading(ABC):
         """Words for a value of the parameter."""
         return f"{self.parameter} {parameter:g}"
 
+    def at_rest(self, parameter: float) -> bool:
+        """Whether all that is held is where it is at rest at a value of the parameter, and there are no loads."""
+        shares = [np.abs(part.displacement(parameter)[..., list(part.components)]).max(initial=0.0) for part in self._held]
+        motions = [plane.motion(parameter) for plane in self._planes]
+        shares += [max(np.abs(motion[:, -1]).max(), np.abs(motion[:, :-1]).max() * self.body.spacing) for motion in motions]
+        moved = self._reductions.greatest_of_parts(float(max(shares, default=0.0))) > AT_REST * self._reductions.extent(self.body.points)
+        return not moved and (self.loads is None or self.loads.vanish(parameter))
+
     def apply(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter, and bring the loads to their size there."""
         self.hold(parameter, force, positions)
@@ -332,7 +343,7 @@ class Loading(ABC):
 
     @property
     def _holds_points(self) -> bool:
-        return any(part.holder is not None for part in self._held)
+        return bool(self._held)
 
     def reactions_of(self, on_planes: np.ndarray, levers: np.ndarray | None, on_points: np.ndarray | None) -> Reactions:
         """Forces of all holders by those on planes, with their levers, and by internal force and loads on every point."""

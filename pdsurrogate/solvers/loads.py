@@ -15,6 +15,7 @@ from ..forces import InternalForce, InvalidState
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.loading import Load
 from ..scenes.model import EDGES, Scene
+from .conditions import AT_REST
 
 if TYPE_CHECKING:
     from .regions import BodyRegions
@@ -280,6 +281,10 @@ class Loads:
             if not np.isfinite(self._present).all():
                 raise InvalidState(f"loads: a force is not finite at t = {t:g}")
 
+    def vanish(self, t: float) -> bool:
+        """Whether there are none at a value of the loading parameter."""
+        return all(abs(amplitude(t)) <= AT_REST for amplitude in self._amplitudes)
+
     def forces(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
         """Add the forces of the loads on the points, in the plane per unit thickness of the undeformed body, to `out` (n, d).
 
@@ -453,6 +458,12 @@ class LoadedForce:
             self.loads.forces(positions, self.thickness(), out)
         if self.supports is not None:
             self.supports.fold(out)
+
+    def applied(self) -> np.ndarray:
+        """See `InternalForce`."""
+        found = np.zeros_like(self.body.points)
+        self.loads.forces(self.positions[: len(self.body)], self.thickness(), found)
+        return found
 
     def thickness(self) -> np.ndarray | None:
         """Stretch of the thickness at the points in the state last evaluated, shape (n,), valid until the next; None if no load needs it.
