@@ -459,8 +459,10 @@ class LoadedForce:
         if self.supports is not None:
             self.supports.fold(out)
 
-    def applied(self) -> np.ndarray:
+    def applied(self) -> np.ndarray | None:
         """See `InternalForce`."""
+        if self.loads is None:
+            return None
         found = np.zeros_like(self.body.points)
         self.loads.forces(self.positions[: len(self.body)], self.thickness(), found)
         return found
