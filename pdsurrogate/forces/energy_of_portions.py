@@ -71,6 +71,11 @@ class EnergyOfPortions(EnergyOfPairs, EvaluationOfPortions):
             `pair_geometry` of the pairs of every portion.
         """
 
+    def _share(self, rows: np.ndarray, numbers: np.ndarray, strength: np.ndarray) -> None:
+        strength = strength[numbers]
+        strength[self._kinematics.interfaces.left_out] = 0.0
+        super()._share(rows, np.arange(len(numbers), dtype=numbers.dtype), strength)
+
     def _form(self) -> None:
         self.form_views()
 

@@ -7,6 +7,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from ..body import Body
+from ..kernels.reference_state import shape_rows
 from .kinematics import Kinematics
 
 CENTRINGS = 3
@@ -24,6 +25,12 @@ FARTHEST = 1.5
 
 SIGHT = FARTHEST + REACH
 """Horizons around a point of a body in parts within which there must be others for its jump to be found."""
+
+SECTOR = 0.5
+"""Sine of the angle by which a point may lie beyond the plane that touches an interface, on the side of the other material."""
+
+YIELDING = 10.0
+"""Contrast of the shear moduli beyond which an energy of the stiffer material is that of its own points alone."""
 
 WORST_CONDITION = 1e6
 """Condition number up to which a fit is taken; lengths are in units of its reach.  A layer of two rows has one of 1e3."""
@@ -59,7 +66,7 @@ class Interfaces:
         From every point towards its interface.
     """
 
-    def __init__(self, body: Body, kinematics: Kinematics, portion_of: np.ndarray, quadratic: bool) -> None:
+    def __init__(self, body: Body, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool) -> None:
         self._body = body
         n, total, bonds = len(body), len(body.all_points), body.bonds
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
@@ -78,7 +85,14 @@ class Interfaces:
             around = np.array(tree.query_ball_point(place, reach * (1 + 1e-9), return_sorted=True), dtype=np.int64)
             around = around[(portion_of[around] == portion_of[i]) | (portion_of[around] == other)]
             x, beyond = (body.points[around] - place) / reach, portion_of[around] == other
-            jump = _jump_of_slopes(x, body.volumes[around], beyond, normal, quadratic)
+            # Beyond a thin layer, or across a gap, the same material begins again: it tells nothing of this interface.
+            astray = np.where(beyond, -1.0, 1.0) * (x @ normal) > SECTOR * np.linalg.norm(x, axis=1)
+            around, x, beyond = around[~astray], x[~astray], beyond[~astray]
+            V = body.volumes[around]
+            if quadratic and beyond.any() and moduli[i] > YIELDING * moduli[around[beyond][0]]:
+                jump = _mirrored(x, V, beyond, normal, depth / reach, body.spacing / reach, around == i)
+            else:
+                jump = _jump_of_slopes(x, V, beyond, normal, quadratic)
             if jump is None:
                 continue
             self.depths[i], self.normals[i] = depth, normal
@@ -93,14 +107,55 @@ class Interfaces:
         part.fill(self.depths[:n])
         part.fill(self.normals)
         body.ghosts.fill(self.depths)
-        weights = kinematics.gradient_weights()[across] * self.depths[bonds.neighbours[across], None]
-        shape = (n, total)
-        d, entries = body.dimension, (owners[across], bonds.neighbours[across])
+        shape, d = (n, total), body.dimension
+        self._one_sided: list[tuple[sparse.csr_array, sparse.csr_array]] = []
+        weights = kinematics.gradient_weights()
+        self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
+        if part.any(len(self.left_out) > 0):
+            weights = self._leave_out(kinematics, owners, weights)
+        weights = weights[across] * self.depths[bonds.neighbours[across], None]
+        entries = owners[across], bonds.neighbours[across]
         self._corrections = [sparse.csr_array((weights[:, b], entries), shape=shape) for b in range(d)]
         self._corrections_back = [matrix.T.tocsr() for matrix in self._corrections]
         self._gradient_ghosts = kinematics.gradient_ghosts
         self.jumps, self.seen_positions = np.zeros((2, total, d))
         self.seen_gradients, self._changes = np.zeros((2, total, d * d))
+
+    def _unseen(self, owners: np.ndarray, across: np.ndarray, moduli: np.ndarray) -> np.ndarray:
+        """Directed bonds across an interface that the energy of their point does without."""
+        body, neighbours = self._body, self._body.bonds.neighbours[across]
+        normals = np.vstack([self.normals, body.ghosts.reflection * self.normals[body.ghosts.source]])[neighbours]
+        arms = body.all_points[owners[across]] - body.all_points[neighbours]
+        behind = (self.depths[neighbours] > 0) & (np.einsum("bi,bi->b", arms, normals) <= 0)
+        return across[(moduli[owners[across]] > YIELDING * moduli[neighbours]) | behind]
+
+    def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Take bonds out of the gradients of their points; returns the weights of the bonds that are left, see `gradient_weights`."""
+        body, bonds = self._body, self._body.bonds
+        n, total = len(body), len(body.all_points)
+        for _ in range(2):
+            kept = kinematics.weighted_bonds.copy()
+            kept[self.left_out] = 0.0
+            inverse, supported = np.zeros_like(kinematics.inverse_shape), np.zeros_like(kinematics.supported)
+            rows = np.unique(owners[self.left_out]).astype(np.uint32)
+            shape_rows[body.dimension](rows, bonds.pointers, bonds.neighbours, body.all_points, kept, inverse, supported)
+            body.part.fill(inverse[:n])
+            body.part.fill(supported[:n])
+            self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
+        touched = np.flatnonzero(supported[owners])
+        found = kinematics.gradient_weights(kept, inverse)
+        changes = found[touched] - weights[touched]
+        weights = weights.copy()
+        weights[touched] = found[touched]
+        self._touched, self._changes_of_weights = touched, changes
+        ends = owners[touched], bonds.neighbours[touched]
+        for b in range(body.dimension):
+            own = np.bincount(ends[0], changes[:, b], n)
+            numbers = np.flatnonzero(own)
+            values = np.concatenate([changes[:, b], -own[numbers]])
+            matrix = sparse.csr_array((values, (np.concatenate([ends[0], numbers]), np.concatenate([ends[1], numbers]))), shape=(n, total))
+            self._one_sided.append((matrix, matrix.T.tocsr()))
+        return weights
 
     def correct(self, positions: np.ndarray, gradients: np.ndarray) -> None:
         """Find the jumps, and take from the points' gradients what they have of the other side.
@@ -116,6 +171,8 @@ class Interfaces:
         self._body.part.fill(self.jumps[:n])
         if len(ghosts):
             self.jumps[n:] = ghosts.parity * self.jumps[ghosts.source]
+        for b, (matrix, _) in enumerate(self._one_sided):
+            self._column(gradients, b)[:n] += matrix @ positions
         for b, matrix in enumerate(self._corrections):
             self._column(gradients, b)[:n] -= matrix @ self.jumps
 
@@ -153,7 +210,13 @@ class Interfaces:
         if len(ghosts):
             np.add.at(own, ghosts.source, ghosts.parity * on_jumps[n:])
         self._body.part.fill(own)
-        return self._jump_back @ own
+        found = self._jump_back @ own
+        for b, (_, back) in enumerate(self._one_sided):
+            pulls = back @ self._column(own_moments, b)
+            found -= pulls[:n]
+            if len(ghosts):
+                np.subtract.at(found, ghosts.source, ghosts.parity * pulls[n:])
+        return found
 
 
 def _sources(body: Body) -> np.ndarray:
@@ -219,4 +282,32 @@ def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, norm
         second = values.T @ (weights[:, None] * values) / weights.sum()
         if np.linalg.cond(second) < WORST_CONDITION:
             return weights * (values @ np.linalg.solve(second, np.eye(len(functions))[1] - np.eye(len(functions))[0])) / weights.sum()
+    return None
+
+
+def _mirrored(x, volumes, beyond, normal, depth, spacing, own):
+    """Weights of the values at points in the jump that makes a point beside softer material its mirror image, odd about the interface."""
+    at_interface = _interpolation(x[~beyond], volumes[~beyond], np.zeros_like(normal), spacing)
+    mirror = _interpolation(x[beyond], volumes[beyond], depth * normal, spacing)
+    if at_interface is None or mirror is None:
+        return None
+    jump = own / depth
+    jump[~beyond] -= 2 * at_interface / depth
+    jump[beyond] += mirror / depth
+    return jump
+
+
+def _interpolation(x, volumes, place, spacing):
+    """Weights of the values at points x at a place, which follow linear functions; those of the nearest points, as far as they say them."""
+    arms = x - place
+    distance = np.linalg.norm(arms, axis=1)
+    values = np.column_stack([np.ones(len(x)), arms / spacing])
+    for reach in (1.6, 2.2, 3.0, 4.0, 6.0):
+        weights = volumes * np.maximum(1 - distance / (reach * spacing), 0.0)**2 / (distance**2 + (1e-4*spacing)**2)
+        if np.count_nonzero(weights) <= len(place):
+            continue
+        second = values.T @ (weights[:, None] * values) / weights.sum()
+        scale = 1/np.sqrt(np.diag(second)+1e-300)
+        if np.linalg.cond(second*scale[:,None]*scale) < 1e4:
+            return weights * (values @ np.linalg.solve(second, np.eye(len(second))[0])) / weights.sum()
     return None

@@ -13,7 +13,7 @@ from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.passes import BoundPass
 from ..materials import PLANES, Law
 from .evaluation import Evaluation, usual_precision
-from .interfaces import Interfaces
+from .interfaces import YIELDING, Interfaces
 from .kinematics import Kinematics
 from .protocol import ForceModel, InternalForce, InvalidState, Portion
 from .settings import ROTATION, ROTATIONS, ForceSettings
@@ -239,11 +239,15 @@ class EvaluationOfPortions(Evaluation):
         for number, portion in enumerate(portions):
             self.portion_of[portion.points] = number
         body.ghosts.fill(self.portion_of)
-        self._kinematics.interfaces = Interfaces(body, self._kinematics, self.portion_of, self.has_energy)
+        moduli = np.array([portion.law.shear_modulus for portion in portions])[self.portion_of]
+        self._kinematics.interfaces = Interfaces(body, self._kinematics, self.portion_of, moduli, self.has_energy)
         self.states: list[PointStates] = []
-        moduli, n, bonds = np.array([portion.law.shear_modulus for portion in portions])[self.portion_of], len(body), body.bonds
+        n, bonds = len(body), body.bonds
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
         around, length = moduli[bonds.neighbours], np.linalg.norm(body.all_points[bonds.neighbours] - body.points[owners], axis=1)
+        # What a bond between very different moduli carries is the softer one's, and the stiffer one's points feel no more of it.
+        apart = self.has_energy & (np.maximum(around, moduli[owners]) > YIELDING * np.minimum(around, moduli[owners]))
+        around[apart] = moduli[owners[apart]]
         weights = body.weigh(length) * body.all_volumes[bonds.neighbours]
         self._stiffness_moduli = (moduli[:n] + np.bincount(owners, weights * around, n) / np.bincount(owners, weights, n)) / 2
         self._force_scale = moduli[:n].copy()

@@ -210,7 +210,8 @@ def _nearest(body: Body, shear_moduli: float | np.ndarray, factor: float) -> tup
     volumes = body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
     if isinstance(shear_moduli, np.ndarray):
         ends = np.concatenate([shear_moduli, shear_moduli[body.ghosts.source]])
-        shear_moduli = (ends[bonds.first] + ends[bonds.second]) / 2
+        # Of two springs in series; the sum of inverses, since the product of two moduli may be out of range.
+        shear_moduli = 2 / (1 / ends[bonds.first] + 1 / ends[bonds.second])
     stiffness = factor * shear_moduli * body.weigh(length) * volumes / body.kappa
     near = length <= REACH * body.spacing
     part = body.part
