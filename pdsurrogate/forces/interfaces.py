@@ -108,6 +108,8 @@ class Interfaces:
         part.fill(self.normals)
         body.ghosts.fill(self.depths)
         shape, d = (n, total), body.dimension
+        self.on_jumps = np.zeros((n, d))
+        self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self._one_sided: list[tuple[sparse.csr_array, sparse.csr_array]] = []
         weights = kinematics.gradient_weights()
         self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
@@ -147,8 +149,8 @@ class Interfaces:
         changes = found[touched] - weights[touched]
         weights = weights.copy()
         weights[touched] = found[touched]
-        self._touched, self._changes_of_weights = touched, changes
         ends = owners[touched], bonds.neighbours[touched]
+        self.one_sided_bonds = touched, owners[touched], changes
         for b in range(body.dimension):
             own = np.bincount(ends[0], changes[:, b], n)
             numbers = np.flatnonzero(own)
@@ -210,7 +212,8 @@ class Interfaces:
         if len(ghosts):
             np.add.at(own, ghosts.source, ghosts.parity * on_jumps[n:])
         self._body.part.fill(own)
-        found = self._jump_back @ own
+        self.on_jumps = self._jump_back @ own
+        found = self.on_jumps.copy() if self._one_sided else self.on_jumps
         for b, (_, back) in enumerate(self._one_sided):
             pulls = back @ self._column(own_moments, b)
             found -= pulls[:n]

@@ -20,7 +20,9 @@ from .settings import ROTATION, ROTATIONS, ForceSettings
 from .surrogate_thickness import SurrogateThickness
 
 
-def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettings) -> InternalForce:
+def bind_portions(
+    body: Body, portions: Sequence[Portion], settings: ForceSettings, rigid: np.ndarray | None = None
+) -> InternalForce:
     """Prepare the evaluation of a body whose points are of several materials.
 
     Portions of the same law and model are one material; where all are, the body is evaluated as any other.
@@ -32,14 +34,19 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
         Every point of the body is in one of them.
     settings : ForceSettings
         Each choice is one that every model can honour which has a use for it.
+    rigid : ndarray of int, optional
+        Points of no material, which move as solvers have it; what they are bonded to pulls at them.
 
     Raises
     ------
     ValueError
-        If a point is in none or in two, a model does not describe its law or cannot honour a setting, models of two kinds meet, or bonds
-        are to break.
+        If a point is in none or in two, a model does not describe its law or cannot honour a setting, models of two kinds meet, bonds
+        are to break, or a force without an energy is to be bonded to rigid points.
     """
-    of_points = np.concatenate([portion.points for portion in portions])
+    rigid = np.empty(0, dtype=np.int64) if rigid is None else rigid
+    if not portions:
+        raise ValueError("the rigid regions take all points of the body: nothing is left to be deformed")
+    of_points = np.concatenate([rigid, *(portion.points for portion in portions)])
     if not np.array_equal(np.sort(of_points), np.arange(len(body))):
         raise ValueError("the materials must have every point of the body once")
     families = {portion.model.family: portion.model.name for portion in portions}
@@ -50,7 +57,7 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     merged = _merged(portions)
     if len(merged) > 1 and (asked := [portion.model.name for portion in merged if portion.model.members]):
         raise ValueError(f"{asked[0]}: the deviation of members is told of bodies of one material; leave out #all")
-    if len(merged) == 1:
+    if len(merged) == 1 and not len(rigid):
         return merged[0].model.bind(body, merged[0].law, settings)
     honoured = {key for portion in merged for key in portion.model.honoured(settings.plane)}
     for portion in merged:
@@ -59,6 +66,10 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
         spared = "outside" in honoured and "outside" not in honours
         (replace(settings, outside=None) if spared else settings).check(portion.model.name, honours)
         portion.model.check_material(portion.law)
+    if len(rigid) and merged[0].model.family != "bond energy":
+        raise ValueError(
+            f"{merged[0].model.name} has no energy, which says what a rigid region feels of the bonds at it; force=bond-energy has one"
+        )
     return merged[0].model.evaluation_of_portions(body, merged, settings)
 
 
@@ -226,7 +237,7 @@ class EvaluationOfPortions(Evaluation):
     ----------
     portions
     portion_of : ndarray of int, shape (n + m,)
-        Which of the portions every point and image is of.
+        Which of the portions every point and image is of; their number of those that are rigid.
     states : list of PointStates
         Of every portion; `_add_states` makes them, in the order of the portions.
     """
@@ -235,11 +246,11 @@ class EvaluationOfPortions(Evaluation):
         stiffest = max((portion.law for portion in portions), key=lambda law: law.shear_modulus)
         super().__init__(body, stiffest, precision, correction, settings)
         self.portions, self._rotation = portions, settings.rotation
-        self.portion_of = np.empty(len(body.all_points), dtype=np.int64)
+        self.portion_of = np.full(len(body.all_points), len(portions))
         for number, portion in enumerate(portions):
             self.portion_of[portion.points] = number
         body.ghosts.fill(self.portion_of)
-        moduli = np.array([portion.law.shear_modulus for portion in portions])[self.portion_of]
+        moduli = np.array([*(portion.law.shear_modulus for portion in portions), np.inf])[self.portion_of]
         self._kinematics.interfaces = Interfaces(body, self._kinematics, self.portion_of, moduli, self.has_energy)
         self.states: list[PointStates] = []
         n, bonds = len(body), body.bonds
@@ -248,6 +259,8 @@ class EvaluationOfPortions(Evaluation):
         # What a bond between very different moduli carries is the softer one's, and the stiffer one's points feel no more of it.
         apart = self.has_energy & (np.maximum(around, moduli[owners]) > YIELDING * np.minimum(around, moduli[owners]))
         around[apart] = moduli[owners[apart]]
+        moduli = np.minimum(moduli, stiffest.shear_modulus)  # rigid points have none of their own
+        around = np.minimum(around, stiffest.shear_modulus)
         weights = body.weigh(length) * body.all_volumes[bonds.neighbours]
         self._stiffness_moduli = (moduli[:n] + np.bincount(owners, weights * around, n) / np.bincount(owners, weights, n)) / 2
         self._force_scale = moduli[:n].copy()
@@ -291,14 +304,14 @@ class EvaluationOfPortions(Evaluation):
         return self._force_scale
 
     def bulk_stresses(self) -> np.ndarray:
-        found, J3 = np.empty(len(self.body)), self.volume_ratios()
+        found, J3 = np.zeros(len(self.body)), self.volume_ratios()
         for law, points in self.laws:
             found[points] = law.volumetric(J3[points], law.parameters)[1]
         return found
 
     def volume_ratios(self) -> np.ndarray:
         self.find_states()
-        found, n = np.empty(len(self.portion_of)), len(self.body)
+        found, n = np.ones(len(self.portion_of)), len(self.body)
         for number, states in enumerate(self.states):
             numbers = states.view.numbers
             own = self.portion_of[numbers] == number
