@@ -12,8 +12,9 @@ import numpy as np
 
 from ..body import Body, Surface
 from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
-from ..forces import ForceModel, InternalForce, bind_portions
+from ..forces import ForceModel, InternalForce, InvalidState, bind_portions
 from ..forces.interfaces import SIGHT
+from ..forces.portions import EvaluationOfPortions
 from ..kernels.threads import threads_for
 from ..materials import Law
 from ..ranks import ALONE, HALO, Communicator, ReductionsOfParts, communicator, divided
@@ -36,6 +37,7 @@ from .materials import models_of, portions_of, settings_of
 from .programme import Inertia, stages_of
 
 if TYPE_CHECKING:
+    from ..solvers.rigid import RigidForce, RigidRegion
     from .fracture import Damage
 
 
@@ -189,7 +191,10 @@ class Run:
         settings = settings_of(scene)
         try:
             self.loads = Loads(scene, self.body, self.regions) if scene.loads else None
-            self.loading = self._loading(lower, upper)
+            portions, rigid = portions_of(scene, self.body, self.models, self.regions) if scene.materials else ([], {})
+            if rigid and self.ranks.size > 1:
+                raise ValueError("materials: rigid regions are taken on one rank only; run it without mpiexec, or give them a law")
+            self.loading = self._loading(lower, upper, rigid)
             self.body.part.clear(self.loading.free)  # what others own they move
             self._check_speeds()
             numba.set_num_threads(self.threads)
@@ -199,7 +204,7 @@ class Run:
                 compile_first(self.ranks, self.model, self.law, settings, scene.dimension)
             self.force: InternalForce
             if scene.materials:
-                self.force = bind_portions(self.body, portions_of(scene, self.body, self.models, self.regions), settings)
+                self.force = bind_portions(self.body, portions, settings, np.concatenate([np.empty(0, int), *rigid.values()]))
             else:
                 self.force = self.model.bind(self.body, self.law, settings)
             self._check_support()
@@ -211,6 +216,10 @@ class Run:
         if self.ranks.rank:
             self.whole = None
         self.loaded = self.force if self.loads is None else LoadedForce(self.force, self.loads)
+        if rigid:
+            from ..solvers.rigid import RigidForce  # of which a scene without rigid regions has no need
+
+            self.loaded = RigidForce(self.loaded, self._rigid_regions(rigid))
         self.grip_areas = grip_areas(scene, lower, upper)
         self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]), default=None)
         self.parameter = self.target = self.begin = self.loading.rest
@@ -247,23 +256,39 @@ class Run:
 
     def _portion_of(self) -> np.ndarray | None:
         """Material of every point of the whole body; None where there is one."""
-        if len(self.force.laws) == 1:
+        if not isinstance(self.force, EvaluationOfPortions):
             return None
-        found = np.empty(len(self.body), dtype=np.int64)
-        for number, (_, points) in enumerate(self.force.laws):
-            found[points] = number
+        found = self.force.portion_of[: len(self.body)]
         return self.ranks.to_all(self.body.part.gather(found))
 
     @property
     def _least_modulus(self) -> float:
         """Shear modulus of the material in which shear waves are slowest."""
-        return min(law.shear_modulus for law in (self.law, *(part.material.build() for part in self.scene.materials)))
+        laws = self.law, *(part.material.build() for part in self.scene.materials if not part.rigid)
+        return min(law.shear_modulus for law in laws)
 
-    def _loading(self, lower, upper) -> Loading:
+    def _rigid_regions(self, points: dict[str, np.ndarray]) -> list[RigidRegion]:
+        """The rigid regions, of which everything that is prescribed is what one body can do."""
+        from ..solvers.rigid import RigidRegion
+
+        regions = [RigidRegion(name, self.body, numbers, self.loading.free) for name, numbers in points.items()]
+        ends = sorted({0.0, *(stage.to for stage in self.stages)})
+        for value in ends:
+            positions = self.body.points.copy()
+            try:
+                self.loading.hold(value, self.force, positions)
+                for region in regions:
+                    region.snap(positions)
+            except InvalidState as error:
+                raise SceneError(f"scene {self.scene.name}: {self.loading.at(value)}: {error}") from None
+        self.loading.hold(0.0, self.force, self.body.points.copy())
+        return regions
+
+    def _loading(self, lower, upper, rigid: dict[str, np.ndarray]) -> Loading:
         scene = self.scene
         if scene.stretched:
             return GripLoading(scene, self.body, lower, upper, self.reductions)
-        conditions = self.regions, self.loads, self.law.shear_modulus, self.reductions
+        conditions = self.regions, self.loads, self.law.shear_modulus, self.reductions, *rigid.values()
         return PrescribedLoading(scene, self.body, lower, upper, *conditions)
 
     def _check_speeds(self) -> None:

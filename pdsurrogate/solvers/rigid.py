@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy import sparse
+from scipy.spatial.transform import Rotation
 
 from ..body import Body
 from ..forces import InternalForce, InvalidState
+from .conditions import moment_of
 from .loads import LoadedForce
 from .preconditioner import factorised, spring_matrix
 
@@ -105,6 +107,21 @@ class RigidRegion:
         _, sizes, directions = np.linalg.svd(np.linalg.qr(held, mode="r"), full_matrices=True)
         sizes = np.concatenate([sizes, np.zeros(self.n_motions - len(sizes))])
         return directions[sizes <= INDEPENDENT * sizes.max()].T
+
+    def told(self, positions: np.ndarray, forces: np.ndarray) -> dict:
+        """Force and moment about the origin that point forces (n, d) exert on the region, and how it has moved, for results.
+
+        The displacement is that of its middle; the rotation is in degrees, in space along the axis that it turns about.
+        """
+        placed, forces = positions[self.points], forces[self.points]
+        middle = self._volumes @ placed / self._volumes.sum()
+        turn = _nearest_turn((placed - middle).T @ (self._volumes[:, None] * self._arms))
+        return {
+            "force": forces.sum(axis=0).tolist(),
+            "moment": moment_of((forces.T @ placed)[None])[0].tolist(),
+            "displacement": (middle - self._middle).tolist(),
+            "rotation": np.degrees(_rotation_of(turn)).tolist(),
+        }
 
     def take(self, placed: np.ndarray) -> None:
         """Take places (k, d), at which forces are then carried and displacements expanded."""
@@ -242,12 +259,16 @@ def _nearest_turn(matrix: np.ndarray) -> np.ndarray:
     return U @ V
 
 
+def _rotation_of(turn: np.ndarray) -> np.ndarray:
+    """Angle of a rotation in the plane; in space the vector along its axis that is as long."""
+    if len(turn) == 2:
+        return np.arctan2(turn[1, 0], turn[0, 0])
+    return Rotation.from_matrix(turn).as_rotvec()
+
+
 def _turn_by(vector: np.ndarray) -> np.ndarray:
-    """Rotation by an angle in the plane, shape (1,), or by a vector in space, shape (3,)."""
-    if len(vector) == 1:
-        cosine, sine = np.cos(vector[0]), np.sin(vector[0])
-        return np.array([[cosine, -sine], [sine, cosine]])
-    angle = np.linalg.norm(vector)
-    a, b, c = vector / angle if angle > 0 else vector
-    cross = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+    """Rotation by an angle in the plane, shape (1,), or by a vector along its axis in space, shape (3,)."""
+    if len(vector) == 3:
+        return Rotation.from_rotvec(vector).as_matrix()
+    cosine, sine = np.cos(vector[0]), np.sin(vector[0])
+    return np.array([[cosine, -sine], [sine, cosine]])
