@@ -20,9 +20,7 @@ from .settings import ROTATION, ROTATIONS, ForceSettings
 from .surrogate_thickness import SurrogateThickness
 
 
-def bind_portions(
-    body: Body, portions: Sequence[Portion], settings: ForceSettings, rigid: np.ndarray | None = None
-) -> InternalForce:
+def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettings, rigid: np.ndarray | None = None) -> InternalForce:
     """Prepare the evaluation of a body whose points are of several materials.
 
     Portions of the same law and model are one material; where all are, the body is evaluated as any other.
@@ -269,6 +267,10 @@ class EvaluationOfPortions(Evaluation):
         body.part.fill(self._force_scale)
         counted = body.part.counted_pairs(bonds.first)
         self._counted = np.ones(self._n_pairs, dtype=bool) if counted is None else counted
+
+    def cells_across(self, number: int, most: int) -> float:
+        """See `Interfaces.cells_across`; the number of the portions is that of what is rigid."""
+        return self._kinematics.interfaces.cells_across(self.portion_of, number, most)
 
     def _add_states(self, pairs: np.ndarray) -> PointStates:
         """States of the points of the next portion, and of those that it sees in the given pairs."""

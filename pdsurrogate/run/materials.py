@@ -79,9 +79,7 @@ def _describes(model: ForceModel, law) -> bool:
     return True
 
 
-def portions_of(
-    scene: Scene, body: Body, models: list[ForceModel], regions: BodyRegions
-) -> tuple[list[Portion], dict[str, np.ndarray]]:
+def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: BodyRegions) -> tuple[list[Portion], dict[str, np.ndarray]]:
     """The points of every material: those of the rest, then those of `materials` in order; a material that is left no point has no portion.
 
     Parameters

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -40,6 +41,12 @@ if TYPE_CHECKING:
     from ..solvers.rigid import RigidForce, RigidRegion
     from .fracture import Damage
 
+
+LEAST_CELLS = 3
+"""Thickness of a part in cells below which a warning is given: at a horizon of 3.15 cells its neighbours are bonded through it."""
+
+MOST_CONTRAST = 30.0
+"""Of shear moduli with a force that has no energy, beyond which a warning is given."""
 
 MOST_GATHERED = 500_000
 """Points of a body on several ranks beyond which each of them writes its own piece of a state.  Gathered, a state of so many takes the
@@ -207,6 +214,8 @@ class Run:
                 self.force = bind_portions(self.body, portions, settings, np.concatenate([np.empty(0, int), *rigid.values()]))
             else:
                 self.force = self.model.bind(self.body, self.law, settings)
+            if isinstance(self.force, EvaluationOfPortions):
+                self._tell_of_parts(self.force, list(rigid))
             self._check_support()
             for number, probe in enumerate(scene.probes):
                 self.regions.check_place(f"probes.{number}.at", probe.at)
@@ -266,6 +275,35 @@ class Run:
         """Shear modulus of the material in which shear waves are slowest."""
         laws = self.law, *(part.material.build() for part in self.scene.materials if not part.rigid)
         return min(law.shear_modulus for law in laws)
+
+    def _tell_of_parts(self, force: EvaluationOfPortions, rigid: list[str]) -> None:
+        """Warn of parts that are too thin or too stiff for the force model, with what is measured of it.
+
+        Raises
+        ------
+        ValueError
+            If a rigid region is one cell thick: it has no turn.
+        """
+        moduli = [portion.law.shear_modulus for portion in force.portions]
+        for number, modulus in enumerate([*moduli, None][: len(moduli) + bool(rigid)]):
+            cells = force.cells_across(number, LEAST_CELLS)
+            if modulus is None and cells < 2:
+                raise ValueError(
+                    f"materials: a rigid region ({', '.join(rigid)}) is {cells:.0f} cell thick, and needs 2; take a smaller spacing"
+                )
+            if modulus is not None and cells < LEAST_CELLS:
+                warnings.warn(
+                    f"scene {self.scene.name}: the part of shear modulus {modulus:.4g} is some {cells:.0f} cells thick ({cells * self.body.spacing:.3g}): "
+                    "its bonds reach through it. A soft layer between stiff halves is 5 % too stiff with 3 cells, 30 % and more with 2; take "
+                    "a smaller spacing",
+                    stacklevel=2,
+                )
+        if not force.has_energy and max(moduli) > MOST_CONTRAST * min(moduli):
+            warnings.warn(
+                f"scene {self.scene.name}: materials of which one is {max(moduli) / min(moduli):.3g} times as stiff as another are off by 2 to 7 % "
+                f"with {self.model.name} (a stiff inclusion 8 to 16 cells wide), or find no equilibrium; take force=bond-energy",
+                stacklevel=2,
+            )
 
     def _rigid_regions(self, points: dict[str, np.ndarray]) -> list[RigidRegion]:
         """The rigid regions, of which everything that is prescribed is what one body can do."""
