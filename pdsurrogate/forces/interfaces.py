@@ -70,8 +70,8 @@ class Interfaces:
     moduli : ndarray, shape (n + m,)
         Shear modulus of every point and image; infinite of rigid ones.
     quadratic : bool
-        What the motion on either side is fitted with, and whether much stiffer material does without what is beyond.  Linear fits leave an error of first order in c, which plane strain feels K times;
-        quadratic ones weigh single points more, and bond forces, which are no gradient, find no equilibrium beside a material a hundred
+        What the motion on either side is fitted with, and whether much stiffer material does without what is beyond.  Linear fits
+        leave an error of first order in c, which plane strain feels K times; quadratic ones weigh single points more, and bond forces, which are no gradient, find no equilibrium beside a material a hundred
         times as stiff.
 
     Attributes
@@ -169,6 +169,8 @@ class Interfaces:
             body.part.fill(supported[:n])
             self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
         touched = np.flatnonzero(supported[owners])
+        if not len(touched):
+            return weights
         found = kinematics.gradient_weights(kept, inverse)
         changes = found[touched] - weights[touched]
         weights = weights.copy()
@@ -184,7 +186,7 @@ class Interfaces:
         return weights
 
     def cells_across(self, portion_of: np.ndarray, number: int, most: int) -> float:
-        """How many cells a material is thick behind its interfaces, in the median over them; `most` where it is as many or more.
+        """How many cells a material is thick behind its interfaces, in the median over them; at most `most`, 0 where none is found.
 
         Parameters
         ----------
@@ -197,7 +199,7 @@ class Interfaces:
         beside = np.flatnonzero((portion_of[: len(body)] == number) & (self.depths[: len(body)] > 0))
         beside = beside[self.depths[beside] < body.spacing]
         if not len(beside):
-            return most
+            return 0.0
         inwards = (np.arange(most) + 0.5) * body.spacing
         faces = body.points[beside] + self.depths[beside, None] * self.normals[beside]
         places = faces[:, None] - inwards[:, None] * self.normals[beside, None]
@@ -273,7 +275,7 @@ def _sources(body: Body) -> np.ndarray:
 
 
 def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> tuple[float, np.ndarray, int, float] | None:
-    """Distance and direction of the straight interface beside a point, the material beyond it, and the share of points astray of it."""
+    """Distance and direction of the interface beside a point, the material beyond, and the share of the volume that lies astray of it."""
     points, volumes, own = body.all_points, body.all_volumes, portion_of[i]
     place = points[i]
     for _ in range(CENTRINGS):
@@ -306,7 +308,7 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
 def _nearest_softer(
     body: Body, tree: cKDTree, portion_of: np.ndarray, moduli: np.ndarray, i: int
 ) -> tuple[float, np.ndarray, int, float] | None:
-    """What `_interface_beside` returns, from the nearest points of a much softer material alone: half a cell before them is the interface."""
+    """What `_interface_beside` returns, from the nearest points of a much softer material alone, half a cell beyond the interface."""
     around = np.array(tree.query_ball_point(body.points[i], body.horizon * (1 + 1e-9), return_sorted=True), dtype=np.int64)
     softer = around[moduli[around] * YIELDING < moduli[i]]
     if not len(softer):
@@ -355,7 +357,7 @@ def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, norm
 def _mirrored(
     x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, normal: np.ndarray, depth: float, spacing: float, own: np.ndarray
 ) -> np.ndarray | None:
-    """Weights of the values at points in the jump with which a point is seen as the mirror image, odd about the interface, of softer material.
+    """Weights of the values at points in the jump with which a point is seen as an odd mirror image of softer material.
 
     As those of a clamp, theory (22): beside material that is not deformed they bear its stress without a disturbance.  None, where the
     points say no value at the interface or at the mirrored place.

@@ -33,13 +33,13 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     settings : ForceSettings
         Each choice is one that every model can honour which has a use for it.
     rigid : ndarray of int, optional
-        Points of no material, which move as solvers have it; what they are bonded to pulls at them.
+        Points of no material, which move as solvers have it; what they are bonded to pulls at them.  Of a force that has an energy.
 
     Raises
     ------
     ValueError
-        If a point is in none or in two, a model does not describe its law or cannot honour a setting, models of two kinds meet, bonds
-        are to break, or a force without an energy is to be bonded to rigid points.
+        If a point is in none or in two, a model does not describe its law or cannot honour a setting, models of two kinds meet, or bonds
+        are to break.
     """
     rigid = np.empty(0, dtype=np.int64) if rigid is None else rigid
     if not portions:
@@ -64,10 +64,6 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
         spared = "outside" in honoured and "outside" not in honours
         (replace(settings, outside=None) if spared else settings).check(portion.model.name, honours)
         portion.model.check_material(portion.law)
-    if len(rigid) and merged[0].model.family != "bond energy":
-        raise ValueError(
-            f"{merged[0].model.name} has no energy, which says what a rigid region feels of the bonds at it; force=bond-energy has one"
-        )
     return merged[0].model.evaluation_of_portions(body, merged, settings)
 
 

@@ -22,12 +22,9 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
     Raises
     ------
     SceneError
-        If a model does not describe its material, or cannot honour a setting of the scene, or has no energy beside a rigid region.
+        If a model does not describe its material, or cannot honour a setting of the scene.
     """
     try:
-        rigid = next((number for number, part in enumerate(scene.materials) if part.rigid), None)
-        if rigid is not None and model.family != "bond energy":
-            raise ValueError(f"materials.{rigid}: a rigid region takes a force that has an energy, as bond-energy; {model.name} has none")
         settings_of(scene).check(model.name, model.honoured(scene.plane))
         model.check_material(scene.material.build())
     except ValueError as error:
@@ -49,11 +46,15 @@ def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:
     Raises
     ------
     SceneError
-        If a part's artefact cannot be read, is of another kind than the model of the rest, or does not describe its law.
+        If a part's artefact cannot be read, is of another kind than the model of the rest, or does not describe its law, or a rigid region
+        is beside a force that has no energy.
     """
     found = []
     for number, part in enumerate(scene.materials):
         if part.rigid:
+            if model.family != "bond energy":
+                why = f"a rigid region takes a force that has an energy, as bond-energy; {model.name} has none"
+                raise SceneError(f"scene {scene.name}: materials.{number}: {why}")
             found.append(model)  # which nothing is asked of there
             continue
         law = part.material.build()

@@ -38,7 +38,7 @@ from .materials import models_of, portions_of, settings_of
 from .programme import Inertia, stages_of
 
 if TYPE_CHECKING:
-    from ..solvers.rigid import RigidForce, RigidRegion
+    from ..solvers.rigid import RigidRegion
     from .fracture import Damage
 
 
@@ -288,20 +288,18 @@ class Run:
         for number, modulus in enumerate([*moduli, None][: len(moduli) + bool(rigid)]):
             cells = force.cells_across(number, LEAST_CELLS)
             if modulus is None and cells < 2:
-                raise ValueError(
-                    f"materials: a rigid region ({', '.join(rigid)}) is {cells:.0f} cell thick, and needs 2; take a smaller spacing"
-                )
-            if modulus is not None and cells < LEAST_CELLS:
+                raise ValueError(f"materials: a rigid region ({', '.join(rigid)}) is one cell thick, and needs 2; take a smaller spacing")
+            if modulus is not None and 0 < cells < LEAST_CELLS:
                 warnings.warn(
-                    f"scene {self.scene.name}: the part of shear modulus {modulus:.4g} is some {cells:.0f} cells thick ({cells * self.body.spacing:.3g}): "
-                    "its bonds reach through it. A soft layer between stiff halves is 5 % too stiff with 3 cells, 30 % and more with 2; take "
-                    "a smaller spacing",
+                    f"scene {self.scene.name}: the part of shear modulus {modulus:.4g} is some {cells:.0f} cells thick, "
+                    f"{cells * self.body.spacing:.3g}, and bonds reach through it: a soft layer between stiff halves is 4 % too stiff with "
+                    "3 cells, 30 to 99 % with 2; take a smaller spacing",
                     stacklevel=2,
                 )
         if not force.has_energy and max(moduli) > MOST_CONTRAST * min(moduli):
             warnings.warn(
-                f"scene {self.scene.name}: materials of which one is {max(moduli) / min(moduli):.3g} times as stiff as another are off by 2 to 7 % "
-                f"with {self.model.name} (a stiff inclusion 8 to 16 cells wide), or find no equilibrium; take force=bond-energy",
+                f"scene {self.scene.name}: one material is {max(moduli) / min(moduli):.3g} times as stiff as another; beside it "
+                f"{self.model.name} is off by 2 to 7 % (an inclusion 8 to 16 cells wide), or finds no equilibrium: take force=bond-energy",
                 stacklevel=2,
             )
 

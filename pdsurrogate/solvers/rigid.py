@@ -83,8 +83,8 @@ class RigidRegion:
             middle, turn = middle + step[:d], _turn_by(step[d:] / self.size) @ turn
         if np.abs(left).max(initial=0.0) > HELD * self.size:
             raise InvalidState(
-                f"{self.name} is rigid, and what is prescribed moves its points apart: by {np.abs(left).max():.3g} from any place that it can "
-                "take as one body"
+                f"{self.name} is rigid, and what is prescribed moves its points apart: by {np.abs(left).max():.3g} from any place that it "
+                "can take as one body"
             )
         positions[self.points] = placed
         positions[self.points[self._held[0]], self._held[1]] = goals
