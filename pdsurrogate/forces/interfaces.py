@@ -71,8 +71,8 @@ class Interfaces:
         Shear modulus of every point and image; infinite of rigid ones.
     quadratic : bool
         What the motion on either side is fitted with, and whether much stiffer material does without what is beyond.  Linear fits
-        leave an error of first order in c, which plane strain feels K times; quadratic ones weigh single points more, and bond forces, which are no gradient, find no equilibrium beside a material a hundred
-        times as stiff.
+        leave an error of first order in c, which plane strain feels K times; quadratic ones weigh single points more, and bond
+        forces, which are no gradient, find no equilibrium beside a material a hundred times as stiff.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Regions that move as one body: their forces are resultants, their displacements three or six numbers (theory (62), (63))."""
+"""Regions that move as one body: their forces are resultants, their displacements three or six numbers (theory (63))."""
 
 from __future__ import annotations
 
