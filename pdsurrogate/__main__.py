@@ -1,6 +1,17 @@
-"""``python -m pdsurrogate``."""
+"""``python -m pdsurrogate``, and the command ``pdsurrogate``."""
 
-from .cli import main
+import sys
+
+
+def main() -> None:
+    """Load the commands, which takes a second in which Ctrl-C may come, and run one."""
+    try:
+        from .cli import main as command
+
+        command()
+    except KeyboardInterrupt:
+        sys.exit(130)
+
 
 if __name__ == "__main__":
     main()

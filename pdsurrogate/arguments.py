@@ -31,6 +31,14 @@ def check_share(value: Any, what: str) -> None:
         raise ValueError(f"{what} must be from 0 to 1, not {value}")
 
 
+def check_seconds(value: Any, what: str) -> None:
+    """Raise TypeError or ValueError if a value is no positive number of seconds."""
+    if not isinstance(value, Real) or isinstance(value, bool):
+        raise TypeError(f"{what} must be a number of seconds, not {value!r}")
+    if not 0 < value < float("inf"):
+        raise ValueError(f"{what} must be a number of seconds greater than 0, not {value}")
+
+
 def check_path(value: Any, what: str) -> None:
     """Raise TypeError if a value is neither text nor a path."""
     if not isinstance(value, str | os.PathLike):

@@ -17,7 +17,7 @@ from pages import markdown_table, replace_block
 
 import pdsurrogate as pd
 from pdsurrogate.materials import homogeneous
-from pdsurrogate.scenes.model import TIP_DIAMETERS_IN_SPACE
+from pdsurrogate.scenes.model import tip_diameter
 
 ANGLES, RATIOS = (0, 15, 30, 45), (1.75, 2.2, 3.015)
 HIGH, LONG, LAYERS, CLAMP, TIP = 14, 30, 3, 2, -5
@@ -265,7 +265,7 @@ def tear_row(tear: Tear) -> list[str]:
     law = result.scene.material.build()
     force = float(np.mean([row["force_one_3"] for row in rows if row["t"] > tear.steady]))
     measured = pd.tearing_energy(law, force, LEG_WIDTH, THICKNESS)
-    put_in = held_at_tip(result, tear.critical_stretch) * TIP_DIAMETERS_IN_SPACE[tear.ratio]
+    put_in = held_at_tip(result, tear.critical_stretch) * tip_diameter("space", tear.ratio)
     stray = max(abs(entry["tip"][1] - LEG_WIDTH) for entry in result.summary["crack"]["tips"] if entry["tip"])
     figures = [f"{tear.spacing:.3g}", f"{tear.critical_stretch:g}", f"{put_in:.3f}", f"{force:.3f}", f"{measured:.3f}"]
     figures += [f"{100 * (measured / put_in - 1):+.1f}", f"{stray:.2f}", f"{100 * energy_account(rows):+.2f}"]

@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 
 from pdsurrogate.artifacts import default_force
 from pdsurrogate.discretisation import discretise
-from pdsurrogate.kernels.threads import thread_count
+from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.ranks import bisected, bond_counts, communicator
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.scenes import load_scene

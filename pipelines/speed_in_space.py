@@ -18,8 +18,8 @@ from rich.console import Console
 
 import pdsurrogate as pd
 from pdsurrogate.artifacts import list_artifacts, load_card, load_surrogate
+from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.forces.settings import PRECISIONS
-from pdsurrogate.kernels.threads import thread_count
 from pdsurrogate.results.provenance import processor
 
 console = Console()

@@ -17,8 +17,8 @@ from pages import VALIDATION, markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pd
+from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.forces import Domain, ForceSettings
-from pdsurrogate.kernels.threads import thread_count
 from pdsurrogate.learning import domain_of, surrogate_of
 from pdsurrogate.reports.speed import sheet
 from pdsurrogate.results.files import write_text

@@ -25,7 +25,7 @@ from pages import markdown_table, replace_block
 from rich.console import Console
 
 import pdsurrogate as pd
-from pdsurrogate.kernels.threads import SPIN_COUNT, thread_count
+from pdsurrogate.engine.threads import SPIN_COUNT, thread_count
 from pdsurrogate.reports.speed import bench_positions
 
 console = Console()

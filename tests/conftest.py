@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from pdsurrogate.materials import ArrudaBoyce, FullNetwork, Gent, MooneyRivlin, NeoHookean, Ogden, Yeoh
+from pdsurrogate.materials import ArrudaBoyce, FullNetwork, Gent, MooneyRivlin, NeoHookean, Ogden, Polyconvex, Yeoh
 
 # Kernels compile in the first example of a test; no deadline, and the same examples in every run.
 settings.register_profile("project", deadline=None, derandomize=True, max_examples=50)
@@ -51,6 +51,7 @@ LAWS = [
     Ogden(),
     Ogden(moduli=(0.5,), exponents=(2.0,), bulk_modulus=20.0),
     FullNetwork(0.3, 30.0),
+    Polyconvex(moduli=(0.4,), exponents=(1.5,), first=(0.2, 0.02, 1e-4), second=(0.04, 1e-5)),
 ]
 """Every property test of materials runs over these; all of them reach stretches of 4 in both directions."""
 

@@ -3,9 +3,47 @@
 import meshio
 import numpy as np
 
-__all__ = ["write_plate"]
+__all__ = ["write_bar", "write_plate", "write_triangles"]
 
 GMSH_TYPES = {"line": 1, "triangle": 2, "quad": 3}
+
+
+TETRAHEDRA = ([0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 6], [0, 5, 1, 6])
+"""Of a hexahedron, about the diagonal from its first corner to its seventh."""
+
+
+def write_bar(path, counts=(8, 4, 4), size=(2.0, 1.0, 1.0), jitter=0.25):
+    """A box of tetrahedra whose inner nodes are moved at random; its ends along x1 are the groups lower end and upper, half of one part."""
+    axes = [np.linspace(0, length, count + 1) for count, length in zip(counts, size, strict=True)]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    inner = ((nodes > 1e-9) & (nodes < np.array(size) - 1e-9)).all(axis=1, keepdims=True)
+    nodes += inner * np.random.default_rng(0).uniform(-jitter, jitter, nodes.shape) * np.array(size) / counts
+    number = np.arange(len(nodes)).reshape([count + 1 for count in counts])
+    corners = [(a, b, c) for c in (0, 1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    cells = np.array([[number[i + a, j + b, k + c] for a, b, c in corners] for i, j, k in np.ndindex(*counts)])
+    tetrahedra = np.concatenate([cells[:, four] for four in TETRAHEDRA])
+    faces = np.concatenate([tetrahedra[:, three] for three in ([0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2])])
+    x = nodes[faces]
+    ends = [faces[np.isclose(x[..., 0], end).all(axis=1)] for end in (0.0, size[0])]
+    part = np.flatnonzero(nodes[ends[0]][..., 1].max(axis=1) < size[1] / 2 + 1e-9)
+    blocks = [("tetra", tetrahedra), *(("triangle", end) for end in ends)]
+    chosen = {"lower end": (1, np.arange(len(ends[0]))), "upper": (2, np.arange(len(ends[1]))), "part": (1, part)}
+    sets = {name: [members if k == block else np.arange(0) for k in range(3)] for name, (block, members) in chosen.items()}
+    meshio.write(path, meshio.Mesh(nodes, blocks, cell_sets=sets))
+    return path
+
+
+def write_triangles(path, count, size=(2.0, 1.0)):
+    """A rectangle of squares, so many to a unit of length, each of four triangles about its middle."""
+    axes = [np.linspace(0, length, round(count * length) + 1) for length in size]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    number = np.arange(len(nodes)).reshape([len(axis) for axis in axes])
+    around = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
+    middle = len(nodes) + np.arange(len(around))
+    nodes = np.concatenate([nodes, nodes[around].mean(axis=1)])
+    triangles = np.concatenate([np.stack([around[:, k], around[:, (k + 1) % 4], middle], axis=1) for k in range(4)])
+    meshio.write(path, meshio.Mesh(np.column_stack([nodes, np.zeros(len(nodes))]), [("triangle", triangles)]))
+    return path
 
 
 def write_plate(path, count=12, hole=((4, 4), (8, 8)), turned=False, version=4):

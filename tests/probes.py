@@ -3,8 +3,8 @@
 import numba
 import numpy as np
 
-from pdsurrogate.kernels.block_arrays import BLOCK
-from pdsurrogate.kernels.compile import call_block
+from pdsurrogate.engine.block_arrays import BLOCK
+from pdsurrogate.engine.compile import call_block
 from pdsurrogate.materials import plane_stress
 
 

@@ -6,7 +6,6 @@ from conftest import needs_torch
 from sklearn import config_context
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
-from sklearn.exceptions import UnsetMetadataPassedError
 from sklearn.kernel_ridge import KernelRidge
 from sklearn.linear_model import LinearRegression, LogisticRegression, Ridge
 from sklearn.model_selection import GridSearchCV, KFold
@@ -20,7 +19,7 @@ from pdsurrogate.artifacts import ArtifactError
 from pdsurrogate.forces import Domain, NetworkForce, SplineForce
 from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
 from pdsurrogate.learning import domain_of, surrogate_of
-from pdsurrogate.learning.export import taken_over
+from pdsurrogate.learning.export import force_of, taken_over
 from pdsurrogate.learning.resampling import fitted_spline, greatest_jump
 from pdsurrogate.learning.sampling import COLUMNS, TARGETS
 
@@ -280,58 +279,73 @@ def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_weights_of_samples_go_through(samples):
-    """Samples of weight 0 are none."""
-    weights = np.ones(len(samples))
-    weights[::2] = 0
-    X, y = samples.X[1::2], samples.y[1::2]
-    for regressor in (pd.ChebyshevRegressor(4), Ridge(0.1)):
-        model = pd.bond_force_pipeline("isochoric", regressor)
-        # Scalings take no weights; without them the two are the same.
-        model.set_params(regressor__scaling="passthrough", regressor__regressor__transformer=FunctionTransformer())
-        weighted = model.fit(samples.X, samples.y, sample_weight=weights).predict(X)
-        np.testing.assert_allclose(weighted, model.fit(X, y).predict(X), rtol=1e-6, atol=1e-8)
-    with pytest.raises(TypeError, match="sample_weight"):
-        pd.bond_force_pipeline("isochoric", pd.TorchMLPRegressor()).fit(samples.X, samples.y, sample_weight=weights)
+WEIGHTED = {
+    "a polynomial": pd.ChebyshevRegressor(4),
+    "Levenberg-Marquardt": pd.LevenbergMarquardtRegressor((3,), "algebraic", max_iter=15, random_state=0),
+    "a pipeline": make_pipeline(PolynomialFeatures(2), Ridge(1.0)),
+    "one target at a time": GradientBoostingRegressor(n_estimators=3, random_state=0),
+    "drawn with replacement": RandomForestRegressor(3, random_state=0),
+    "a search": GridSearchCV(make_pipeline(PolynomialFeatures(1), Ridge()), {"ridge__alpha": [0.1, 1.0]}, cv=KFold(2)),
+    "torch": pytest.param(pd.TorchMLPRegressor((4,), max_epochs=3, random_state=0), marks=needs_torch),
+}
 
 
-def tripled(regressor, samples):
-    """A pipeline without scalings, which take no weights, and weights by which some samples stand for three."""
+def repeated(samples, stride=5):
+    """Weights of 0, 1, 2 and 3 for every fifth sample, and the copies that they stand for."""
+    X, y = samples.X[::stride], samples.y[::stride]
+    weights = (np.arange(len(X)) % 4).astype(float)
+    return X, y, weights, *(array.repeat(weights.astype(int), axis=0) for array in (X, y))
+
+
+@pytest.mark.parametrize("regressor", WEIGHTED.values(), ids=WEIGHTED)
+def test_a_weight_of_two_is_a_sample_twice_in_every_pipeline(samples, regressor):
+    """The same bits: scalings, splits and early stopping see the same samples.  Scalings took copies and no weights."""
     model = pd.bond_force_pipeline("isochoric", regressor)
-    weights = np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
-    return model.set_params(regressor__scaling="passthrough", regressor__regressor__transformer=FunctionTransformer()), weights
-
-
-@pytest.mark.parametrize(
-    "regressor",
-    [
-        make_pipeline(PolynomialFeatures(2), Ridge(1.0)),
-        GradientBoostingRegressor(n_estimators=3, random_state=0),
-        GridSearchCV(make_pipeline(PolynomialFeatures(1), Ridge()), {"ridge__alpha": [1.0]}, cv=KFold(2)),
-        pd.LevenbergMarquardtRegressor((3,), "algebraic", max_iter=15, random_state=0),
-    ],
-    ids=["a pipeline", "one target at a time", "a search", "Levenberg-Marquardt"],
-)
-def test_weights_reach_a_regressor_however_deep_it_is(samples, regressor):
-    """As many copies of a sample are a sample of that weight, by every way that scikit-learn has of passing it."""
-    model, weights = tripled(regressor, samples)
-    X, y = (array.repeat(weights.astype(int), axis=0) for array in (samples.X, samples.y))
-    copied = clone(model).fit(X, y).predict(samples.X)
-    assert np.abs(copied - clone(model).fit(samples.X, samples.y).predict(samples.X)).max() > 1e-5
+    X, y, weights, copied_X, copied_y = repeated(samples)
+    right = clone(model).fit(copied_X, copied_y).predict(X)
+    assert np.abs(right - clone(model).fit(X, y).predict(X)).max() > 1e-8  # weights matter
     within = Pipeline([("model", clone(model))])
     for found in (
-        clone(model).fit(samples.X, samples.y, sample_weight=weights),
-        within.fit(samples.X, samples.y, model__sample_weight=weights),
+        clone(model).fit(X, y, sample_weight=weights),
+        within.fit(X, y, model__sample_weight=weights),
     ):
-        np.testing.assert_allclose(found.predict(samples.X), copied, rtol=1e-6, atol=1e-9)
+        np.testing.assert_array_equal(found.predict(X), right)
+
+
+def test_a_weight_of_two_is_a_sample_twice_for_energies():
+    samples = pd.energy_design(LAW, 300, (0.7, 2.0), isochoric=True)
+    model = pd.energy_pipeline(pd.SobolevRegressor(3, max_iter=20, random_state=0), isochoric=True)
+    X, y, weights, copied_X, copied_y = repeated(samples, 1)
+    right = clone(model).fit(copied_X, copied_y).predict(X)
+    assert np.abs(right - clone(model).fit(X, y).predict(X)).max() > 1e-8
+    np.testing.assert_array_equal(clone(model).fit(X, y, sample_weight=weights).predict(X), right)
+    np.testing.assert_array_equal(clone(model).fit(X, y, sample_weight=np.ones(len(X))).predict(X), clone(model).fit(X, y).predict(X))
+
+
+def test_a_regressor_without_weights_refuses_them_by_name(samples):
+    with pytest.raises(TypeError, match="sample_weight"):
+        fitted(samples, Quadratic(), sample_weight=np.arange(len(samples)) * 1.0)
+
+
+def test_weights_need_no_knowledge_of_the_scalings_of_a_pipeline(samples):
+    """``set_fit_request(sample_weight=True)`` ended in an error that asked for requests of the scaler."""
+    model, weights = pd.bond_force_pipeline("isochoric", Ridge(1.0)), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
+    right = clone(model).fit(samples.X, samples.y, sample_weight=weights).predict(samples.X)
+    with config_context(enable_metadata_routing=True):
+        itself = clone(model).fit(samples.X, samples.y, sample_weight=weights)
+        requested = clone(model).set_fit_request(sample_weight=True).set_score_request(sample_weight=False)
+        within = Pipeline([("model", requested)]).fit(samples.X, samples.y, sample_weight=weights)
+        search = GridSearchCV(requested, {"regressor__regressor__regressor__alpha": [1.0]}, cv=2)
+        search.fit(samples.X, samples.y, sample_weight=weights)
+        for found in (itself, within, search):
+            np.testing.assert_array_equal(found.predict(samples.X), right)
 
 
 def test_weights_are_routed_where_they_are_requested(samples):
-    model, weights = tripled(Ridge(1.0), samples)
+    model, weights = pd.bond_force_pipeline("isochoric", Ridge(1.0)), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
+    model.set_params(regressor__scaling="passthrough", regressor__regressor__transformer=FunctionTransformer())
     right = clone(model).fit(samples.X, samples.y, sample_weight=weights).predict(samples.X)
     with config_context(enable_metadata_routing=True):
-        with pytest.raises(UnsetMetadataPassedError, match="sample_weight"):
-            clone(model).fit(samples.X, samples.y, sample_weight=weights)
         model.set_params(regressor__regressor__regressor=Ridge(1.0).set_fit_request(sample_weight=True))
         within = Pipeline([("model", model)]).fit(samples.X, samples.y, sample_weight=weights)
         np.testing.assert_allclose(within.predict(samples.X), right, rtol=1e-12)
@@ -351,11 +365,45 @@ def test_frames_of_pandas_go_through_with_their_names(samples):
     for model in (plain.fit(X, y), framed.fit(X, y)):
         assert model.feature_names_in_.tolist() == list(COLUMNS)
         np.testing.assert_allclose(model.predict(X), right, rtol=1e-12, atol=1e-12)
-        with pytest.raises(ValueError, match="feature names should match"):
+        with pytest.raises(ValueError, match=r"X must have the columns stretch, .*, J, in any order, not stretch, .*, j"):
             model.predict(X.rename(columns={"J": "j"}))
     assert framed.regressor_[:-1].transform(X).columns.tolist() == names
     assert framed.regressor_[-1].regressor_.feature_names_in_.tolist() == names
     assert isinstance(surrogate_of(framed, LAW, domain_of(samples)), SplineForce)
+
+
+SHUFFLED = ["C33", "J", "rotation", "length", "stretch"]
+
+
+def test_columns_of_frames_are_told_by_their_names(samples):
+    """Columns in another order were taken by their places, and names of other things as well: both in silence."""
+    pandas = pytest.importorskip("pandas")
+    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=TARGETS)
+    swapped, other = X[SHUFFLED], X.rename(columns={"J": "detF"})
+    model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(4))
+    right = clone(model).fit(X, y)
+    for found in (clone(model).fit(swapped, y[["t_tau", "t_n"]]), right):
+        np.testing.assert_array_equal(found.predict(swapped), right.predict(X))
+    with pytest.raises(ValueError, match=r"X must have the columns stretch, .*, in any order, not .*detF"):
+        clone(model).fit(other, y)
+    with pytest.raises(ValueError, match=r"X must have the columns stretch, .*, in any order, not .*more"):
+        right.predict(X.assign(more=1.0))
+    with pytest.raises(ValueError, match="y must have the columns t_n, t_tau, in any order, not t_n, force"):
+        clone(model).fit(X, y.rename(columns={"t_tau": "force"}))
+    energies = pd.energy_design(LAW, 100, (0.7, 2.0), isochoric=True)
+    frame = pandas.DataFrame(energies.X[:, ::-1], columns=["I2bar", "I1bar"])
+    energy = pd.energy_pipeline(pd.SobolevRegressor(2, max_iter=2, random_state=0), isochoric=True).fit(frame, energies.y)
+    np.testing.assert_array_equal(energy.predict(frame), energy.predict(frame[["I1bar", "I2bar"]]))
+
+
+def test_a_regressor_fitted_to_a_frame_by_itself_is_asked_in_its_order(samples):
+    pandas = pytest.importorskip("pandas")
+    X = pandas.DataFrame(samples.X, columns=COLUMNS)
+    alone = make_pipeline(PolynomialFeatures(2), LinearRegression())
+    model = clone(alone).fit(X[SHUFFLED], samples.y)
+    np.testing.assert_allclose(force_of(model)(*samples.X.T), model.predict(X[SHUFFLED]), rtol=1e-12)
+    with pytest.raises(ValueError, match=r"was fitted to the columns .*detF; taken are the five bond quantities stretch"):
+        force_of(clone(alone).fit(X.rename(columns={"J": "detF"}), samples.y))
 
 
 def test_a_search_over_features_and_widths_runs_as_it_is(samples, tmp_path):

@@ -29,7 +29,7 @@ def validated(samples=SAMPLES, model=MODEL, **arguments):
 
 
 def stored(folder, **arguments):
-    names = ("model", "samples", "law", "folder", "name", "version", "description")
+    names = ("model", "samples", "law", "folder", "name", "version", "text")
     given = dict(zip(names, (MODEL, SAMPLES, LAW, folder, "x", None, "x"), strict=True))
     return pd.store(**{**given, **arguments})
 
@@ -38,7 +38,15 @@ def drawn(*arguments, **named):
     return pd.committee(pd.LawRegressor(), TREE.stretches, TREE.nominal_stress, *arguments, **named)
 
 
+def bound(body="a body", law=LAW, settings=None):
+    body = pd.Body.rectangle(1.0, 1.0, 0.25, 0.7875) if body == "a body" else body
+    return pd.load_surrogate("analytic").bind(body, law, settings or pd.ForceSettings())
+
+
 BAD = [
+    (lambda _: bound(None), TypeError, r"body must be a Body, such as Body.rectangle\(1.0, 1.0, 0.1, 0.315\), not None"),
+    (lambda _: bound(law="gent"), TypeError, "law must be a material law"),
+    (lambda _: bound(settings="polar"), TypeError, r"settings must be ForceSettings\(\), not 'polar'"),
     (lambda _: validated(folds=1), ValueError, "folds must be from 2 to 200, not 1"),
     (lambda _: validated(folds=201), ValueError, "folds must be from 2 to 200, not 201"),
     (lambda _: validated(folds=2.5), TypeError, "folds must be a whole number, not 2.5"),
@@ -60,15 +68,15 @@ BAD = [
     (lambda to: stored(3), TypeError, "folder must be text or a path, not 3"),
     (lambda to: stored(""), ValueError, "a folder of artefacts is needed, and its name is empty"),
     (lambda to: stored(to, name=None), ValueError, "name None is not allowed: it must be text that matches"),
-    (lambda to: stored(to, description=None), TypeError, "description must be text, not None"),
-    (lambda to: stored(to, cross_validation="x"), TypeError, "cross_validation must be a list of dictionaries, or None, not 'x'"),
-    (lambda to: stored(to, search=[3]), TypeError, "search must be a list of dictionaries"),
+    (lambda to: stored(to, text=None), TypeError, "description must be text, not None"),
+    (lambda _: pd.CardText("x", cross_validation="x"), TypeError, "cross_validation must be a list of dictionaries, or None, not 'x'"),
+    (lambda _: pd.CardText("x", search=[3]), TypeError, "search must be a list of dictionaries"),
     (
-        lambda to: stored(to, search=[{"rms": np.nan}]),
+        lambda _: pd.CardText("x", search=[{"rms": np.nan}]),
         ValueError,
         "search.0.rms: must be a finite number, text, a list or a table, not nan",
     ),
-    (lambda to: stored(to, identification="x"), TypeError, "identification must be a dictionary, or None, not 'x'"),
+    (lambda _: pd.CardText("x", identification="x"), TypeError, "identification must be a dictionary, or None, not 'x'"),
     (lambda to: stored(to, members=3), TypeError, "members must be a list of tuples, each a fitted model, its samples and its law, not 3"),
     (lambda to: stored(to, members=[(MODEL, SAMPLES)]), TypeError, "member 1 must be a tuple of a fitted model, its samples and its law"),
     (lambda to: stored(to, members=[(MODEL, SAMPLES, 3)]), TypeError, "law must be a material law"),

@@ -337,9 +337,9 @@ def test_polynomials_are_stored_too(tmp_path):
         (lambda text: text[:200], "not valid JSON"),
         (lambda text: "[1, 2]", "not the card"),
         (lambda text: text.replace("pdsurrogate artefact", "something else"), "not the card"),
-        (lambda text: text.replace('"schema_version": 2', '"schema_version": 99'), "upgrade pdsurrogate"),
-        (lambda text: text.replace('"schema_version": 2', '"schema_version": 0'), "fit it again"),
-        (lambda text: text.replace('"schema_version": 2', '"schema_version": "1"'), "no schema_version"),
+        (lambda text: text.replace('"schema_version": 3', '"schema_version": 99'), "upgrade pdsurrogate"),
+        (lambda text: text.replace('"schema_version": 3', '"schema_version": 0'), "fit it again"),
+        (lambda text: text.replace('"schema_version": 3', '"schema_version": "1"'), "no schema_version"),
         (lambda text: text.replace('"least_stretch": 0.5', '"least_stretch": NaN'), "not a number"),
         (lambda text: text.replace('"least_stretch": 0.5', '"least_stretch": -1'), "domain.least_stretch"),
         (lambda text: text.replace('"least_stretch"', '"lowest_stretch"'), "domain.least_stretch"),
@@ -380,7 +380,7 @@ law = pd.NeoHookean()
 samples = pd.wide_design(law, 600, random_state=0)
 network = pd.LevenbergMarquardtRegressor((6,), "algebraic", max_iter=25, random_state=0)
 model = pd.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
-pd.store(model, samples, law, sys.argv[1], "rubber", "1", "reproduced", pd.cross_validate(model, samples, 2))
+pd.store(model, samples, law, sys.argv[1], "rubber", "1", pd.CardText("reproduced", pd.cross_validate(model, samples, 2)))
 """
     folders = [tmp_path / "a", tmp_path / "b"]
     for number, folder in enumerate(folders):

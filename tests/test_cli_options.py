@@ -13,10 +13,41 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pd
 from pdsurrogate.cli import app, application
+from pdsurrogate.engine.threads import at_most, most_threads, threads_for
 from pdsurrogate.forces import OutsideDomainWarning
-from pdsurrogate.kernels.threads import at_most, most_threads, threads_for
 from pdsurrogate.materials import LAWS
 from pdsurrogate.run.sharing import Oversubscribed
+
+
+@pytest.mark.parametrize(
+    ("command", "status", "error"),
+    [
+        (["run", "nothing"], 2, "unknown scene 'nothing'"),
+        (["run", "uniaxial", "--set", "spacing=-1"], 2, "spacing"),
+        (["run", "uniaxial", "--wizardry"], 2, "No such option: --wizardry"),
+        (["run"], 2, "Missing argument 'SCENE'"),
+        (["show", "nowhere"], 2, "there is no result of a run"),
+        (["evaluate", "nothing"], 2, "nothing"),
+        (["stress-test", "--force", "nothing"], 2, "nothing"),
+        (["wizardry"], 2, "No such command 'wizardry'"),
+    ],
+)
+def test_errors_are_json_where_json_is_asked_for(command, status, error):
+    """Standard output was empty, and a program that read it had to guess."""
+    done = CliRunner().invoke(app, [*command, "--json"])
+    assert done.exit_code == status
+    told = json.loads(done.stdout)
+    assert told["exit_status"] == status
+    assert error in told["error"]
+    assert done.stderr
+    assert CliRunner().invoke(app, command).stdout == ""
+
+
+def test_a_run_that_fails_says_so_in_its_summary_alone():
+    done = CliRunner().invoke(app, ["run", "uniaxial", *FAST, "--set", "solver.most_evaluations=1", "--json"])
+    assert done.exit_code == 1
+    assert json.loads(done.stdout)["status"] == "failed"
+
 
 FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
 

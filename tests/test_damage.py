@@ -11,9 +11,10 @@ from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import Body, grid
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import Gent, NeoHookean, homogeneous
-from pdsurrogate.run.fracture import TIP_DIAMETER, Damage, critical_stretch_of, greatest_bond_stretch, tearing_energy
+from pdsurrogate.run.fracture import Damage, critical_stretch_of, greatest_bond_stretch, tearing_energy
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes import Precut, load_scene
+from pdsurrogate.scenes.model import TIP_DIAMETER
 
 LAW = NeoHookean()
 CUT = Precut(start=(-0.05, 0.5), end=(0.6, 0.5))

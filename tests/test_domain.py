@@ -21,6 +21,8 @@ from pdsurrogate.forces import (
     OutsideDomainWarning,
 )
 from pdsurrogate.forces.kernel_values import kernel_tractions
+from pdsurrogate.kernels.bond_state import along_and_across
+from pdsurrogate.kernels.domain import blend, exact_share, exact_share_at
 from pdsurrogate.materials import Gent, plane_stress
 
 LAW = pd.NeoHookean()
@@ -61,6 +63,42 @@ def test_the_force_is_continuous_at_the_edge_of_the_domain(bound):
         assert forces(PAPER, body.points @ path(share).T, body, correction="scalar")[0].fraction_outside == outside
     coarse, fine = changes_along(path, 101), changes_along(path, 1001)
     assert fine < 0.15 * coarse
+
+
+def test_the_blend_has_two_continuous_derivatives():
+    """From 0 to 1, flat and without curvature at both ends, where it goes over into constants; the slope is that of the value."""
+    t, step = np.linspace(-0.5, 1.5, 401), 1e-5
+    value, slope = blend.py_func(t)
+    assert (value[t <= 0] == 0).all()
+    assert (value[t >= 1] == 1).all()
+    before, after = (blend.py_func(t + sign * step) for sign in (-1, 1))
+    # Differences are exact to the step squared times the third derivative, 60 at most.
+    np.testing.assert_allclose(slope, (after[0] - before[0]) / (2 * step), atol=1e-8)
+    curvature = (after[1] - before[1]) / (2 * step)
+    assert np.abs(np.diff(curvature)).max() < 60 * 1.01 * (t[1] - t[0])
+
+
+def test_both_energies_blend_alike():
+    """The energy of a sheet beyond one edge, and an isochoric energy at the same relative distance from one."""
+    low, high, width = 0.25, 9.0, 0.1
+    domain = np.array([low, high, 1 / low, 1 / high, 1.0, 0.0, width])
+    for distance in (-0.15, -0.07, -0.02, 0.0, 0.01):
+        # Both stretches alike, J a relative distance above its greatest value, far from the other edges but the one of tr C.
+        J = high * (1 + distance)
+        trace = 2 * J
+        share = exact_share(trace, J, domain)[0]
+        beyond_trace = trace / (high + J * J / high) - 1
+        parts = [exact_share_at(-one, width)[0] for one in (distance, beyond_trace)]
+        np.testing.assert_allclose(share, 1 - (1 - parts[0]) * (1 - parts[1]), atol=1e-14)
+
+
+def test_components_along_a_bond_keep_size_and_work():
+    """Turned components have the size of those before, and a bond that is not turned has the same."""
+    random = np.random.default_rng(0)
+    T_nn, T_nm, a, b = random.standard_normal((4, 50))
+    turned = along_and_across(T_nn, T_nm, a, b, np.hypot(a, b))
+    np.testing.assert_allclose(np.linalg.norm(turned, axis=1), np.hypot(T_nn, T_nm), rtol=1e-14)
+    np.testing.assert_array_equal(along_and_across(T_nn, T_nm, np.ones(50), np.zeros(50), 1.0), np.stack([T_nn, T_nm], axis=1))
 
 
 def test_the_interior_of_a_domain():

@@ -77,10 +77,12 @@ def test_a_free_block_keeps_its_momenta_and_its_energy():
     assert strayed[0.2] < 0.2 * strayed[0.6]
 
 
-def test_viscosity_in_space_takes_short_waves_and_leaves_long_ones():
+@pytest.mark.parametrize("elastic", ["evaluated", "followed"])
+def test_viscosity_in_space_takes_short_waves_and_leaves_long_ones(elastic):
     """Of the first longitudinal mode of a bar exp(-tau omega^2 t) is left, of a checkerboard 1 %; what is gone is in the account.
 
-    omega is pi over the length times the speed of a bar's waves, sqrt(E/rho): 6 % for the nonlocal bar, 10 points long.
+    omega is pi over the length times the speed of a bar's waves, sqrt(E/rho): 6 % for the nonlocal bar, 10 points long.  The elastic forces
+    that are followed from step to step are exact but for what is not linear: strains of a hundredth, of the second order in them.
     """
     viscosity, young = 0.02, 9 * 20.0 / 61
     omega = np.pi / (10 * SPACING) * np.sqrt(young)
@@ -94,16 +96,19 @@ def test_viscosity_in_space_takes_short_waves_and_leaves_long_ones():
     left = {}
     for wave in (long, short):
         bar = free_block((10, 2, 2), wave, viscosity)
-        start, power, taken = sum(energies(bar)), bar.damped_power(), 0.0
+        start, taken = sum(energies(bar)), 0.0
+        bar.find_elastic()
+        power = bar.damped_power()
         steps = round(2 * np.pi / omega / bar.time_step)
         for _ in range(steps):
             bar.move()
             bar.evaluate()
+            if elastic == "evaluated":
+                bar.find_elastic()
             last, power = power, bar.damped_power()
             taken += 0.5 * bar.last_step * (last.after + power.before)
-        kinetic = bar.kept_energy(bar.velocities_around())[1]
-        left[wave] = kinetic + measures.strain_energy(bar.force)
-        assert left[wave] + taken == pytest.approx(start, rel=1e-5)
+        left[wave] = sum(energies(bar))
+        assert left[wave] + taken == pytest.approx(start, rel=1e-5 if elastic == "evaluated" else 1e-4)
         left[wave] /= start
     assert left[long] == pytest.approx(np.exp(-viscosity * omega**2 * steps * bar.time_step), rel=0.06)
     assert left[short] < 0.02

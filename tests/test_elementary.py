@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from pdsurrogate.engine.compile import inlined, kernel
 from pdsurrogate.kernels import activations, elementary
-from pdsurrogate.kernels.compile import inlined, kernel
 from pdsurrogate.paper.features import arctangent
 
 

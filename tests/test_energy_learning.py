@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import SHIPPED, needs_torch
+from conftest import SHIPPED
 from sklearn.model_selection import GridSearchCV
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
@@ -19,22 +19,15 @@ def test_the_estimator_keeps_scikit_learns_conventions(estimator, check):
     check(estimator)
 
 
-@needs_torch
-@parametrize_with_checks([pd.TorchSobolevRegressor(6, max_epochs=5, random_state=0)])
-def test_the_estimator_of_torch_keeps_them_too(estimator, check):
-    check(estimator)
-
-
 def surface(X):
     """A function of two variables with its gradient."""
     a, b = X.T
     return np.stack([np.sin(a) * np.exp(b), np.cos(a) * np.exp(b), np.sin(a) * np.exp(b)], axis=1)
 
 
-@pytest.mark.parametrize("make", [pd.SobolevRegressor, pytest.param(pd.TorchSobolevRegressor, marks=needs_torch)])
-def test_value_and_gradient_are_learnt_together(make, random):
+def test_value_and_gradient_are_learnt_together(random):
     X, other = random.uniform(-1, 1, (300, 2)), random.uniform(-1, 1, (200, 2))
-    model = make(12, random_state=0).fit(X, surface(X))
+    model = pd.SobolevRegressor(12, random_state=0).fit(X, surface(X))
     error = model.predict(other) - surface(other)
     assert np.sqrt((error**2).mean(axis=0)).max() < 1e-2
     # The gradient predicted is that of the value predicted.
@@ -100,7 +93,7 @@ def test_surrogate_is_the_pipeline(fitted, tmp_path):
 
 def test_only_an_energy_pipeline_becomes_an_energy(fitted, tmp_path):
     _, samples = fitted
-    with pytest.raises(ValueError, match="by a SobolevRegressor or TorchSobolevRegressor, not by a ChebyshevRegressor"):
+    with pytest.raises(ValueError, match="by a SobolevRegressor, not by a ChebyshevRegressor"):
         pd.energy_pipeline(pd.ChebyshevRegressor(3))
     free = pd.energy_pipeline(pd.SobolevRegressor(3, max_iter=2, random_state=0)).set_params(regressor__regressor__flat=())
     with pytest.raises(ValueError, match=r"has anchor \(0.0, 0.0\) and flat \(0,\), not \(0.0, 0.0\) and \(\)"):

@@ -136,7 +136,7 @@ def test_bonds_outside_the_domain():
 
 
 def test_the_domain_is_told_from_its_eigenvalues(random):
-    from pdsurrogate.kernels.bond_state import is_outside
+    from pdsurrogate.kernels.domain import is_outside
 
     domain = MODELS["neo-hookean"].domain
     stretch, rotation_, C33, J = (random.uniform(*bounds, 3000) for bounds in ((0.3, 5), (-0.8, 0.8), (0.02, 4), (0.2, 8)))

@@ -9,9 +9,9 @@ from typer.testing import CliRunner
 import pdsurrogate as pd
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.cli import app
+from pdsurrogate.engine.block_arrays import BLOCK
 from pdsurrogate.forces import Domain, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning, Portion, bind_portions
-from pdsurrogate.kernels.block_arrays import BLOCK
-from pdsurrogate.kernels.isochoric_energy import distance_coefficients
+from pdsurrogate.kernels.domain import distance_coefficients
 from pdsurrogate.learning import energy as learning
 from pdsurrogate.learning.isochoric import ISOCHORIC
 from pdsurrogate.materials import plane_strain, solid

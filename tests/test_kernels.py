@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from bodies import disc_with_hole, gripped_sheet, jittered, sheet
 
+from pdsurrogate.engine import vector_loads
+from pdsurrogate.engine.compile import CompilationClock, compilation_clock, kernel
 from pdsurrogate.forces.kinematics import Kinematics
-from pdsurrogate.kernels import ghosts, lanes
-from pdsurrogate.kernels.compile import CompilationClock, compilation_clock, kernel
+from pdsurrogate.kernels import ghosts
 from pdsurrogate.kernels.steps import greatest_strain
 from pdsurrogate.materials import NeoHookean, plane_stress
 
@@ -95,8 +96,8 @@ def test_record_loads(random, dtype):
     @kernel
     def load(table, positions, first, second, sums, differences, alone):
         for k in range(0, first.shape[0], 4):
-            lanes.gather_pairs(table, positions, first, second, k, sums, differences, k)
-            lanes.subtract_positions(positions, first, second, k, alone, k)
+            vector_loads.gather_pairs(table, positions, first, second, k, sums, differences, k)
+            vector_loads.subtract_positions(positions, first, second, k, alone, k)
 
     sums, differences, alone = np.zeros((4, pairs), dtype), np.zeros((2, pairs), dtype), np.zeros((2, pairs), dtype)
     load(table, positions, first, second, sums, differences, alone)
@@ -114,7 +115,7 @@ def test_signed_sum(random, dtype, count):
 
     @kernel
     def total(table, count, listed, out):
-        lanes.sum_signed_records(
+        vector_loads.sum_signed_records(
             table, np.uint64(5), np.uint64(5 + count), listed, np.uint64(0), np.uint64(listed.shape[0]), 2.0, np.uint64(0), out
         )
 
@@ -168,7 +169,7 @@ def test_outer_products_of_every_number_of_bonds(random, dtype, count):
 
     @kernel
     def gradient(positions, neighbours, weights, start, stop, point, out):
-        lanes.sum_outer_products(positions, neighbours, weights, start, stop, point, out)
+        vector_loads.sum_outer_products(positions, neighbours, weights, start, stop, point, out)
 
     positions, weights = random.standard_normal((40, 2)), random.standard_normal((60, 2)).astype(dtype)
     neighbours, out = random.integers(0, 40, 60).astype(np.uint32), np.zeros((40, 4))

@@ -1,17 +1,20 @@
 """Keys of compiled code: what changes them, and what does not."""
 
+import errno
 import importlib
 import os
 import subprocess
 import sys
 import textwrap
 
+import numba
 import numpy as np
 import pytest
 from numba.extending import overload
 
+from pdsurrogate.engine import compile as compile_module
+from pdsurrogate.engine.keys import NotKeyable, code_digest
 from pdsurrogate.kernels import bond_force
-from pdsurrogate.kernels.keys import NotKeyable, code_digest
 from pdsurrogate.materials import plane_stress
 from pdsurrogate.materials.consistency import law_digest
 
@@ -102,6 +105,58 @@ def test_a_constant_changed_while_python_runs_reaches_the_kernel(tmp_path, monke
             sys.modules.pop(name, None)
 
 
+@pytest.fixture
+def twice(tmp_path, monkeypatch):
+    """A function in a file of its own, beside which its compiled code is kept."""
+    _write(tmp_path, "kept_by_a_test.py", "def twice(x):\n    return 2 * x\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    yield importlib.import_module("kept_by_a_test").twice
+    del sys.modules["kept_by_a_test"]
+
+
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+@pytest.mark.parametrize("damage", ["empty", "half", "zeros"])
+def test_a_damaged_cache_is_none(tmp_path, twice, kind, damage):
+    """A file that a full disk or a power cut had left half-written ended every run from then on."""
+
+    def compiled():
+        with compile_module.compilation_clock() as clock:
+            assert compile_module.kernel(twice)(3.0) == 6.0
+        return clock.seconds > 0
+
+    assert compiled()
+    assert not compiled()
+    (path,) = tmp_path.rglob(f"twice*.{kind}")
+    content = path.read_bytes()
+    half = content[: len(content) // 2]
+    path.write_bytes({"empty": b"", "half": half, "zeros": half.ljust(len(content), b"\0")}[damage])
+    assert compiled()
+    assert not compiled()
+
+
+def test_a_full_disk_under_the_cache_is_done_without(twice, monkeypatch, caplog):
+    """It ended the run with "could not write None"."""
+
+    def full(*arguments):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("os.replace", full)
+    compile_module._tell_not_kept.cache_clear()
+    for _ in range(2):
+        assert compile_module.kernel(twice)(3.0) == 6.0
+    assert [record.message.count("No space left on device") for record in caplog.records] == [1]
+
+
+def test_a_compiler_that_is_switched_off_is_told_in_one_line():
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    command = [sys.executable, "-m", "pdsurrogate", "run", "uniaxial", "--set", "spacing=0.25"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("pdsurrogate: NUMBA_DISABLE_JIT is set in the environment")
+    assert len(done.stderr.splitlines()) == 1
+
+
 def _made(source, **space):
     exec(textwrap.dedent(source), {"__name__": "a_users_module", **space}, space)
     function = space["f"]
@@ -160,6 +215,10 @@ def test_what_cannot_be_keyed_is_named():
 
 def test_digests_are_the_same_in_every_process():
     """Orders of sets and addresses of objects differ between processes."""
-    source = "from pdsurrogate.kernels import bond_force, keys; print(keys.code_digest(bond_force.pair_forces.function))"
+    source = """
+from pdsurrogate.engine.keys import code_digest
+from pdsurrogate.kernels.bond_force import pair_forces
+print(code_digest(pair_forces.function))
+"""
     other = subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, check=True).stdout.strip()
     assert other == code_digest(bond_force.pair_forces.function)

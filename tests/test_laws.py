@@ -37,6 +37,7 @@ def test_every_law_is_tried():
         (pd.ArrudaBoyce(chain_links=1e7), 1e-4),
         (pd.FullNetwork(chain_links=1e7), 1e-4),
         (pd.Ogden(moduli=(1.0,), exponents=(2.0,)), 1e-9),
+        (pd.Polyconvex(), 1e-9),
     ],
     ids=lambda value: getattr(value, "name", ""),
 )
@@ -210,10 +211,13 @@ UNPHYSICAL = [
     ("yeoh", {"second": -0.1, "third": 1e-4}, "stress fall"),
     ("ogden", {"moduli": (1.0, 1.0), "exponents": (2.0, -2.0)}, "term 2 must be positive"),
     ("ogden", {"moduli": (1.0,), "exponents": (0.0,)}, "must be positive, not 0"),
-    ("ogden", {"moduli": (1.0, 2.0), "exponents": (2.0,)}, "equally many"),
-    ("ogden", {"moduli": (), "exponents": ()}, "equally many"),
+    ("ogden", {"moduli": (1.0, 2.0), "exponents": (2.0,)}, "lists of equal length"),
+    ("ogden", {"moduli": (), "exponents": ()}, "lists of equal length"),
     ("ogden", {"moduli": (np.inf,), "exponents": (2.0,)}, "must be finite"),
     ("ogden", {"shear_modulus": 3.0}, "make the shear_modulus 1, not 3"),
+    ("polyconvex", {"moduli": (1.0,), "exponents": (0.5,)}, "exponents must be of size 1 or more"),
+    ("polyconvex", {"first": (0.1, -0.1)}, "first must be at most 3 finite numbers, none negative"),
+    ("polyconvex", {"first": (0.0, 1.0)}, "nothing is stiff at rest"),
 ]
 
 

@@ -19,7 +19,7 @@ def store(tmp_path_factory):
     def make(name, law, identification=None):
         samples = pd.wide_design(law, 400, (0.7, 2.0), random_state=0)
         model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(5)).fit(samples.X, samples.y)
-        return pd.store(model, samples, law, folder, name, "1", "x", identification=identification)
+        return pd.store(model, samples, law, folder, name, "1", pd.CardText("x", identification=identification))
 
     return make
 

@@ -37,6 +37,8 @@ BY_NAME = (
 )
 """Keys of the summary whose own keys are names of the scene's, of a law or of the machine."""
 
+UNITS = {"length": "cm", "stress": "kPa", "time": "s"}
+
 TEAR = {
     "spacing": 0.25,
     "stretches": [1.1, 1.2],
@@ -54,6 +56,7 @@ def _programme() -> pd.Scene:
     return pd.Scene(
         name="programme",
         spacing=0.1,
+        units=UNITS,
         body=pd.Rectangle(size=(1.0, 0.4)),
         material="neo-hookean",
         materials=({"region": {"box": ((0.5, 0.0), (1.0, 0.4))}, "material": stiff},),
@@ -69,6 +72,7 @@ def _in_space() -> pd.Scene:
     return pd.Scene(
         name="block",
         spacing=0.25,
+        units=UNITS,
         body={"shape": "box", "size": (1.0, 1.0, 1.0)},
         material="neo-hookean",
         prescribed=(held, pulled),
@@ -79,7 +83,7 @@ def _in_space() -> pd.Scene:
 def _pulled(material) -> pd.Scene:
     held, pulled = {"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.5}
     body = pd.Rectangle(size=(1.0, 0.5))
-    return pd.Scene(name="pulled", spacing=0.125, body=body, material=material, prescribed=(held, pulled), steps=(1.0,))
+    return pd.Scene(name="pulled", spacing=0.125, units=UNITS, body=body, material=material, prescribed=(held, pulled), steps=(1.0,))
 
 
 def _far() -> pd.Scene:
@@ -87,6 +91,7 @@ def _far() -> pd.Scene:
     return pd.Scene(
         name="far",
         spacing=0.1,
+        units=UNITS,
         body=pd.Rectangle(size=(1.0, 0.3)),
         material="neo-hookean",
         prescribed=({"region": "left", "x1": 0.0, "x2": 0.0},),

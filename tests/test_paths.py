@@ -4,9 +4,11 @@ import re
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 import pdsurrogate as pd
 from pdsurrogate.artifacts import ArtifactError, next_version, own_folder, store
+from pdsurrogate.cli import app
 
 
 def test_own_artefacts_never_go_among_shipped_ones_by_accident(tmp_path, monkeypatch):
@@ -31,3 +33,13 @@ def test_the_version_has_one_home():
     assert 'dynamic = ["version"]' in text
     assert not re.search(r"^version = ", text, re.MULTILINE)
     assert (Path(pd.__file__).parent / "py.typed").exists()
+
+
+def test_where_artefacts_go_in_a_checkout_is_said():
+    """`store(..., None, ...)` writes to own-artifacts there, which neither the README nor the help said."""
+    readme = (Path(__file__).parents[1] / "README.md").read_text()
+    assert "`own-artifacts/`" in readme
+    assert "print(path)" in readme
+    assert "own-artifacts" in pd.store.__doc__
+    help_text = CliRunner().invoke(app, ["fit", "--help"], env={"COLUMNS": "200"}).output
+    assert "own-artifacts in a checkout" in " ".join(help_text.split())

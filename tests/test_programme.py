@@ -209,7 +209,7 @@ def test_a_bond_that_would_break_hands_over_to_dynamics():
 
 def test_what_moves_faster_than_waves_is_refused():
     with pytest.raises(pd.SceneError, match=r"steps\.1\.dynamics\.duration: parts that are held would move apart at 100 cm/s"):
-        Run(scene_of((0.1, dynamic(1.1, 0.01))), pd.load_surrogate("analytic"), Silent())
+        Run(scene_of((0.1, dynamic(1.1, 0.01)), units={"length": "cm", "time": "s"}), pd.load_surrogate("analytic"), Silent())
 
 
 def test_motion_goes_evenly_and_stops():

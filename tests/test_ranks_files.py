@@ -109,6 +109,9 @@ def test_a_run_checkpointed_on_two_ranks_goes_on_on_three_and_on_one(command, tm
     assert np.array_equal(displacements[0], displacements[1])
     assert np.array_equal(displacements[0], displacements[2])
     cracks = [json.loads((folder / "summary.json").read_text())["crack"] for folder in folders.values()]
+    # The forces of grips are summed rank by rank.
+    stresses = [crack["peak"].pop("nominal_stress") for crack in cracks]
+    assert stresses == pytest.approx(stresses[:1] * 3, rel=1e-12)
     assert cracks[0] == cracks[1] == cracks[2]
 
 

@@ -16,6 +16,7 @@ from pdsurrogate.results.provenance import git_state
 
 PULLED = {
     "name": "pulled",
+    "units": {"length": "cm", "stress": "kPa", "time": "s"},
     "spacing": 0.2,
     "body": {"size": (1.0, 1.0)},
     "material": {"law": "neo-hookean"},

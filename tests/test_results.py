@@ -1,6 +1,7 @@
 """Result files, read back with the tools that users open them with."""
 
 import csv
+import errno
 import json
 import os
 import re
@@ -19,7 +20,7 @@ import pdsurrogate as pd
 from pdsurrogate.cli import app
 from pdsurrogate.results import figures, files, measures
 from pdsurrogate.results.contents import MESH, Contents, digest_of_mesh
-from pdsurrogate.results.folder import LOCK, FolderTaken, occupied
+from pdsurrogate.results.folder import LOCK, FolderTaken, is_marked, occupied
 from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
 
@@ -102,14 +103,15 @@ def test_a_run_clears_the_files_of_an_earlier_one_and_nothing_else(saved, tmp_pa
     Before a run begins, so that it stands for itself however it ends; what is not a run's stays.
     """
     simulate(uniaxial(1.1), "analytic").save(tmp_path)
-    for name in ("uniaxial-001.vtu", "uniaxial-007.vtu", "uniaxial-loading.png"):  # of an earlier version of the scene
-        (tmp_path / name).write_text("left")
+    for name in ("uniaxial-001.vtu", "uniaxial-007.vtu", "uniaxial-loading.png"):  # as of an earlier version of the scene
+        (tmp_path / name).write_bytes((tmp_path / ("uniaxial.png" if name.endswith("png") else "uniaxial-000.vtu")).read_bytes())
     mine = ["notes.txt", "uniaxial-final.vtu", "uniaxial-1.vtu", "other-000.vtu", "picture.png"]
     for name in mine:
         (tmp_path / name).write_text("mine")
     result = simulate(uniaxial(1.1), "analytic", folder=tmp_path if streamed else None)
     if streamed:
-        assert names_in(tmp_path) == sorted([*mine, "checkpoint.npz", "uniaxial-000.vtu", "uniaxial.pvd"])
+        tables = ["convergence.csv", "history.csv", "summary.json"]
+        assert names_in(tmp_path) == sorted([*mine, *tables, "checkpoint.npz", "uniaxial-000.vtu", "uniaxial.pvd"])
     result.save(tmp_path)
     ours = ["convergence.csv", "history.csv", "summary.json", "uniaxial-000.vtu", "uniaxial.png", "uniaxial.pvd"]
     ours += ["checkpoint.npz"] * streamed
@@ -224,6 +226,44 @@ def test_files_that_no_run_wrote_are_not_replaced(saved, tmp_path, name, content
     assert (tmp_path / name).read_text() == content
 
 
+@pytest.mark.parametrize(
+    "name", ["uniaxial-007.vtu", "uniaxial.gif", "uniaxial.png", "uniaxial-loading.png", "uniaxial.pvd", "history.csv"]
+)
+@pytest.mark.parametrize("there", ["nothing", "a run", "an interrupted run"])
+def test_files_that_have_names_of_a_runs_own_are_left_and_refused(tmp_path, name, there):
+    """They were deleted, without a word and without --overwrite; a table of somebody's that begins with t is none of a run's either."""
+    scene = uniaxial(1.1)
+    if there != "nothing":
+        simulate(scene, "analytic", folder=tmp_path).save(tmp_path)
+    if there == "an interrupted run":
+        summary = json.loads((tmp_path / "summary.json").read_text())
+        (tmp_path / "summary.json").write_text(json.dumps({**summary, "status": "running"}))
+    (tmp_path / name).write_text("t,price\n1,2\n")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    for options in ({}, {"overwrite": True}, {"resume": True}):
+        with pytest.raises(FolderTaken, match=f"{name} was not written by a run and would be replaced"):
+            simulate(scene, "analytic", folder=tmp_path, **options)
+    with pytest.raises(FolderTaken, match=f"{name} was not written by a run"):
+        simulate(scene, "analytic").save(tmp_path, overwrite=True)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_all_that_a_run_writes_is_known_again(tmp_path):
+    """Pictures, an animation, states and their index."""
+    scene = pd.load_scene(
+        "tear",
+        {
+            **{"spacing": 0.25, "body.size": [2.0, 1.0], "precuts": [], "stretches": [1.1], "fracture.critical_stretch": 3.0},
+            **{"dynamics.stretch": 1.15, "dynamics.stretch_rate": 60.0, "dynamics.outputs": 2},
+        },
+    )
+    for _ in range(2):
+        simulate(scene, "analytic", folder=tmp_path).save(tmp_path)
+    assert {"tear.gif", "tear.png", "tear-loading.png", "tear.pvd", "tear-002.vtu"} <= set(names_in(tmp_path))
+    assert all(is_marked(path) for path in tmp_path.glob("tear*"))
+    meshio.read(tmp_path / "tear-002.vtu")
+
+
 def test_the_same_folder_by_another_path_is_not_cleared(tmp_path, monkeypatch):
     """States that were written as they were reached are read from their files: they must not be removed to make room for themselves."""
     monkeypatch.chdir(tmp_path)
@@ -299,6 +339,19 @@ def test_a_folder_holds_one_run_at_a_time(tmp_path):
     lock.write_text("1 another.host")
     with pytest.raises(FolderTaken, match=r"on another\.host"), occupied(tmp_path):
         pass
+
+
+def test_a_folder_that_cannot_be_made_is_named(monkeypatch, tmp_path):
+    """A temporary file was named in its place."""
+
+    def refused(*arguments, **options):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), f"{options['dir']}/tmpabc")
+
+    monkeypatch.setattr("tempfile.NamedTemporaryFile", refused)
+    ended = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", str(tmp_path / "some" / "where")])
+    assert ended.exit_code == 2
+    assert f"{tmp_path / 'some' / 'where'}: files cannot be made there, as no file can be made in {tmp_path}" in ended.stderr
+    assert "tmpabc" not in ended.output
 
 
 def test_results_need_a_folder(tmp_path):

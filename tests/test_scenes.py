@@ -1,6 +1,8 @@
 """Reading scenes: what is accepted, and what a user is told about the rest."""
 
 import copy
+import os
+import re
 import tomllib
 
 import pytest
@@ -8,8 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pdsurrogate as pd
+from pdsurrogate.cli import running
 from pdsurrogate.materials import NeoHookean
-from pdsurrogate.scenes import Grip, MaterialSpec, SceneError, load_scene, scene_names
+from pdsurrogate.results.page import html_page
+from pdsurrogate.scenes import Grip, MaterialSpec, SceneError, Units, load_scene, scene_names
 from pdsurrogate.scenes.reading import parse_change
 
 
@@ -237,6 +241,9 @@ def test_scenes_that_are_not_there(tmp_path):
         load_scene("uniaxal")
     with pytest.raises(SceneError, match="unknown scene ''"):  # "cannot read scene file .: Is a directory"
         load_scene("")
+    if os.path.exists("/dev/zero"):
+        with pytest.raises(SceneError, match="it has more than 16 MiB, which no description of a scene"):
+            load_scene("/dev/zero")  # which was read until memory was full
     with pytest.raises(SceneError, match="cannot read scene file"):
         load_scene(tmp_path / "none.toml")
     binary = tmp_path / "binary.toml"
@@ -293,3 +300,48 @@ def test_fracture_in_a_general_scene_asks_for_a_step_with_dynamics():
 
 def test_blanks_around_an_amplitude_do_not_count():
     assert load_scene("traction", {"loads.0.amplitude": " ramp "}).loads[0].amplitude == "ramp"
+
+
+PLAIN = {
+    "name": "plain",
+    "spacing": 0.25,
+    "stretches": 1.2,
+    "body": {"shape": "rectangle", "size": [3.0, 1.0]},
+    "grips": [{"edge": "left", "holds": "normal"}, {"edge": "right", "holds": "normal", "travel": 1.0}],
+}
+"""Without a material and without units."""
+
+
+def test_what_has_no_units_claims_none(tmp_path, monkeypatch):
+    """All headers said kPa and cm."""
+    scene = pd.Scene.model_validate({**PLAIN, "material": "neo-hookean"})
+    assert repr(scene) == "<Scene plain: rectangle, spacing 0.25, neo-hookean, 1 stretch>"
+    result = pd.simulate(scene, "analytic")
+    result.save(tmp_path)
+    texts = [path.read_text() for path in tmp_path.glob("*.csv")] + [html_page(result, ["stress_11"]), result.label("stress_11")]
+    for printed in (running._print_levels, running._print_cells, running._print_grip):
+        with running.out.capture() as said:
+            printed(result)
+        texts.append(said.get())
+    figure = result.loading_figure()
+    texts += [figure.axes[0].get_ylabel(), *(text.get_text() for text in pd.preview(scene).texts)]
+    for text in texts:
+        assert not re.search(r"kPa|\bcm\b|\[s\]|None", re.sub(r"base64,[A-Za-z0-9+/=]+", "", text))
+    named = Units(length="mm", stress="MPa")
+    assert (named.force, named.time, named.label("time", "time")) == ("MPa mm^2", None, "time")
+    assert named.amount(2.0, "length", ".1f", "^2") == "2.0 mm^2"
+    # What a force's material is converted to is known of scenes that name their unit.
+    assert load_scene("uniaxial").units.stress == "kPa"
+
+
+def test_a_material_may_be_left_to_the_force():
+    """A scene had to state a material, though the force brought its own."""
+    scene = pd.Scene.model_validate(PLAIN)
+    found = pd.simulate(scene, "gent")
+    card = pd.load_card("gent").material.trained_with
+    assert found.summary["material"] == card
+    stated = pd.simulate(pd.Scene.model_validate({**PLAIN, "material": card}), "gent")
+    assert found.levels[0]["nominal_stress"] == stated.levels[0]["nominal_stress"]
+    for force in (None, "analytic", "bond-energy", pd.AnalyticBondForce()):
+        with pytest.raises(SceneError, match="scene plain: material: none is given; give one, or an artefact as the force"):
+            pd.simulate(scene, force)

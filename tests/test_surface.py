@@ -15,7 +15,7 @@ SQUARE = {"shape": "rectangle", "size": [2.0, 2.0], "lower": [-1.0, -1.0]}
 DISC = {"shape": "circle", "radius": 1.0}
 TRIANGLE = {"shape": "polygon", "vertices": [[0, 0], [1.3, 2.2], [2.1, 0]]}  # clockwise
 LETTER = {"shape": "polygon", "vertices": [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]}
-BOW = {"shape": "polygon", "vertices": [[-1, -1], [1, 1], [1, -1], [-1, 0.5]]}  # its sides cross at (-1/7, -1/7)
+BOW = {"shape": "polygon", "vertices": [[-1, -1], [-1 / 7, -1 / 7], [1, -1], [1, 1], [-1 / 7, -1 / 7], [-1, 0.5]]}  # two triangles
 
 
 def circle(radius, x1, x2):
@@ -35,7 +35,7 @@ BODIES = {
     "ellipse": ({"shape": "ellipse", "semi_axes": [1.5, 0.6]}, [], np.pi * 0.9, 1e-12),
     "triangle": (TRIANGLE, [], 2.1 * 2.2 / 2, 1e-12),
     "letter": (LETTER, [box((0.3, 0.3), (0.7, 0.7))], 3 - 0.16, 1e-12),
-    "sides that cross": (BOW, [], 12.5 / 7, 1e-12),
+    "sides that touch": (BOW, [], 12.5 / 7, 1e-12),
     "hole at a corner": (SQUARE, [circle(0.5, 1.0, 1.0)], 4 - np.pi / 16, 1e-12),
     "hole across an edge": (SQUARE, [circle(0.5, 1.3, 0.0)], 4 - SEGMENT, 2e-3),
     "slot across an edge": (SQUARE, [box((0.4, -0.15), (1.2, 0.15))], 4 - 0.18, 1e-12),
@@ -270,7 +270,7 @@ def test_ligaments_of_one_row_tell_no_deformation():
     assert (surface.nodes[lost, 1] > 0.85).all()
     assert surface.followed()[surface.nodes[:, 1] < 0.75].all()
     assert np.array_equal(empty_rows(surface.interpolation.rows[0]), lost)
-    with pytest.raises(ValueError, match=r"\(0, 0\.95\): the points of the body beside it, .* are fewer than three or in one row"):
+    with pytest.raises(ValueError, match=r"\(0, 0\.95\): .* are fewer than three or in one row; take a smaller spacing"):
         interpolation(body, np.array([[0.5, 0.5], [0.0, 0.95]]))
     assert scene.spacing == 0.1
 

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 import pdsurrogate as pd
-from pdsurrogate.kernels import threads
-from pdsurrogate.kernels.passes import Chain, Pass
-from pdsurrogate.kernels.threads import SPIN_COUNT, Chunks, thread_count, threads_for
+from pdsurrogate.engine import threads
+from pdsurrogate.engine.passes import Chain, Pass
+from pdsurrogate.engine.threads import SPIN_COUNT, Chunks, thread_count, threads_for
 
 USE = """
 import os, sys
 import pdsurrogate as pd
 from pdsurrogate.reports.calibration import arithmetic
-from pdsurrogate.kernels.block_arrays import aligned_rows
+from pdsurrogate.engine.block_arrays import aligned_rows
 {first}
 before = dict(os.environ)
 for _ in range(2):
     arithmetic(1, aligned_rows((2, 8, 256), "float32", 0.5))
-    with pd.kernels.threads.thread_count(2):
+    with pd.engine.threads.thread_count(2):
         pass
 print(before == dict(os.environ), numba.threading_layer() if "numba" in globals() else "")
 """
@@ -85,6 +85,44 @@ def test_every_chunk_of_every_pass_is_worked_on_once(chunks):
         assert chain() == [sum(range(chunks.number))] * 2
     assert (times == 50).all()
     assert set(threads.ravel()) <= set(range(chunks.threads))
+
+
+FORKED = """
+import multiprocessing, os, sys, warnings
+import pdsurrogate as pd
+
+scene = pd.load_scene("uniaxial", spacing=0.1, stretches=1.2)
+
+def stress(threads):
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        summary = pd.simulate(scene, "analytic", threads=threads).summary
+    return summary["levels"][0]["nominal_stress"], summary["threads"], [w.category.__name__ for w in said]
+
+here = stress(2)
+child = os.fork()
+if child == 0:
+    os._exit(0 if stress(2)[0] == here[0] else 3)
+_, status = os.waitpid(child, 0)
+if status:
+    sys.exit(f"the child ended with status {status}")
+with multiprocessing.get_context("fork").Pool(2) as pool:
+    for found in pool.map(stress, [None, 2]):
+        print(found[0] == here[0], *found[1:])
+print(stress(2) == here)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+def test_a_process_that_is_forked_after_a_run_on_threads_runs_on_one(tmp_path):
+    """GNU OpenMP does not survive a fork: numba ended the child, and a pool of them waited for ever."""
+    environment = {**os.environ, "NUMBA_NUM_THREADS": "2"}
+    done = subprocess.run([sys.executable, "-c", FORKED], env=environment, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    one, two, again = done.stdout.splitlines()
+    if two == "True 2 []":
+        pytest.skip("numba's threads survive a fork here")
+    assert (one, two, again) == ("True 1 []", "True 1 ['ThreadsLostWarning']", "True")
 
 
 def test_a_number_of_threads_that_there_is_not():

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from pdsurrogate.body import Body, ReflectionPlane
-from pdsurrogate.kernels import algebra3, damage, gradient, lanes, nosb, reference_state, steps, sums
+from pdsurrogate.engine import vector_loads
+from pdsurrogate.engine.block_arrays import BLOCK, SCRATCH_ROWS
+from pdsurrogate.engine.compile import kernel
+from pdsurrogate.engine.threads import Chunks
+from pdsurrogate.kernels import algebra3, damage, gradient, nosb, reference_state, steps, sums
 from pdsurrogate.kernels.ba_nosb import sum_bond_forces
-from pdsurrogate.kernels.block_arrays import BLOCK, SCRATCH_ROWS
-from pdsurrogate.kernels.compile import kernel
-from pdsurrogate.kernels.threads import Chunks
 from pdsurrogate.materials import NeoHookean, Ogden, solid
 
 COUNT, SPACING, CHUNKS = 7, 1 / 7, Chunks(threads=2, number=5)
@@ -416,7 +417,7 @@ def test_records_of_nine_and_three_in_and_out(random, real):
     @kernel
     def both_ways(table, positions, first, second, sums, differences, matrices, vectors):
         for k in range(0, 8, 4):
-            lanes.gather_pairs_in_space(table, positions, first, second, k, sums, differences, k)
+            vector_loads.gather_pairs_in_space(table, positions, first, second, k, sums, differences, k)
         for k in range(0, 8, 4):
             put_matrices(sums, k, matrices, k)
             put_vectors(differences, k, vectors, k)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Iterator, Mapping
@@ -17,11 +18,15 @@ from ..scenes import MaterialSpec
 from ..scenes.problems import explain
 
 FORMAT = "pdsurrogate artefact"
-SCHEMA_VERSION = 2
-"""Raised with every change of the card or the payload that an older reader would misunderstand."""
+SCHEMA_VERSION, OLDEST_SCHEMA = 3, 2
+"""Raised with every change of the card or the payload that an older reader would misunderstand; cards of version 2 have no digest."""
+
+DIGESTED = ("kind", "material", "features", "domain", "errors", "payloads", "members")
+"""Parts of a card that a run or its reader depends on, beside the identification: the digest of a card is of these."""
 
 NAME_PATTERN = r"^[a-z0-9][a-z0-9._-]{0,63}$"
 VERSION_PATTERN = r"^[0-9]{1,9}(\.[0-9]{1,9}){0,2}$"
+SHA256 = r"^[0-9a-f]{64}$"
 MOST_BYTES = 2**20
 MOST_PLANES = 1000
 """Of the hull of test data."""
@@ -134,7 +139,7 @@ class Payload(_Part):
     """One file of an artefact."""
 
     contains: str
-    sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+    sha256: Annotated[str, Field(pattern=SHA256)]
     bytes: Count
 
 
@@ -179,21 +184,31 @@ class Card(_Part):
     made_with: dict[str, str]
     payloads: dict[str, Payload]
     members: Annotated[tuple[MemberSpec, ...], Field(max_length=MOST_MEMBERS)] = ()
+    digest: Annotated[str, Field(pattern=SHA256)] | None = None
+
+    def found_digest(self) -> str:
+        """Return the SHA-256 of what the card says of its weights, which are in it by their own SHA-256."""
+        content = json.loads(self.to_json())
+        parts = {name: content[name] for name in DIGESTED if name in content}
+        parts["identification"] = content["training"].get("identification")
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def to_json(self) -> str:
-        """The card as it is stored; what most have none of, a hull of test data and a committee, is left out where there is none."""
+        """The card as it is stored; a hull of test data, a committee and a digest are left out where there is none."""
         content = self.model_dump()
         for part in (content, *content["members"]):
             if part["domain"]["hull"] is None:
                 del part["domain"]["hull"]
         if not self.members:
             del content["members"]
+        if self.digest is None:
+            del content["digest"]
         return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
     def of_member(self, number: int) -> Card:
         """The card of a member of the committee, the first of which is 1."""
         member = self.members[number - 1]
-        named = {"description": f"{self.description}; member {number} of {len(self.members)}", "members": ()}
+        named = {"description": f"{self.description}; member {number} of {len(self.members)}", "members": (), "digest": None}
         return self.model_copy(update={**named, "material": member.material, "domain": member.domain, "errors": member.errors})
 
     def __repr__(self) -> str:
@@ -238,7 +253,7 @@ def read_card(data: bytes, where: str) -> Card:
         raise CardError(
             f"{where}: the artefact has schema version {schema}, this pdsurrogate reads {SCHEMA_VERSION}: upgrade pdsurrogate to use it"
         )
-    if schema < SCHEMA_VERSION:
+    if schema < OLDEST_SCHEMA:
         raise CardError(f"{where}: the artefact has schema version {schema}, which is no longer read: fit it again with this pdsurrogate")
     try:
         return checked_card(content)
@@ -261,6 +276,8 @@ def checked_card(content: Mapping[str, Any]) -> Card:
         card = Card.model_validate(content)
     except (ValidationError, OverflowError) as error:
         raise CardError(_told(error) if isinstance(error, ValidationError) else "a whole number is too large") from None
+    if card.schema_version > OLDEST_SCHEMA and card.digest is None:
+        raise CardError("digest: is missing")
     for problem in _contradictions(card):
         raise CardError(problem)
     return card
@@ -295,20 +312,20 @@ def _contradictions(card: Card) -> Iterator[str]:
         yield f"payloads.{name}: is {'missing' if name in files else 'unknown'}; {there}"
     design = card.training["design"]
     hull = design.get("hull")
-    if (hull is None) != (card.domain.hull is None) or not _same(hull, card.domain.hull):
+    if (hull is None) != (card.domain.hull is None) or not same_values(hull, card.domain.hull):
         yield "domain.hull: must be the same as training.design.hull"
     try:
         reach = math.exp(design["perturbation"]["log_C33"]) if design.get("off_surface") else None
     except (TypeError, KeyError, OverflowError):
         yield f"training.design.perturbation: must be a table with the number log_C33, not {_shown(design.get('perturbation'))}"
     bulk = card.domain.least_bulk, card.domain.greatest_bulk
-    if reach is not None and not _same(bulk, (1 / reach, reach)):
+    if reach is not None and not same_values(bulk, (1 / reach, reach)):
         right = 1 / reach, reach
         yield f"domain: least_bulk and greatest_bulk must be {right} by training.design.perturbation.log_C33, not {bulk}"
     for key, part in (("", card), *((f"members.{number}.", member) for number, member in enumerate(card.members))):
         yield from (f"{key}{problem}" for problem in _contradictions_of(part, card.kind))
     identified = card.training.get("identification")
-    if identified is not None and not _same(identified["law"], card.material.trained_with):
+    if identified is not None and not same_values(identified["law"], card.material.trained_with):
         yield f"training.identification.law: must be material.trained_with, {card.material.trained_with}, not {identified['law']}"
 
 
@@ -329,7 +346,7 @@ def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
         shape = energy_shape(law) if kind == EnergyNetwork.kind else law.shape
         for name in sorted(set(shape) | set(material.shape)):
             found, meant = (numbers.get(name, "not there") for numbers in (material.shape, shape))
-            if not _same(found, meant):
+            if not same_values(found, meant):
                 yield f"material.shape.{name}: must be {meant} by material.trained_with, not {found}"
     if "box" not in part.errors:
         yield "errors.box: is missing"
@@ -339,7 +356,7 @@ def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
             yield f"domain.{low}: must be at most domain.{high}, {getattr(domain, high)}, not {getattr(domain, low)}"
     examined = part.errors["box"]["stretch_range"]
     for name, end in zip(("least_stretch", "greatest_stretch"), examined, strict=True):
-        if not _same(getattr(domain, name), end):
+        if not same_values(getattr(domain, name), end):
             yield f"domain.{name}: must be that of errors.box.stretch_range, {end}, over which it was examined, not {getattr(domain, name)}"
     for number, (*normal, distance) in enumerate(domain.hull or ()):
         if not any(normal) or distance < 0:
@@ -354,12 +371,12 @@ def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
         yield f"errors.box.on_surface.max: must be from rms to rms sqrt(n_samples), {rms} to {most}, not {greatest}"
 
 
-def _same(one, other) -> bool:
+def same_values(one, other) -> bool:
     """Whether plain values are the same, numbers to `SAME`; tuples are lists."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return set(one) == set(other) and all(_same(one[key], other[key]) for key in one)
+        return set(one) == set(other) and all(same_values(one[key], other[key]) for key in one)
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):
-        return len(one) == len(other) and all(map(_same, one, other))
+        return len(one) == len(other) and all(map(same_values, one, other))
     numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in (one, other))
     return math.isclose(one, other, rel_tol=SAME, abs_tol=0) if numbers else one == other
 

@@ -25,7 +25,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     A built-in scene that is of its own material still takes that of an artefact's card.  Its moduli are those of the card where they were
     identified from test data or given by hand, in the scene's unit of stress (those of the test data of the package, which are in MPa, are
     converted); where the card has a law's defaults, which have no unit, they are scaled to the shear modulus of the scene.  A scene of a
-    user's own, or one whose material was changed, has the last word.
+    user's own, or one whose material was changed, has the last word; one that leaves its material out takes the card's as it is.
 
     Parameters
     ----------
@@ -48,13 +48,15 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
     model = load_surrogate(reference)
     if isinstance(reference, str) and reference in FORCES:
         return scene, model
-    own = scene.material.build()
+    own = None if scene.material is None else scene.law()
     card = load_card(reference)
     rms = card.errors["box"]["on_surface"]["rms"]
     if rms > NOTED:
         off = f"{model.name} is off by {100 * rms:.2g} % RMS from {card.material.law}, the law that it was stored as"
         warnings.warn(f"{off}: what it gives is off as well", stacklevel=3)
     try:
+        if own is None:
+            raise ValueError("none is given")
         model.check_material(own)
         described = own
     except ValueError as error:
@@ -63,7 +65,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
             model.check_material(described)
         except ValueError:  # it does not describe what its card says either
             raise SceneError(f"scene {scene.name}: {error}") from None
-        if not _is_an_example(scene):
+        if own is not None and not _is_an_example(scene):
             flag = f"--set 'material={in_words(described)}'"
             raise SceneError(f"scene {scene.name}: material: {error}; {flag} takes the material of {model.name}") from None
     if described is own and _is_an_example(scene) and not scene.materials and _has_moduli(card):
@@ -85,8 +87,10 @@ def material_on(card: Card, scene: Scene) -> Law:
         If the card names none.
     """
     law = law_of(card)
+    if scene.material is None and not _has_moduli(card):
+        return law
     if not _has_moduli(card):
-        return law.scaled(scene.material.build().shear_modulus / law.shear_modulus)
+        return law.scaled(scene.law().shear_modulus / law.shear_modulus)
     data = (card.training.get("identification") or {}).get("data")
     if data in DATA_OF_THE_PACKAGE and scene.units.stress in PASCALS:
         return law.scaled(PASCALS["MPa"] / PASCALS[scene.units.stress])

@@ -9,6 +9,7 @@ import os
 import re
 import shutil
 import tempfile
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -34,6 +35,7 @@ from ..forces import (
 from ..materials import LAWS, Law
 from ..scenes import Scene
 from .card import (
+    DIGESTED,
     FORMAT,
     MEMBERS,
     NAME_PATTERN,
@@ -47,6 +49,7 @@ from .card import (
     law_described,
     read_card,
 )
+from .shipped import SHIPPED_CARDS
 
 CARD = "card.json"
 
@@ -229,6 +232,7 @@ def load_card(reference: str | Path) -> Card:
     """
     folder, which = find_artifact(reference), parted(reference)[1]
     card = _card_of(folder)
+    _check_unchanged(folder, card)
     return card if which in (None, ALL) else card.of_member(_number(folder, card, which))
 
 
@@ -275,6 +279,22 @@ def _card_of(folder: Path) -> Card:
         raise ArtifactError(str(error)) from None
 
 
+def _check_unchanged(folder: Path, card: Card) -> None:
+    """Check that a card says what was stored with its weights.
+
+    Raises
+    ------
+    ArtifactError
+        If it says something else.
+    """
+    stated = card.digest or SHIPPED_CARDS.get(card.payloads[SURROGATE].sha256)
+    if stated is not None and stated != card.found_digest():
+        raise ArtifactError(
+            f"{folder / CARD}: digest: what the card says of {', '.join(DIGESTED)} or training.identification is not what was stored with "
+            "these weights: put back what was written, or store the artefact again"
+        )
+
+
 def load_surrogate(reference: str | Path) -> ForceModel:
     """A force model by name, or the surrogate of an artefact or of a member of its committee.
 
@@ -307,6 +327,19 @@ def load_surrogate(reference: str | Path) -> ForceModel:
 
 def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
     card = _card_of(folder)
+    model = _described_model(folder, card, which)
+    _check_unchanged(folder, card)  # after what names the field that contradicts the weights
+    if card.digest is None and card.payloads[SURROGATE].sha256 not in SHIPPED_CARDS:
+        warnings.warn(
+            f"{called(folder, card)} was stored by an earlier pdsurrogate, whose cards have no digest: nothing tells whether its material, "
+            "domain and errors are those of its weights; store it again",
+            stacklevel=3,
+        )
+    return model
+
+
+def _described_model(folder: Path, card: Card, which: str | None) -> ForceModel:
+    """Return the model that a card and its payloads describe."""
     if card.kind not in KINDS:
         raise ArtifactError(f"{folder / CARD}: kind: unknown kind {card.kind!r}; known are {', '.join(KINDS)}")
     if which not in (None, ALL):
@@ -444,7 +477,7 @@ def default_force(scene: Scene) -> ForceModel:
     """
     if scene.plane != "stress" or scene.materials:
         return load_surrogate("bond-energy")
-    return surrogate_for(scene.material.build())
+    return surrogate_for(scene.law())
 
 
 def load_pipeline(reference: str | Path, *, trust: bool = False):
@@ -471,7 +504,9 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
     if trust is not True:
         raise ArtifactError("loading a pipeline runs code from its file; say trust=True if you trust whoever made the artefact")
     folder = find_artifact(reference)
-    return joblib.load(io.BytesIO(_checked_payload(folder, _card_of(folder), PIPELINE)))
+    card = _card_of(folder)
+    _check_unchanged(folder, card)
+    return joblib.load(io.BytesIO(_checked_payload(folder, card, PIPELINE)))
 
 
 def new_artifact(folder: str | Path, name: str, version: str) -> Path:
@@ -517,7 +552,7 @@ def save_artifact(
     folder : str or path
         The folder that holds artefacts; this one becomes ``folder/NAME/VERSION``.
     card : dict
-        All of `Card` but the format, schema version and payloads.
+        All of `Card` but the format, schema version, payloads and digest.
     surrogate : LearntBondForce or LearntEnergy
     pipeline : estimator, optional
         The fitted pipeline.
@@ -552,7 +587,9 @@ def save_artifact(
             contents[PIPELINE] = "fitted scikit-learn pipeline: a pickle of Python objects, loaded only on explicit trust"
         payloads = {name: _describe(temporary / name, what) for name, what in contents.items()}
         try:
-            full = checked_card({"format": FORMAT, "schema_version": SCHEMA_VERSION, **card, "payloads": payloads})
+            undigested = {"format": FORMAT, "schema_version": SCHEMA_VERSION, **card, "payloads": payloads, "digest": "0" * 64}
+            full = checked_card(undigested)
+            full = full.model_copy(update={"digest": full.found_digest()})
         except CardError as error:
             raise ArtifactError(f"{card['name']}@{card['version']}: it cannot be stored with this card: {error}") from None
         (temporary / CARD).write_text(full.to_json(), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Bodies in the reference state: points with volumes, their horizons, the bonds between them, and the ghosts that continue them."""
+"""Bodies in the reference state: points with volumes, their horizons, the bonds between them, and ghosts beyond reflection planes."""
 
 from .body import MOST_BONDS, MOST_POINTS, WEIGHT_FUNCTIONS, Body, Bonds, Cells, WeightFunction, grid
 from .cell_mesh import CellMesh

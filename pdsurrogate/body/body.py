@@ -1,4 +1,4 @@
-"""Bodies: points with volumes, their horizons, and the bonds between them.  Geometry of the reference state only."""
+"""Bodies: points with volumes, their horizons, and the bonds between them, in the reference state."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class WeightFunction:
     ----------
     name : str
     function : callable
-        ``function(length, horizon)``.
+        ``function(length, horizon)`` returns w.
     moments : tuple of float
-        In the plane and in space, kappa over the horizon to the power 4 or 5: the shape tensor of a full horizon is kappa I, with
-        kappa = pi times the integral of w r^3 dr over the horizon, or 4 pi/3 times that of w r^4 dr.
+        kappa divided by the horizon to the power 4 in the plane and 5 in space. The shape tensor of a full horizon is kappa I, with kappa =
+        pi times the integral of w r^3 dr over the horizon, or 4 pi/3 times that of w r^4 dr.
     """
 
     name: str
@@ -35,12 +35,12 @@ class WeightFunction:
 
 
 MOST_POINTS, MOST_BONDS = 20_000_000, 500_000_000
-"""Larger bodies are refused: they take some 2 kB a point and 80 bytes a bond, beyond the memory of a workstation."""
+"""Greatest numbers of points and bonds: at some 2 kB a point and 80 bytes a bond, more would exceed the memory of a workstation."""
 
 WEIGHT_FUNCTIONS = {
     weight.name: weight
     for weight in (
-        # The paper's own: with it w l is the same for every bond, and so is the force that the network learns.
+        # The paper's choice: with it w l is the same for every bond, and so is the force that the network learns.
         WeightFunction("inverse", lambda length, horizon: horizon / length, (np.pi / 3, np.pi / 3)),
         WeightFunction("constant", lambda length, horizon: np.ones_like(length), (np.pi / 4, 4 * np.pi / 15)),
         WeightFunction("linear", lambda length, horizon: 1 - length / horizon, (np.pi / 20, 2 * np.pi / 45)),
@@ -48,16 +48,20 @@ WEIGHT_FUNCTIONS = {
 }
 
 
+COINCIDING = 1e-9
+"""Distance of two points, over the horizon, below which they are one place: a bond between them has no direction."""
+
+
 @dataclass(frozen=True)
 class Body:
-    """A solid body, or one in the plane of unit thickness.
+    """A solid body, or a sheet of unit thickness.
 
     Parameters
     ----------
     points : ndarray, shape (n, 2) or (n, 3)
         Reference positions.
     volumes : ndarray, shape (n,)
-        Of each point; in the plane its area times unit thickness.
+        Volume of each point; in the plane its area times unit thickness.
     horizon : float
         Radius within which points interact.
     spacing : float, optional
@@ -65,17 +69,19 @@ class Body:
     weight : str, optional
         Name of the weight function, one of `WEIGHT_FUNCTIONS`.
     planes : sequence of ReflectionPlane, optional
-        Planes beyond which the body is continued by ghosts.
+        Planes beyond which ghosts continue the body.
     separates : callable, optional
-        ``separates(start, end)`` with arrays of shape (k, d): which bonds are cut from the outset.
+        ``separates(start, end)`` with arrays of shape (k, d) returns which bonds are cut from the start.
     cell : array_like, shape (d,), optional
-        Sides of the cells of a grid of points along the axes; by default all are the spacing.
+        Sides of the cells of a grid of points along the axes; by default all equal the spacing.
     groups : mapping of str to ndarray of int, optional
-        Points that a mesh file has a name for.
+        Point groups named in a mesh file.
     mesh_cells : CellMesh, optional
-        Cells of the mesh that the points were made of, for pictures; without them the points are of a lattice.
+        Cells of the mesh from which the points were made, for pictures; without them the points belong to a lattice.
+    faces : mapping of str to str, optional
+        Names of the edge or face of the bounding box that a group covers whole, by the names of such groups.
     part : Whole
-        What this body is of a larger one; all of it, but where several ranks share a run.
+        The part of a larger body that these points are, if several ranks share a run; by default all of it.
 
     Raises
     ------
@@ -100,6 +106,7 @@ class Body:
     cell: Sequence[float] | np.ndarray | None = None
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     mesh_cells: CellMesh | None = None
+    faces: Mapping[str, str] = field(default_factory=dict)
     part: Whole = WHOLE
     ghosts: Ghosts = field(init=False)
 
@@ -118,6 +125,8 @@ class Body:
             raise ValueError(f"the horizon must be positive and finite, not {self.horizon}")
         if self.weight not in WEIGHT_FUNCTIONS:
             raise ValueError(f"unknown weight function {self.weight!r}; there are {', '.join(WEIGHT_FUNCTIONS)}")
+        if self.cell is None and self.mesh_cells is None:  # those of a grid or a mesh lie apart
+            _check_apart(points, COINCIDING * self.horizon)
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "volumes", volumes)
         if not self.spacing:
@@ -131,16 +140,21 @@ class Body:
 
     @property
     def kappa(self) -> float:
-        """Shape tensor of a full horizon, kappa I (theory (9))."""
+        """Factor of the shape tensor of a full horizon, kappa I (theory (9))."""
         return WEIGHT_FUNCTIONS[self.weight].moments[self.dimension - 2] * self.horizon ** (self.dimension + 2)
 
     @property
     def dimension(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return self.points.shape[1]
 
+    @property
+    def finer(self) -> str:
+        """Name what has more points where there are too few, for messages."""
+        return "a smaller spacing" if self.mesh_cells is None else "a finer mesh, of cells of about one size"
+
     def weigh(self, length: np.ndarray) -> np.ndarray:
-        """Weight function at the given bond lengths."""
+        """Return the weight function at the given bond lengths."""
         return WEIGHT_FUNCTIONS[self.weight].function(length, self.horizon)
 
     @cached_property
@@ -155,27 +169,27 @@ class Body:
 
     @cached_property
     def cells(self) -> CellMesh:
-        """The cells that the points stand for, found when a picture or a result file is made."""
+        """Cells of the points, for pictures and result files: those of the mesh, or of a lattice."""
         return self.mesh_cells or CellMesh.of_lattice(self.points, self.volumes, self.cell)
 
     @cached_property
     def bonds(self) -> Bonds:
-        """The bonds, found once."""
+        """Bonds of the body, computed on first use."""
         return Bonds.of(self)
 
     @classmethod
     def rectangle(cls, width: float, height: float, spacing: float, horizon: float, **options) -> Body:
-        """A uniform grid of cell-centred points on a rectangle with its lower left corner at the origin, see `Cells`."""
+        """Return a body of cell-centred points on a rectangle with its lower left corner at the origin, see `Cells`."""
         cells = Cells.filling((0.0, 0.0), (width, height), spacing)
         points = cells.centres()
         return cls(points, np.full(len(points), cells.volume), horizon, cells.spacing, cell=cells.sides, **options)
 
 
 MOST_MISFIT = 0.1
-"""Share of the spacing by which the side of a cell may differ from it.
+"""Relative deviation allowed between the side of a cell and the spacing.
 
-Any side of five cells or more is filled by cells so near to the spacing.  In pure shear at 20 cells, sides that differ by a fifth give the
-errors of squares of the same area (-0.04 to -0.05 % in stress).
+Any side of five cells or more can be filled within it. In pure shear at 20 cells, cells whose sides differ by a fifth have the same errors
+as squares of the same area (-0.04 to -0.05 % in stress).
 """
 
 
@@ -199,18 +213,16 @@ class Cells:
 
     @classmethod
     def filling(cls, lower: Sequence[float], upper: Sequence[float], spacing: float) -> Cells:
-        """The cells nearest to squares or cubes of a spacing: those of it where it divides the sides of the box (to 1e-9).
+        """Return the cells nearest to squares or cubes with a given spacing; exactly those where it divides the box (to 1e-9).
 
-        Raises
-        ------
-        ValueError
-            If the box is smaller than a cell, holds too many, or the cells that fill it differ from the spacing by more than `MOST_MISFIT`.
+        Raise ValueError if the box is smaller than a cell, holds too many, or if the cells deviate from the spacing by more than
+        `MOST_MISFIT`.
         """
         if not (np.isfinite(spacing) and spacing > 0):
             raise ValueError(f"the spacing must be positive and finite, not {spacing}")
         number = math.prod(float(high - low) / spacing for low, high in zip(lower, upper, strict=True))
         if not number <= MOST_POINTS:
-            raise ValueError(f"spacing {spacing:g} makes {number:.3g} points; at most {MOST_POINTS:.3g} are taken")
+            raise ValueError(f"spacing {spacing:g} makes {number:.3g} points; the limit is {MOST_POINTS:.3g}; take a larger spacing")
         counts, sides = [], []
         for low, high, axis in zip(lower, upper, (f"x{number + 1}" for number in range(len(lower))), strict=True):
             length = float(high - low)
@@ -230,18 +242,18 @@ class Cells:
 
     @property
     def volume(self) -> float:
-        """Of a cell; in the plane its area."""
+        """Volume of a cell; in the plane its area."""
         return math.prod(self.sides)
 
     @property
     def spacing(self) -> float:
-        """Side of a square or cube of that volume; of those, their side to the last bit."""
+        """Side of a square or cube with the cell's volume; exact to the last bit for squares and cubes."""
         if min(self.sides) == max(self.sides):
             return self.sides[0]
         return math.sqrt(self.volume) if len(self.sides) == 2 else math.cbrt(self.volume)
 
     def centres(self) -> np.ndarray:
-        """Centres of the cells, row by row along x1, layer by layer along the last axis, shape (n, d)."""
+        """Return the centres of the cells, row by row along x1, layer by layer along the last axis, shape (n, d)."""
         centres = np.empty((*self.counts[::-1], len(self.counts)))
         for axis, (low, count, side) in enumerate(zip(self.lower, self.counts, self.sides, strict=True)):
             shape = np.ones(len(self.counts), dtype=int)
@@ -251,37 +263,39 @@ class Cells:
 
 
 def grid(lower: Sequence[float], upper: Sequence[float], spacing: float) -> np.ndarray:
-    """Centres of the cells that fill a box, row by row, shape (n, d), see `Cells.filling`."""
+    """Return the centres of the cells that fill a box, row by row, shape (n, d), see `Cells.filling`."""
     return Cells.filling(lower, upper, spacing).centres()
 
 
 MOST_TOGETHER = 1_000_000
-"""Bonds whose lengths are looked at together, which bounds the memory for them."""
+"""Number of bonds whose lengths are computed at a time, which bounds the memory for them."""
 
 
 @dataclass(frozen=True)
 class Bonds:
     """Neighbour lists of a body, once for every point and once for every pair.
 
-    A *pair* is an undirected bond.  Pairs within the body come from both ends' lists, pairs with an image from the body's end alone.
+    A *pair* is an undirected bond. Pairs within the body come from the lists of both ends, pairs with an image from the list of the body's
+    point only.
 
     Attributes
     ----------
     pointers : ndarray of uint64, shape (n + 1,)
-        Where each point's neighbours begin.
+        Index at which the neighbours of each point begin.
     neighbours : ndarray of uint32
         Neighbours of all points; numbers from n on are ghosts.
     first, second : ndarray of uint32, shape (n_pairs,)
-        The pairs, ordered by `first`, which is a point of the body; `second` is a later point or an image.
+        Ends of the pairs, ordered by `first`, which is a point of the body; `second` is a later point or an image.
     pair_pointers : ndarray of uint64, shape (n + 1,)
-        Where each point's pairs as `first` begin.
+        Index at which the pairs with each point as `first` begin.
     incidence_pointers : ndarray of uint64, shape (n + 1,)
+        Index at which the entries of each point in `incidence` begin.
     incidence : ndarray of uint32
-        The pairs in which each point is `second`.
+        Pairs in which each point is `second`.
     pair_of : ndarray of uint32
-        The pair behind each entry of `neighbours`.
+        Pair of each entry of `neighbours`.
     cut : ndarray, shape (k, 2)
-        Ends of the pairs that are cut from the outset, and are in none of the lists.
+        Ends of the pairs that are cut from the start; they are in none of the lists.
     """
 
     pointers: np.ndarray
@@ -297,11 +311,11 @@ class Bonds:
 
     @property
     def n_directed(self) -> int:
-        """Directed bonds within the body, ghosts not counted."""
+        """Number of directed bonds within the body, without ghosts."""
         return self.n_within
 
     def ends_in_blocks(self, block: int) -> tuple[np.ndarray, np.ndarray]:
-        """`first` and `second` filled up with zeros to a whole number of blocks: pairs of a point with itself, which nobody reads."""
+        """Return `first` and `second` padded with zeros to whole blocks: pairs of a point with itself, whose results are not used."""
         size = -(-len(self.first) // block) * block
         first, second = (np.pad(ends, (0, size - len(ends))) for ends in (self.first, self.second))
         return first, second
@@ -314,11 +328,12 @@ class Bonds:
         estimate = n / 2 * min(len(points), np.pi * reach**2 if body.dimension == 2 else 4 / 3 * np.pi * reach**3)
         if estimate > MOST_BONDS:
             raise ValueError(
-                f"a horizon of {body.horizon / body.spacing:.3g} spacings makes {estimate:.1g} bonds; at most {MOST_BONDS:.1g} are taken"
+                f"a horizon of {body.horizon / body.spacing:.3g} spacings makes {estimate:.1g} bonds; the limit is {MOST_BONDS:.1g}; "
+                "take a smaller horizon"
             )
-        # The tolerance keeps points at exactly the horizon, whose computed distance may exceed it by rounding.
+        # The tolerance includes points at exactly the horizon, whose computed distance may exceed it by rounding.
         pairs = cKDTree(points).query_pairs(body.horizon * (1 + 1e-9), output_type="ndarray")
-        # One number for a pair is sorted in a fifth of the time of two.
+        # Sorting one number per pair takes a fifth of the time of sorting two.
         one, other = pairs.T
         keys = np.minimum(one, other) * len(points) + np.maximum(one, other)
         del pairs, one, other
@@ -336,14 +351,14 @@ class Bonds:
         for begin in range(0, len(first), MOST_TOGETHER):
             some = slice(begin, begin + MOST_TOGETHER)
             length = np.linalg.norm(points[second[some]] - points[first[some]], axis=1)
-            if length.min() < 1e-9 * body.horizon:
+            if length.min() < COINCIDING * body.horizon:
                 i, j = first[some][length.argmin()], second[some][length.argmin()]
                 raise ValueError(f"points {i} and {j} coincide at {points[i]}")
         numbers = np.arange(len(first), dtype=np.uint32)
 
         within = np.flatnonzero(second < n).astype(np.uint32)
         incidence = within[np.argsort(second[within], kind="stable")]
-        # A point's neighbours: those where it is second come first and are in rising order, then those where it is first.
+        # The neighbours of a point are in rising order: first those of pairs in which it is second, then those in which it is first.
         owner = np.concatenate([second[incidence], first])
         order = np.argsort(owner, kind="stable")
         neighbours = np.concatenate([first[incidence], second])[order]
@@ -368,16 +383,27 @@ def _pointers(owners: np.ndarray, n: int) -> np.ndarray:
     return pointers
 
 
+def _check_apart(points: np.ndarray, least: float) -> None:
+    """Refuse points (n, d) of which two are nearer to each other than a distance."""
+    if len(points) == 1:
+        return
+    distances, numbers = cKDTree(points).query(points, k=2)
+    nearest = int(distances[:, 1].argmin())
+    if distances[nearest, 1] < least:
+        other = next(int(number) for number in numbers[nearest] if number != nearest)
+        raise ValueError(f"points {nearest} and {other} coincide at {points[nearest]}")
+
+
 def _check_distance_of_planes(body: Body) -> None:
-    """Refuse parallel planes so near to each other that a horizon reaches images of images: there are none."""
+    """Raise ValueError if parallel planes are so near that a horizon reaches images of images, which do not exist."""
     for number, plane in enumerate(body.planes):
         for other in body.planes[:number]:
             distance = abs(plane.position - other.position)
             # Reflected in one plane and then in the other, a point has moved by twice their distance.
             nearest = 2 * distance - np.ptp(body.points[:, plane.axis])
             if plane.axis == other.axis and nearest <= body.horizon * (1 + 1e-9):
-                enough = distance * body.spacing / body.horizon
+                enough = f"a spacing of {distance * body.spacing / body.horizon:.3g} or less" if body.mesh_cells is None else body.finer
                 raise ValueError(
                     f"the body is {distance:g} long between its reflected grips, too short for a horizon of {body.horizon:g}, "
-                    f"which reaches images of images; take a spacing of {enough:.3g} or less, or hold points (support=points)"
+                    f"which reaches images of images; take {enough}, or hold points (support=points)"
                 )

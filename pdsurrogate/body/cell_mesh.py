@@ -1,4 +1,4 @@
-"""The cells that the points of a body stand for, for pictures and files of results: of its lattice, or of the mesh it was made of."""
+"""Cells of the points of a body, from its lattice or mesh, for pictures and result files."""
 
 from __future__ import annotations
 
@@ -24,13 +24,15 @@ FACES = {
 """Sides of a cell by the dimension and the number of its corners; in space their normals point outwards by the right-hand rule."""
 
 TORN = 0.5
-"""How far apart two neighbours may say that their common side is, over the length from one through the side to the other, before they are
-drawn apart.  In a smooth deformation it is of second order in that length; across an open crack it is the opening."""
+"""Relative distance above which the two positions that neighbouring cells predict for their common side are drawn apart. The distance is
+divided by the length from one cell through the side to the other. In a smooth deformation it is of second order in that length; across
+an open crack it is the opening.
+"""
 
 
 @dataclass(frozen=True)
 class CellMesh:
-    """Cells by their corners, in the order of the points that stand for them.
+    """Cells by their corners, in the order of the points that they belong to.
 
     Attributes
     ----------
@@ -47,14 +49,9 @@ class CellMesh:
 
     @classmethod
     def of_lattice(cls, points: np.ndarray, volumes: np.ndarray, cell: np.ndarray) -> CellMesh:
-        """Cells of a lattice that points lie in; a cell that the surface of the body cuts is there in full.
+        """Return the cells around points of a lattice, `cell` being their sides; a cell cut by the body's surface is included in full.
 
-        Parameters
-        ----------
-        points : ndarray, shape (n, d)
-        volumes : ndarray, shape (n,)
-            Those of full cells tell which points are at the middle of theirs.
-        cell : ndarray, shape (d,)
+        Points with the volume of a full cell are known to lie at its middle.
         """
         full = np.flatnonzero(np.isclose(volumes, cell.prod(), rtol=1e-9, atol=0))
         middle = points[full[0] if len(full) else 0]
@@ -69,12 +66,12 @@ class CellMesh:
 
     @classmethod
     def of_mesh(cls, nodes: np.ndarray, blocks: Sequence[np.ndarray], kept: np.ndarray) -> CellMesh:
-        """Those cells of a mesh that are kept, a bool for each."""
+        """Return the cells of a mesh for which `kept` is true."""
         parts = np.split(kept, np.cumsum([len(block) for block in blocks])[:-1])
         return cls(nodes, tuple(block[part] for block, part in zip(blocks, parts, strict=True) if part.any()))
 
     def only(self, kept: np.ndarray) -> tuple[CellMesh, np.ndarray]:
-        """Those cells that are kept, a bool for each, and the numbers that their nodes have here."""
+        """Return the cells for which `kept` is true, and the numbers that their nodes have in this mesh."""
         blocks = CellMesh.of_mesh(self.nodes, self.blocks, kept).blocks
         used, corners = np.unique(np.concatenate([block.ravel() for block in blocks]), return_inverse=True)
         parts = np.split(corners.astype(np.int32), np.cumsum([block.size for block in blocks])[:-1])
@@ -82,23 +79,23 @@ class CellMesh:
 
     @property
     def dimension(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return self.nodes.shape[1]
 
     @cached_property
     def _owners(self) -> np.ndarray:
-        """The cell of every entry of `blocks`, one after the other."""
+        """Cell of every corner listed in `blocks`."""
         widths = np.concatenate([np.full(len(block), block.shape[1]) for block in self.blocks])
         return np.repeat(np.arange(len(self)), widths)
 
     @cached_property
     def _entries(self) -> np.ndarray:
-        """All entries of `blocks`."""
+        """All corners listed in `blocks`."""
         return np.concatenate([block.ravel() for block in self.blocks])
 
     @cached_property
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
-        """Sides of the cells, each once: corners, shape (f, 2 or 4), and the cells on both sides, shape (f, 2), -1 where there is none."""
+        """Sides of the cells, each once: corners, shape (f, 2 or 4), and the cells on both sides, shape (f, 2), -1 for none."""
         corners, owners, begin = [], [], 0
         for block in self.blocks:
             for face in FACES[self.dimension, block.shape[1]]:
@@ -108,7 +105,7 @@ class CellMesh:
         corners, owners = np.concatenate(corners), np.concatenate(owners)
         keys = corners.copy()
         if self.dimension == 3:
-            # Whichever corner a triangle repeats, it is the greatest that is compared.
+            # A triangle may repeat any corner: the greatest is compared.
             triangles = keys[:, 2] == keys[:, 3]
             keys[triangles, 3] = keys[triangles, :3].max(axis=1)
         keys.sort(axis=1)
@@ -119,14 +116,7 @@ class CellMesh:
         return corners[order[first]], np.stack([owners[order[first]], beyond[first]], axis=1)
 
     def moved(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray) -> np.ndarray:
-        """Displacement of the nodes, shape (k, d): the mean of what the cells around a node say by their points and gradients.
-
-        Parameters
-        ----------
-        points, displacement : ndarray, shape (n, d)
-        gradients : ndarray, shape (n, d, d)
-            Deformation gradients.
-        """
+        """Return the displacement of the nodes, shape (k, d): the mean of the predictions by points and gradients of the adjacent cells."""
         counts = np.bincount(self._entries, minlength=len(self.nodes))
         total = np.zeros_like(self.nodes)
         begin, changes = 0, gradients - np.eye(self.dimension)
@@ -140,11 +130,11 @@ class CellMesh:
         return total / np.maximum(counts, 1)[:, None]
 
     def torn(self, points: np.ndarray, displacement: np.ndarray, gradients: np.ndarray) -> CellMesh:
-        """These cells, with nodes of their own on both sides of an open crack; arguments as those of `moved`."""
+        """Return these cells with separate nodes on both sides of an open crack; the arguments are those of `moved`."""
         corners, beside = self.faces
         inner = beside[:, 1] >= 0
         corners, (one, other) = corners[inner], beside[inner].T
-        # A triangle's repeated corner does not matter here: any place on the common side does.
+        # The repeated corner of a triangle does not matter: any place on the common side will do.
         middle = self.nodes[corners].mean(axis=1)
         towards = np.einsum("nij,nj->ni", gradients[one], middle - points[one])
         onwards = np.einsum("nij,nj->ni", gradients[other], points[other] - middle)
@@ -154,12 +144,12 @@ class CellMesh:
         return self if not open_.any() else self._separated(corners, np.stack([one, other], axis=1), open_)
 
     def _separated(self, corners: np.ndarray, beside: np.ndarray, open_: np.ndarray) -> CellMesh:
-        """A node for each group of cells around it that whole faces connect."""
+        """Return cells with one node for each group of cells around it that intact faces connect."""
         split = np.zeros(len(self.nodes), dtype=bool)
         split[corners[open_]] = True
         entries = np.flatnonzero(split[self._entries])
         nodes = self._entries[entries]
-        # An entry is told by its cell and node; faces in one piece connect those of both their cells at each corner.
+        # A cell and a node identify an entry; an intact face connects the entries of both its cells at each corner.
         keys = self._owners[entries] * len(self.nodes) + nodes
         order = np.argsort(keys)
         whole = ~open_ & split[corners].any(axis=1)
@@ -170,7 +160,7 @@ class CellMesh:
         count, group = connected_components(graph, directed=False)
         node_of_group = np.zeros(count, dtype=np.int64)
         node_of_group[group] = nodes
-        # The first group of a node keeps it, every other one has a new node.
+        # The first group of a node keeps it; every other group gets a new node.
         by_node = np.argsort(node_of_group, kind="stable")
         further = np.zeros(count, dtype=bool)
         further[by_node[1:]] = node_of_group[by_node[1:]] == node_of_group[by_node[:-1]]

@@ -1,4 +1,4 @@
-"""Ghosts: points beyond a body's own whose values follow from those of its points, by a linear map that also has a transpose."""
+"""Ghosts: images of points beyond reflection planes, whose values follow from those of the points by a linear map."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from ..kernels import ghosts as kernels
 
 @dataclass(frozen=True)
 class ReflectionPlane:
-    """A plane across which a body is continued by its images.
+    """A plane across which images continue a body.
 
     Parameters
     ----------
     axis : int
-        The coordinate held by the plane: 0 for x1, 1 for x2, 2 for x3.
+        Coordinate that is constant on the plane: 0 for x1, 1 for x2, 2 for x3.
     position : float
-        Its value on the plane.
+        Value of that coordinate.
     side : int
         -1 where the body lies at larger values (a left or lower edge), +1 where it lies at smaller ones.
     parity : tuple of int
-        How each displacement component is reflected: evenly (+1) or oddly (-1).  Odd in all is a clamped grip; odd in the normal one
-        alone, a symmetry plane or a roller (theory (22)).
+        Reflection of each displacement component: even (+1) or odd (-1). All odd is a clamped grip; only the normal one odd is a symmetry
+        plane or a roller (theory (22)).
     """
 
     axis: int
@@ -34,36 +34,35 @@ class ReflectionPlane:
 
 @dataclass(frozen=True)
 class Ghosts:
-    """The ghosts of a body, behind its own points in every array that holds both.
+    """Ghosts of a body, stored after its own points in every array that holds both.
 
-    An image in a plane moves with the point it mirrors: each displacement component is carried over evenly or oddly about the displacement
-    of its plane, and its surroundings are those of the point, reflected.  An image of an image has the products of both.  A point that
-    another part of a divided body owns would be a ghost with all parities and reflections +1.
+    An image in a plane moves with the point it mirrors: each displacement component is continued evenly or oddly about the displacement of
+    its plane, and its neighbourhood is that of the point, reflected. An image of an image has the products of both.
 
     Attributes
     ----------
     source : ndarray of uint32, shape (m,)
-        The body's point behind each ghost.
+        The body's point that each ghost is an image of.
     points : ndarray, shape (m, d)
         Reference positions.
     parity : ndarray, shape (m, d)
         +1 or -1 for each displacement component.
     reflection : ndarray, shape (m, d)
-        +1 or -1 for each direction of the surroundings.
+        +1 or -1 for each direction of the neighbourhood.
     plane : ndarray of int64, shape (m,)
-        Number of the plane across which the ghost lies, in the order in which they were given; of an image of an image, that of the last
-        reflection.
+        Number of the plane beyond which the ghost lies, in the given order; for an image of an image, that of the last reflection.
     image : ndarray of int64, shape (m,)
-        Number of the reflection, or the product of reflections, that the ghost is the image under: the same for all its images.
+        Bit mask of the planes in which the ghost is reflected.
     lever : ndarray, shape (m, planes, d)
-        Displacement of each ghost by the displacement of each plane, component by component.
+        Factor by which the displacement of each plane displaces each ghost, component by component.
     gradient_parity, gradient_reflection : ndarray, shape (m, d)
-        The same of deformation gradients; they differ where those are not continued as displacements are, see `held_by_clamps`.
+        Parity and reflection for deformation gradients; they differ where gradients are not continued as displacements are, see
+        `held_by_clamps`.
     parent : ndarray of int64, shape (m,)
-        Number, among points and ghosts, of what each ghost is the reflection of in `plane`: its source, or another ghost.
+        Number, among points and ghosts, of the one that the ghost mirrors in `plane`: its source, or another ghost.
     planes : tuple of ReflectionPlane
     share_along : float or None
-        Of the gradient along a clamped plane that a ghost has from its source, see `held_by_clamps`; None where it is continued oddly.
+        Share of the source's gradient along a clamped plane that a ghost has, see `held_by_clamps`; None where it is continued oddly.
     """
 
     source: np.ndarray
@@ -81,12 +80,9 @@ class Ghosts:
 
     @classmethod
     def reflected(cls, points: np.ndarray, planes: tuple[ReflectionPlane, ...], horizon: float) -> Ghosts:
-        """Images in planes, and images of images where planes meet, as far as they lie within a horizon of their planes.
+        """Return the images in planes, and images of images where planes meet, within a horizon of their planes.
 
-        Raises
-        ------
-        ValueError
-            If points lie beyond a plane, or it belongs to another dimension.
+        Raise ValueError if points lie beyond a plane, or if a plane belongs to another dimension.
         """
         n, dimension = points.shape
         source, places = np.arange(n), points
@@ -99,7 +95,7 @@ class Ghosts:
             inward = -plane.side * (places[:, plane.axis] - plane.position)
             if inward[:n].min() < 0:
                 raise ValueError(f"points lie beyond the plane x{plane.axis + 1} = {plane.position:g} in which they would be reflected")
-            # Across two parallel planes a body as long as a horizon has no images of images that are near.
+            # Images of images in two parallel planes are farther away than a horizon, as the body is at least that long.
             near = np.flatnonzero((inward <= horizon * (1 + 1e-9)) & (axes != plane.axis))
             images, own = places[near].copy(), np.asarray(plane.parity, float)
             images[:, plane.axis] = 2 * plane.position - images[:, plane.axis]
@@ -131,12 +127,12 @@ class Ghosts:
         return len(self.source)
 
     def held_by_clamps(self, share: float) -> Ghosts:
-        """The same ghosts for gradients of a material that hardly changes its volume.
+        """Return the same ghosts with gradients for a material that hardly changes its volume.
 
-        A mirror image has the volume ratio of its source.  Continued oddly in all components, as displacements are beyond a clamped plane,
-        the stretch along the plane changes its sign and the one across does not: where the source has kept its volume, its image has not,
-        and bonded edges are too stiff.  Here the image has the gradient of its source across the plane, and along it a share of that,
-        the rest from the plane itself, of which it is known (theory (53)).
+        A mirror image has the volume ratio of its source. Under odd continuation of all components, as displacements have beyond a clamped
+        plane, the stretch along the plane changes its sign and the one across does not: where the source has kept its volume, its image has
+        not, and bonded edges are too stiff. Here the image has the gradient of its source across the plane, and along it a share of the
+        source's; the rest is the plane's own gradient, which is known (theory (53)).
         """
         parity, reflection = np.ones((2, *self.parity.shape))
         for number, plane in enumerate(self.planes):
@@ -147,31 +143,26 @@ class Ghosts:
         return replace(self, gradient_parity=parity, gradient_reflection=reflection, share_along=share)
 
     def shifts(self, points: np.ndarray, displacements: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
-        """What `fill_positions` adds, shape (m, d), with every plane displaced by u(X) = displacement + turn X.
+        """Return the term that `fill_positions` adds, shape (m, d), if every plane is displaced by u(X) = displacement + turn X.
 
-        Parameters
-        ----------
-        points : ndarray, shape (n, d)
-            The body's own at rest.
-        displacements : ndarray, shape (planes, d)
-        turns : ndarray, shape (planes, d, d), optional
-            Of planes that are odd in all components; a turn by Q has Q - I.
+        `points` (n, d) are the body's own at rest. `turns` (planes, d, d) belong to planes that are odd in all components; a rotation Q has
+        turn Q - I.
         """
         at_rest = self.points - self.parity * points[self.source]
         return at_rest + self.moved_by_planes(points, displacements, turns)
 
     def moved_by_planes(self, points: np.ndarray, displacements: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
-        """How far displaced planes take the ghosts, shape (m, d); see `shifts`."""
+        """Return the displacement of the ghosts due to displaced planes, shape (m, d); see `shifts`."""
         moved = np.einsum("mpd,pd->md", self.lever, displacements)
         if turns is not None:
             moved += np.einsum("mpr,prc,mpc->mr", self.lever, turns, self._feet(points))
         return moved
 
     def _feet(self, points: np.ndarray) -> np.ndarray:
-        """Where on every plane each ghost is reflected, shape (m, planes, d), read only of planes that it is an image in."""
+        """Return the places on every plane where each ghost is reflected, shape (m, planes, d), meaningful for planes that reflect it."""
         feet = np.repeat(self.points[:, None], len(self.planes), axis=1)
         for number, plane in enumerate(self.planes):
-            # Reflected in a later plane too, it was then where its source is along the axis of that.
+            # A ghost that a later plane reflects again had, before that, its source's place along the later plane's axis.
             for later, other in enumerate(self.planes[number + 1 :], number + 1):
                 again = (self.image >> later) & 1 == 1
                 feet[again, number, other.axis] = points[self.source[again], other.axis]
@@ -179,14 +170,15 @@ class Ghosts:
         return feet
 
     def gradient_shifts(self, turns: np.ndarray) -> np.ndarray | None:
-        """What planes turned by (planes, d, d) add to the gradients of `fill_gradients`, by columns, shape (m, d d).
+        """Return the term that planes turned by (planes, d, d) add to the gradients of `fill_gradients`, by columns, shape (m, d d).
 
-        Along a plane the body is stretched and turned as that is, which the image shares; None where its gradient is all its source's.
+        Along a clamped plane the body stretches and turns with the plane, and so does the image; None where the gradient of an image is its
+        source's.
         """
         if self.share_along == 1:
             return None
         shifts = np.zeros((len(self), turns.shape[1], turns.shape[1]))
-        # In their order: images of images have what those had that they mirror.
+        # The planes are taken in their order, since images of images copy the values of the images that they mirror.
         for number, plane in enumerate(self.planes):
             images = (self.image >> number) & 1 == 1
             of_rows, of_columns, of_plane = _continuation(plane, self.share_along)
@@ -195,25 +187,13 @@ class Ghosts:
         return shifts.transpose(0, 2, 1).reshape(len(self), -1)
 
     def levers_on_planes(self, positions: np.ndarray, gradients: np.ndarray, forces: np.ndarray, moments: np.ndarray) -> np.ndarray:
-        """Of every plane the sum of f (x) y over the places y at which it exerts forces f on the body, by virtual work.
+        """Return, for every plane, the sum of f (x) y over the places y where it exerts forces f on the body, shape (planes, d, d).
 
-        A plane moved by W y, as when it turns, moves its images by that at the places between them and what they mirror, and adds to their
-        gradients what `gradient_shifts` does; the change of the energy is W : (f (x) y).  From the last plane to the first, since what is
-        found on images of images returns to the images.
-
-        Parameters
-        ----------
-        positions : ndarray, shape (n + m, d)
-        gradients : ndarray, shape (n + m, d, d)
-            Of displacements as `fill_gradients` of these ghosts continues them.
-        forces : ndarray, shape (m, d)
-            Minus the derivative of an energy by the positions of the ghosts.
-        moments : ndarray, shape (m, d, d)
-            Its derivative by their gradients.
-
-        Returns
-        -------
-        ndarray, shape (planes, d, d)
+        They follow from virtual work: a plane that moves by W y, for example when it turns, moves its images by W at the places midway to
+        what they mirror, and changes their gradients by `gradient_shifts`; the energy changes by W : (f (x) y). `forces` (m, d) are minus
+        the derivatives of an energy by the positions of the ghosts, `moments` (m, d, d) its derivatives by their gradients, and `gradients`
+        (n + m, d, d) are continued by `fill_gradients`. The planes are taken from the last to the first, since contributions of images of
+        images are passed on to the images.
         """
         n, dimension = len(positions) - len(self), positions.shape[1]
         forces, moments = forces.copy(), moments.copy()
@@ -236,44 +216,44 @@ class Ghosts:
         return levers
 
     def fill_positions(self, positions: np.ndarray, shifts: np.ndarray) -> None:
-        """Place the ghosts: shift + P y_source."""
+        """Write the positions of the ghosts: shift + P y_source."""
         kernels.fill_vectors(positions, self.source, self.parity, shifts)
 
     def fill_displacements(self, displacements: np.ndarray) -> None:
-        """Displacements of the ghosts, P u_source: those of the planes are not changed by them."""
+        """Write the displacements of the ghosts, P u_source, with the planes at rest."""
         kernels.fill_vectors(displacements, self.source, self.parity, np.zeros_like(self.parity))
 
     def fold_forces(self, forces: np.ndarray) -> None:
-        """Hand the forces on ghosts to their sources, the transpose of `fill_displacements`."""
+        """Add the forces on ghosts to those on their sources, the transpose of `fill_displacements`."""
         kernels.fold_vectors(forces, self.source, self.parity)
 
     def fill_gradients(self, gradients: np.ndarray) -> None:
-        """Deformation gradients of the ghosts, I + P (F_source - I) S.
+        """Write the deformation gradients of the ghosts, I + P (F_source - I) S.
 
-        On a body that is symmetric about the plane this equals (20) over the ghost's own horizon, at none of its cost.
+        On a body that is symmetric about the plane this equals (20) over the ghost's own horizon, without its cost.
         """
         kernels.fill_matrices(gradients, self.source, self.gradient_parity, self.gradient_reflection, 1.0)
 
     def fill_changes(self, changes: np.ndarray) -> None:
-        """Changes of the deformation gradients, P dF_source S."""
+        """Write changes of the deformation gradients of the ghosts, P dF_source S."""
         kernels.fill_matrices(changes, self.source, self.gradient_parity, self.gradient_reflection, 0.0)
 
     def fold_moments(self, moments: np.ndarray) -> None:
-        """Hand derivatives by the ghosts' gradients to their sources and clear them, the transpose of `fill_changes`."""
+        """Add derivatives by the ghosts' gradients to those of their sources and clear them, the transpose of `fill_changes`."""
         kernels.fold_matrices(moments, self.source, self.gradient_parity, self.gradient_reflection)
 
     def fill_shapes(self, shapes: np.ndarray) -> None:
-        """Shape tensors or their inverses, S K_source S."""
+        """Write the shape tensors of the ghosts or their inverses, S K_source S."""
         kernels.fill_symmetric(shapes, self.source, self.reflection)
 
     def fill(self, values: np.ndarray) -> None:
-        """Values without a direction."""
+        """Copy values without a direction from the sources to the ghosts."""
         if len(self):
             values[-len(self) :] = values[self.source]
 
 
 def _continuation(plane: ReflectionPlane, share: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gradients beyond a plane: parity and reflection of their sources', and weight of the plane's own by rows, see `share_along`."""
+    """Return parity and reflection of gradients beyond a plane, and the weight of the plane's own gradient by rows, see `share_along`."""
     across, parity = np.arange(len(plane.parity)) == plane.axis, np.array(plane.parity, dtype=float)
     if share is None or (parity > 0).any():
         return parity, np.where(across, -1.0, 1.0), 1 - parity

@@ -1,4 +1,4 @@
-"""Motion and its gradient at places of a body, from polynomials fitted to the points around them."""
+"""Motion and deformation gradient at places of a body, from polynomials fitted to the points around them."""
 
 from __future__ import annotations
 
@@ -13,77 +13,81 @@ from .body import Body
 from .ghosts import ReflectionPlane
 
 REACH = 1.3
-"""Horizons within which points take part in a fit.
+"""Distance, in horizons, within which points take part in a fit.
 
-A load on the boundary acts on the rows of points beside it as the fit at the boundary has them.  Where that differs from the forces that a
-uniformly stressed body exerts on these rows, they are displaced, in equilibrium with one another and with nothing beyond.  Of a straight
-edge under a uniform traction, which moves by that too: by 1.7 and 0.7 cells times the strain (analytic bond forces, bond energies; horizons
-of 3.15 cells) where two rows carry the load, by 0.37 and 0.05 with one horizon, and by 0.04 with 1.3, where either is near its minimum.
+A load on the boundary acts on the adjacent rows of points with the weights of the fit there. Where these differ from the forces that a
+uniformly stressed body exerts on the rows, the rows are displaced. At a straight edge under a uniform traction this displaces the edge by
+1.7 (analytic bond forces) and 0.7 (bond energies) cells times the strain if two rows carry the load, by 0.37 and 0.05 with one horizon, and
+by 0.04 with 1.3, near the minimum of both (horizons of 3.15 cells).
 """
 
 LEAST_REACH = 2.5
-"""Cells within which points are taken where the horizon is shorter: at a straight edge two rows of them."""
+"""Distance, in cells, within which points are included if the horizon is shorter: two rows at a straight edge."""
 
 ALONG = 0.7
-"""Cells along the boundary over which the weights of points fall by e, for its motion; across it they reach as far as `REACH`.
+"""Distance along the boundary, in cells, over which the weights of points fall by a factor e; across it they extend to `REACH`.
 
-Loads spread no farther than that along an edge.  Where they spread as far as across it, the row at a corner had 1.6 times its share, and
-the middle of a square of 20 cells pulled at its edge was displaced by 0.05 and 0.04 cells times the strain; it is by 0.019 and 0.005.
+Loads spread no farther than this along an edge. If they spread as far as across it, the row at a corner has 1.6 times its share, and the
+middle of a square of 20 cells pulled at its edge is displaced by 0.05 and 0.04 cells times the strain (in the two models of `REACH`); with
+this value, by 0.019 and 0.005.
 """
 
 LEAST_WEIGHT = 1e-6
-"""Of points beside the boundary, below which they are left out."""
+"""Weight below which points near the boundary are left out."""
 
 THINNEST = 0.05
-"""Cells, weighted root mean square, by which points must deviate from every straight line, and from every parabola where those are fitted:
-points of one row tell no slope across it."""
+"""Least deviation of the points, in cells (weighted root mean square), from every straight line, or from every parabola in a quadratic fit;
+the points of one row define no slope across it.
+"""
 
 MOST_AMPLIFICATION = 6.0
-"""Sum of the absolute weights of points in a value, above which their fit is linear and not quadratic: by so much what single points are
-off may come back.  It is 1.8 inside a body, 2 to 4 at edges and round holes, and 30 to 50 at the poles of a sphere, where few points lie
-in the outermost layers."""
+"""Greatest sum of the absolute weights of points in a quadratic fit, above which the fit is linear; errors of single points may be
+amplified by this sum. It is 1.8 inside a body, 2 to 4 at edges and round holes, and 30 to 50 at the poles of a sphere, where few points
+lie in the outermost layers.
+"""
 
 MIRRORED = 2.5
-"""Cells from a plane of symmetry within which the motion on the boundary takes images in it: by `ALONG`, those of points farther away weigh
-nothing there."""
+"""Distance from a plane of symmetry, in cells, within which the motion on the boundary uses images; those of points farther away have no
+weight there, see `ALONG`.
+"""
 
 ROUNDING = 1e-6
-"""Cells by which a node may lie beside a plane that it is in, and what a unit normal across one may be short of 1."""
+"""Tolerance, in cells, for a node to lie in a plane, and for a unit normal across one."""
 
 OUTSIDE = 1.25
-"""Cells from the nearest point at which a place lies outside: a corner of a cell lies 0.71 away, and what cells take over from a cut
-neighbour adds half a cell."""
+"""Distance from the nearest point, in cells, beyond which a place lies outside: a corner of a cell lies 0.71 away, and cells that absorb a
+cut neighbour extend half a cell farther.
+"""
 
 
 def interpolation(
     body: Body, places: np.ndarray, portion_of: np.ndarray | None = None
 ) -> tuple[sparse.csr_array, tuple[sparse.csr_array, ...]]:
-    """Motion and deformation gradient at places in a body, from those of its points around them.
+    """Return motion and deformation gradient at places in a body, from those of the points around them.
 
-    A quadratic field is fitted to the points around a place that no hole or cut separates from it: motions that are quadratic there are
-    exact, with their gradients.  Where the points are too few, in two rows, or such that a quadratic one would carry their errors on to
-    the place many times over, the field is linear.
+    A quadratic field is fitted to the points around a place that no hole or cut separates from it: quadratic motions are exact, with their
+    gradients. The field is linear where the points are too few, in two rows, or such that a quadratic one would amplify their errors.
 
     Parameters
     ----------
     body : Body
     places : ndarray, shape (k, d)
-        In the reference state; in the body or on its boundary.
+        Places in the reference state, in the body or on its boundary.
     portion_of : ndarray of int, shape (n,), optional
-        Material of every point of a body of several: its motion has a kink where they meet, so that only points of the material of the one
-        nearest to a place are taken, on either side of an interface as good as on the other.
+        Material of every point of a body of several: the motion has a kink at an interface, so only points of the material of the point
+        nearest to a place are used.
 
     Returns
     -------
     values : csr_array, shape (k, n)
-        ``values @ positions`` are the positions of the places; rows are 1 in sum.
+        ``values @ positions`` are the positions of the places; rows sum to 1.
     gradients : tuple of d csr_array, shape (k, n)
-        ``gradients[b] @ positions`` are the derivatives of positions by X_b, columns of F; rows are 0 in sum.
+        ``gradients[b] @ positions`` are the derivatives of positions by X_b, columns of F; rows sum to 0.
 
     Raises
     ------
     ValueError
-        If a place lies outside the body, or too few points are beside it.
+        If a place lies outside the body, or too few points are near it.
     """
     values, *gradients = _polynomials(body, places, portion_of)
     return values, tuple(gradients)
@@ -92,10 +96,10 @@ def interpolation(
 def fields_at(
     body: Body, places: np.ndarray, portion_of: np.ndarray | None = None
 ) -> tuple[tuple[sparse.csr_array, ...], tuple[sparse.csr_array, ...]]:
-    """Displacements and tensors at places in a body, from those of its points around them, component by component.
+    """Return maps to displacements and tensors at places in a body, from those of the points around them, component by component.
 
-    As those of `interpolation`; beside a plane of symmetry in space the points have images.  Of displacements those along the plane take
-    them, the one across it has the points alone, since its image moves as the plane does.
+    They are those of `interpolation`, except that in three dimensions the points near a plane of symmetry have images: displacements along
+    the plane use them; the one across does not, since its image moves with the plane.
 
     Parameters
     ----------
@@ -105,7 +109,7 @@ def fields_at(
     -------
     displacements : tuple of d csr_array, shape (k, n)
     tensors : tuple of d^2 csr_array, shape (k, n)
-        Row by row, of tensors that are reflected in both their directions, as stresses and deformation gradients are.
+        Maps row by row, for tensors that are reflected in both directions, such as stresses and deformation gradients.
 
     Raises
     ------
@@ -131,7 +135,7 @@ def fields_at(
 def _polynomials(
     body: Body, places: np.ndarray, portion_of: np.ndarray | None, mirrors: Sequence[ReflectionPlane] = ()
 ) -> list[sparse.csr_array]:
-    """Rows of the values and of the derivatives along the axes, of points and their images in planes; see `interpolation`."""
+    """Return the rows of the values and of the derivatives along the axes, for points and their images in planes; see `interpolation`."""
     distance, nearest = cKDTree(body.points).query(places)
     far = distance > OUTSIDE * body.cell.max()
     if far.any():
@@ -147,32 +151,22 @@ def _polynomials(
     lost = empty_rows(linear[0])
     if lost.any():
         raise ValueError(
-            f"{_text(places[rest[lost.argmax()]])}: the points of the body beside it, as far as no hole or cut lies between, are fewer "
-            f"than {too_few(body)}, and tell no deformation; a smaller spacing has more of them"
+            f"{_text(places[rest[lost.argmax()]])}: the deformation there is undefined, since the points near it, no hole or cut between, "
+            f"are fewer than {too_few(body)}; take {body.finer}"
         )
     return [_filled(rows, others, rest) for rows, others in zip(quadratic, linear, strict=True)]
 
 
 def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[sparse.csr_array, ...]:
-    """The motion of places on the boundary, from that of the points beside it: N of `Surface`, as `Following` has it.
+    """Return the maps from the motion of points to that of places on the boundary: N of `Surface`, in the form of `Following`.
 
-    A linear field is fitted to the points, at a corner to those beside either side, so that the rows of N are 1 in sum and have the place
-    as their first moment.  Where too few points lie along a normal, as in a sharp corner, it is fitted to all that are as near.
+    A linear field is fitted to the points, at a corner to those near either side, so that the rows of N sum to 1 and have the place as
+    their first moment. Where too few points lie along a normal, as in a sharp corner, it is fitted to all points within reach. `normals`
+    (k, sides, d) are the unit normals of the sides that meet at a node, NaN where there are fewer. There is one map for all components, or
+    one for each; rows are empty where the points near a node are too few or in one row.
 
-    Parameters
-    ----------
-    body : Body
-    nodes : ndarray, shape (k, d)
-    normals : ndarray, shape (k, sides, d)
-        Unit normals of the sides that meet there; rows of NaN where they are fewer.
-
-    Beside a plane of symmetry in space the points have images, and a face in the plane is no side of the body: the motion along the plane
-    is that of points and images.  Across it an image moves as the plane does, and the fit is to the points alone.
-
-    Returns
-    -------
-    tuple of csr_array, shape (k, n)
-        One for all components, or one for each; with empty rows where the points beside a node are too few or in one row.
+    In three dimensions the points near a plane of symmetry have images, and a face in the plane is no side of the body: the motion along
+    the plane is fitted to points and images, the motion across it to the points only, since an image moves with the plane.
     """
     rows = _on_boundary(body, nodes, normals)
     mirrors = _mirrors(body)
@@ -197,34 +191,34 @@ def boundary_rows(body: Body, nodes: np.ndarray, normals: np.ndarray) -> tuple[s
 
 
 def _on_boundary(body: Body, nodes: np.ndarray, normals: np.ndarray, mirrors: Sequence[ReflectionPlane] = ()) -> sparse.csr_array:
-    """Rows of nodes with the given normals, of points and their images in some planes; of all points that are as near where that fails."""
+    """Return the rows of nodes with the given normals, from points and images; without regard to the normals where that fails."""
     rows = _Surroundings(body, nodes, normals, mirrors).fit(1)[0]
     rest = np.flatnonzero(empty_rows(rows))
     return _folded(_filled(rows, _Surroundings(body, nodes[rest], mirrors=mirrors).fit(1)[0], rest), _Images(body, mirrors))
 
 
 def _mirrors(body: Body) -> list[ReflectionPlane]:
-    """The planes of symmetry of a body in space, in which the motion across them alone is odd."""
+    """Return the planes of symmetry of a body in space, in which only the motion across them is odd."""
     if body.dimension == 2:
         return []
     return [plane for plane in body.planes if all((sign < 0) == (axis == plane.axis) for axis, sign in enumerate(plane.parity))]
 
 
 def _reach(body: Body) -> float:
-    """Within which points take part in a fit."""
+    """Return the distance within which points take part in a fit."""
     return max(REACH * body.horizon, LEAST_REACH * body.cell.max())
 
 
 class _Images:
-    """The points of a body, and their images in planes as far as fits beside these reach.
+    """Points of a body with their images in planes, as far as fits near the planes reach.
 
     Attributes
     ----------
     points : ndarray, shape (m, d)
     source : ndarray of int, shape (m,)
-        The point that each is, or is the image of.
+        Point that each one is, or is the image of.
     flipped : ndarray of bool, shape (m, d)
-        Along which axes it is reflected.
+        Axes along which it is reflected.
     """
 
     def __init__(self, body: Body, planes: Sequence[ReflectionPlane]) -> None:
@@ -241,7 +235,7 @@ class _Images:
 
 
 def _folded(rows: sparse.csr_array, images: _Images, signs: np.ndarray | None = None) -> sparse.csr_array:
-    """Rows of points and images as rows of the points, which the images follow with the given signs, by default evenly."""
+    """Return the rows of points and images as rows of the points; images follow their sources with the given signs, by default evenly."""
     if len(images.source) == images.count:
         return rows
     signs = np.ones(len(images.source)) if signs is None else signs
@@ -249,17 +243,17 @@ def _folded(rows: sparse.csr_array, images: _Images, signs: np.ndarray | None = 
 
 
 def too_few(body: Body) -> str:
-    """How many points tell no deformation, in words."""
+    """Return the words by which messages describe points that are too few to define a deformation."""
     return "three or in one row" if body.dimension == 2 else "four or in one layer"
 
 
 def empty_rows(rows: sparse.csr_array) -> np.ndarray:
-    """Which rows have no entries."""
+    """Return which rows have no entries."""
     return np.diff(rows.indptr) == 0
 
 
 def _filled(rows: sparse.csr_array, others: sparse.csr_array, numbers: np.ndarray) -> sparse.csr_array:
-    """The rows, with the others in the place of the empty ones of the given numbers."""
+    """Return the rows, with the empty ones of the given numbers replaced by the others."""
     if not len(numbers):
         return rows
     into = sparse.csr_array((np.ones(len(numbers)), (numbers, np.arange(len(numbers)))), shape=(rows.shape[0], len(numbers)))
@@ -267,10 +261,10 @@ def _filled(rows: sparse.csr_array, others: sparse.csr_array, numbers: np.ndarra
 
 
 class _Surroundings:
-    """The points around places, as far as nothing separates them, with their weights in a fit.
+    """Points around places, as far as nothing separates them, with their weights in a fit.
 
-    Points count with their volume and 1 - (distance / reach)^2; with normals the distance is that along either of them, and what is beside
-    it counts as `ALONG` says.
+    A weight is the volume times 1 - (distance / reach)^2. With normals it is the volume times the sum, over the normals, of 1 - (depth /
+    reach)^2 times a Gaussian of the distance sideways (`ALONG`), the depth being the distance along the normal.
     """
 
     def __init__(self, body: Body, places: np.ndarray, normals: np.ndarray | None = None, mirrors: Sequence[ReflectionPlane] = ()) -> None:
@@ -295,7 +289,7 @@ class _Surroundings:
         self.offsets = (points[self.point] - places[self.place]) / self.reach
 
     def of(self, portion_of: np.ndarray | None, own: np.ndarray | None) -> _Surroundings:
-        """The same with the points of one material alone: that of every place, `own`."""
+        """Keep only the points of one material, `own`, for each place."""
         if portion_of is not None:
             kept = portion_of[self.source[self.point]] == own[self.place]
             self.place, self.point, self.offsets, weights = self.place[kept], self.point[kept], self.offsets[kept], self.weights[kept]
@@ -306,7 +300,7 @@ class _Surroundings:
         return np.bincount(self.place, terms, self.shape[0])
 
     def fit(self, degree: int) -> tuple[sparse.csr_array, ...]:
-        """Rows of the value and of the derivatives along the axes of a polynomial fitted by least squares; empty where points are few."""
+        """Return the rows of the value and of the derivatives of a polynomial fitted by least squares; empty where points are too few."""
         dimension = self.offsets.shape[1]
         powers = [chosen for order in range(degree + 1) for chosen in combinations_with_replacement(range(dimension), order)]
         terms = np.stack([self.offsets[:, chosen].prod(axis=1) for chosen in powers], axis=1)
@@ -316,7 +310,7 @@ class _Surroundings:
                 normal[:, row, column] = normal[:, column, row] = self._total(self.weights * terms[:, row] * terms[:, column])
         told = np.linalg.eigvalsh(normal)[:, 0] > (THINNEST * self.cell / self.reach) ** (2 * degree)
         normal[~told] = np.eye(len(powers))
-        # The coefficients are M^-1 sum w p(x_j) y_j; at the place itself the value is the first, and the slopes are those that follow.
+        # The coefficients are M^-1 sum w p(x_j) y_j; the first is the value at the place, the next ones are the slopes.
         inverse = np.linalg.inv(normal)
         if degree > 1:
             value = self.weights * (inverse[self.place, 0] * terms).sum(axis=1)

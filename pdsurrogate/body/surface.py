@@ -1,4 +1,4 @@
-"""The boundary of a body, where tractions and pressures act."""
+"""Boundary of a body, where tractions and pressures act."""
 
 from __future__ import annotations
 
@@ -14,46 +14,46 @@ from .part import Whole
 
 @dataclass(frozen=True)
 class Following:
-    """How places follow the points of a body: a linear map that takes every component of their motion by itself.
+    """Linear map from the motion of points to the motion of places, applied to every component separately.
 
     Attributes
     ----------
     rows : tuple of csr_array, shape (k, n)
-        One for all components, or one for each: beside a plane of symmetry the motion along it goes on beyond it as a mirror image, and the
-        motion across it does not.
+        One map for all components, or one for each: near a plane of symmetry the motion along it continues beyond it as a mirror image, and
+        the motion across it does not.
     """
 
     rows: tuple[sparse.csr_array, ...]
 
     def __matmul__(self, vectors: np.ndarray) -> np.ndarray:
-        """Of the places, shape (k, d), from those of the points (n, d); with one map for all components, of whatever points have."""
+        """Return the vectors at the places, shape (k, d), from those of the points (n, d); a single map takes rows of any shape."""
         if len(self.rows) == 1:
             return self.rows[0] @ vectors
         return np.stack([rows @ vectors[:, component] for component, rows in enumerate(self.rows)], axis=1)
 
     def __getitem__(self, places) -> Following:
-        """That of some places."""
+        """Return the map restricted to some of the places."""
         return Following(tuple(rows[places] for rows in self.rows))
 
     def __sub__(self, other: Following) -> Following:
         return Following(tuple(own - theirs for own, theirs in zip(self.rows, other.rows, strict=True)))
 
     def of_points(self, points: np.ndarray) -> Following:
-        """The same from some points alone."""
+        """Return the map restricted to the motion of some of the points."""
         return Following(tuple(rows[:, points].tocsr() for rows in self.rows))
 
     def points(self) -> np.ndarray:
-        """Numbers of the points that anything follows."""
+        """Return the numbers of the points that any place follows."""
         return np.unique(np.concatenate([rows.indices for rows in self.rows]))
 
     @property
-    def T(self) -> Following:  # noqa: N802 (as of an array)
-        """The transpose, by which forces on the places go to the points."""
+    def T(self) -> Following:  # noqa: N802 (the name that arrays use)
+        """Transpose, which carries forces on the places to the points."""
         return Following(tuple(rows.T.tocsr() for rows in self.rows))
 
     @classmethod
     def mean(cls, several: Sequence[Following]) -> Following:
-        """What lies in the middle of several places."""
+        """Return the map to the middle of several places."""
         return cls(
             tuple((sum(others, first) / (1 + len(others))).tocsr() for first, *others in zip(*(one.rows for one in several), strict=True))
         )
@@ -61,30 +61,29 @@ class Following:
 
 @dataclass(frozen=True)
 class Surface:
-    """The boundary of a body: facets between nodes that lie on the boundary itself, straight ones in the plane and triangles in space.
+    """Boundary of a body: facets between nodes on the boundary itself, segments in the plane and triangles in space.
 
-    The outermost points of a body lie half a cell inside its boundary.  A node moves as they and their deformation gradient say:
-    y_s = sum_j N_sj y_j, with rows of N that are 1 in sum and have X_s as their first moment, so that every affine motion is followed
-    exactly, and a load on a node does its work at the boundary itself and keeps linear and angular momentum.
-    The node at the mouth of a cut follows both of its sides.
+    The outermost points of a body lie half a cell inside its boundary. A node moves with them and their deformation gradient, y_s = sum_j
+    N_sj y_j, where the rows of N sum to 1 and have X_s as their first moment: every affine motion is followed exactly, and a load on a node
+    does its work at the boundary itself and keeps linear and angular momentum. The node at the mouth of a cut follows both of its sides.
 
     Attributes
     ----------
     nodes : ndarray, shape (k, d)
         Reference positions.
     facets : ndarray of int, shape (f, d)
-        In the plane first and second node of each facet, with the body on the left: the outward normal times the length is (t2, -t1) for t
-        from the first to the second.  In space the three nodes of each, counter-clockwise as seen from outside.  Facets that meet share
-        their nodes, so that the boundary is made of closed chains or surfaces.
+        In the plane, first and second node of each facet, with the body on the left: the outward normal times the length is (t2, -t1) for t
+        from the first to the second. In space the three nodes of each, counter-clockwise as seen from outside. Facets that meet share their
+        nodes, so that the boundary consists of closed chains or surfaces.
     parts : ndarray of str, shape (f,)
-        Where each facet lies: left, right, bottom, top, back or front on that side of the bounding box, outline elsewhere on the outer
-        boundary, and holes.0, holes.1, ... around holes.
+        Name of the part of the boundary: left, right, bottom, top, back or front on that side of the bounding box, outline elsewhere on the
+        outer boundary, and holes.0, holes.1, ... around holes.
     interpolation : Following
-        N.  The row of a node that its surroundings cannot tell the motion of is empty, see `followed`.
+        N. The row of a node is empty if the points near it do not define its motion, see `followed`.
     groups : mapping of str to ndarray of int
         Numbers of the facets in each physical group of a mesh file.
     follow : ndarray of bool, shape (k,), optional
-        Which nodes have a row in the N of the whole body, where this one is of a part.
+        Nodes that have a row in the N of the whole body, if this surface belongs to a part of one.
     """
 
     nodes: np.ndarray
@@ -95,16 +94,16 @@ class Surface:
     follow: np.ndarray | None = None
 
     def of_part(self, part: Whole) -> Surface:
-        """The same with what a part of the body has of N."""
+        """Return the surface with the columns of N that belong to a part of the body."""
         own = Following(tuple(part.own_columns(rows) for rows in self.interpolation.rows))
         return replace(self, interpolation=own, follow=self.followed())
 
     def midpoints(self) -> np.ndarray:
-        """Reference positions of the middles of the facets, shape (f, d)."""
+        """Return the reference positions of the middles of the facets, shape (f, d)."""
         return self.nodes[self.facets].mean(axis=1)
 
     def normals(self) -> np.ndarray:
-        """Outward normals times areas, in the plane times lengths, in the reference state, shape (f, d)."""
+        """Return the outward normals times areas, in the plane times lengths, in the reference state, shape (f, d)."""
         if self.nodes.shape[1] == 3:
             first, second, third = self.nodes[self.facets].transpose(1, 0, 2)
             return np.cross(second - first, third - first) / 2
@@ -112,22 +111,22 @@ class Surface:
         return np.stack([second[:, 1] - first[:, 1], first[:, 0] - second[:, 0]], axis=1)
 
     def areas(self) -> np.ndarray:
-        """Areas of the facets in the reference state, in the plane their lengths, shape (f,)."""
+        """Return the areas of the facets in the reference state, in the plane their lengths, shape (f,)."""
         return np.linalg.norm(self.normals(), axis=1)
 
     def followed(self) -> np.ndarray:
-        """Which nodes have enough points beside them to move with, shape (k,)."""
+        """Return which nodes have enough points near them to define their motion, shape (k,)."""
         return np.diff(self.interpolation.rows[0].indptr) > 0 if self.follow is None else self.follow
 
     def encloses(self, places: np.ndarray) -> np.ndarray:
-        """Which of the places (m, d) lie in the body."""
+        """Return which of the places (m, d) lie in the body."""
         if self.nodes.shape[1] == 3:
             return _encloses_in_space(places, self.nodes[self.facets])
         first, second = self.nodes[self.facets].transpose(1, 0, 2)
         return encloses(places, first, second)
 
     def distances(self, places: np.ndarray, reach: float, chosen: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Distance of each place (m, d) to the nearest of the chosen facets, shape (m,); infinite beyond the reach."""
+        """Return the distance of each place (m, d) to the nearest of the chosen facets, shape (m,); infinite beyond the reach."""
         corners = self.nodes[self.facets[chosen]]
         nearest = np.full(len(places), np.inf)
         if not len(corners):
@@ -142,7 +141,7 @@ class Surface:
 
 
 def encloses(places: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Which of the places (m, 2) lie within closed chains of segments, whose starts and ends have shape (s, 2).
+    """Return which of the places (m, 2) lie within closed chains of segments, whose starts and ends have shape (s, 2).
 
     A place is inside if a ray from it towards larger x1 crosses the segments an odd number of times.
     """
@@ -156,14 +155,14 @@ def encloses(places: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.nda
 
 
 def _distances_to_segments(places: np.ndarray, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Distance of each place to the segment of the same number."""
+    """Return the distance of each place to the segment of the same number."""
     along = ends - starts
     share = np.clip(((places - starts) * along).sum(axis=1) / (along**2).sum(axis=1), 0, 1)
     return np.linalg.norm(places - starts - share[:, None] * along, axis=1)
 
 
 def _distances_to_triangles(places: np.ndarray, first: np.ndarray, second: np.ndarray, third: np.ndarray) -> np.ndarray:
-    """Distance of each place to the triangle of the same number: to its plane where it lies above it, else to its sides."""
+    """Return the distance of each place to the triangle of the same number: to its plane if the place lies above it, else to its sides."""
     one, other, offset = second - first, third - first, places - first
     normal = np.cross(one, other)
     square = (normal**2).sum(axis=1)
@@ -174,9 +173,9 @@ def _distances_to_triangles(places: np.ndarray, first: np.ndarray, second: np.nd
 
 
 def _encloses_in_space(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Which of the places (m, 3) lie within closed surfaces of triangles (f, 3, 3): where these subtend the full solid angle.
+    """Return which of the places (m, 3) lie within closed surfaces of triangles (f, 3, 3), which there subtend the full solid angle.
 
-    Angles by Van Oosterom and Strackee (1983).
+    The angles are those of Van Oosterom and Strackee (1983).
     """
     inside = np.zeros(len(places), dtype=bool)
     for number, place in enumerate(places):
@@ -185,5 +184,5 @@ def _encloses_in_space(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         volume = (a * np.cross(b, c)).sum(axis=1)
         pairs = zip((a, b, c), (b, c, a), (lengths[2], lengths[0], lengths[1]), strict=True)
         base = lengths[0] * lengths[1] * lengths[2] + sum((one * other).sum(axis=1) * length for one, other, length in pairs)
-        inside[number] = np.arctan2(volume, base).sum() > np.pi  # half of 4 pi inside, of 0 outside; each angle is twice this
+        inside[number] = np.arctan2(volume, base).sum() > np.pi  # each solid angle is twice this; their sum is 4 pi inside, 0 outside
     return inside

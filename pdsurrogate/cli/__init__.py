@@ -1,18 +1,20 @@
 """The command line: words and exit statuses, no physics.
 
 Exit status 0: done; 1: the run failed, what was reached is saved; 2: bad input, one line on standard error;
-130: interrupted, a checkpoint is left.
+130: interrupted, or ended by --max-time, a checkpoint is left.
 """
 
 import os
 import sys
 
 from . import comparing, materials, running, showing, stress_test, studies, surrogates  # noqa: F401  (each adds its commands)
-from .application import app, err
+from .application import app, err, shared
+from .interrupts import end_soon_after_interrupts
 
 
 def main() -> None:
     """Entry point."""
+    end_soon_after_interrupts(shared)
     try:
         try:
             app()

@@ -21,8 +21,25 @@ from rich.text import Text
 
 from ..ranks import ALONE, communicator
 
+
+class _Commands(typer.core.TyperGroup):
+    """The commands; what is wrong with the words of one that was asked for JSON is told as JSON, too."""
+
+    def invoke(self, ctx):
+        settings.as_json, settings.printed = "--json" in (*getattr(ctx, "_protected_args", ()), *ctx.args), False
+        try:
+            return super().invoke(ctx)
+        except Exception as error:
+            if hasattr(error, "format_message"):
+                _error_as_json(error.exit_code, error.format_message())
+            raise
+        finally:
+            out.quiet = False  # as JSON had it
+
+
 app = typer.Typer(
     name="pdsurrogate",
+    cls=_Commands,
     help="Learnt bond forces of rubber-like materials, and a peridynamic solver that runs on them.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -41,9 +58,21 @@ _ranks = ALONE
 
 @dataclass
 class Settings:
-    """What options that all commands have say; set when a command begins."""
+    """What options that all commands have say; set when a command begins.
+
+    Attributes
+    ----------
+    quiet : bool
+        No progress and no remarks.
+    as_json : bool
+        Standard output is JSON.
+    printed : bool
+        There is something on it already.
+    """
 
     quiet: bool = False
+    as_json: bool = False
+    printed: bool = False
 
 
 settings = Settings()
@@ -66,7 +95,14 @@ def _before(
 
 def print_json(data) -> None:
     """Print data for programs, on standard output as it is."""
+    settings.printed = True
     sys.stdout.write(json.dumps(data, indent=2) + "\n")
+
+
+def _error_as_json(status: int, message: str) -> None:
+    """Tell on standard output why a command ends that was asked for JSON, unless it has printed its results, which say so themselves."""
+    if settings.as_json and not settings.printed and not _ranks.rank:
+        print_json({"error": " ".join(message.split()), "exit_status": status})
 
 
 def note(text: str) -> None:
@@ -175,9 +211,15 @@ def only_the_first_speaks() -> None:
     _ranks.barrier()  # how long each took to start says nothing of how they end
 
 
+def shared() -> bool:
+    """Whether several ranks share the command."""
+    return _ranks.size > 1
+
+
 def ended(status: int, *told: str) -> typer.Exit:
     """What to raise to end the command on all ranks, after one of them, the first if it comes to the same end, has told why."""
     lines = [escape(text) if n else text for n, text in enumerate(told)]
+    _error_as_json(status, " ".join(told[1:]))
     if not _ranks.rank:
         err.print(*lines, soft_wrap=True)
     if not _ranks.leave(SECONDS_BEFORE_THE_OTHERS) and _ranks.rank:
@@ -202,7 +244,7 @@ def writing(folder) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        what = f"could not write {folder or error.filename}: {error.strerror or error}"
+        what = f"could not write {folder or error.filename or 'a file'}: {error.strerror or error}"
         raise ended(1, "[red]pdsurrogate:[/]", what) from None
 
 

@@ -19,6 +19,9 @@ Verbose = Annotated[int, typer.Option("-v", "--verbose", count=True, show_defaul
 Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress and no remarks: tables, warnings and errors alone.")]
 Imports = Annotated[list[Path] | None, typer.Option("--import", metavar="FILE.py", help="A module with laws of your own; may be repeated.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is in DIR and answers something else.")]
+MaxTime = Annotated[
+    float | None, typer.Option(metavar="SECONDS", help="End a run after so long, with a checkpoint from which the same goes on later.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON in the place of tables.")]
 
 _SHARED = {"verbose": (Verbose, 0), "quiet": (Quiet, False), "imports": (Imports, None)}
@@ -38,7 +41,9 @@ def command(name: str | None = None) -> Callable[[Callable], Callable]:
             for path in imports or ():
                 with bad_input(ValueError, OSError):
                     import_laws(path)
-            with said_aloud():
+            from ..forces import CompilerSwitchedOff
+
+            with said_aloud(), bad_input(CompilerSwitchedOff):
                 return function(*arguments, **options)
 
         kind = inspect.Parameter.KEYWORD_ONLY

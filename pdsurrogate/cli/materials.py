@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from .application import Rate, bad_input, err, note, out, print_json, progress_bar, show, writing
@@ -14,6 +15,14 @@ from .common import AsJson, Overwrite, command
 
 DIGITS = 16
 """Of the digest by which a report knows its test data."""
+
+LARGE_GROWTH = 1.05
+"""Volume ratio of a law in the tests from which it is said: rubber's grows by a per cent or so."""
+
+BulkModulus = Annotated[
+    float | None, typer.Option(help="Bulk modulus of the law, in the unit of the stresses: such tests do not tell it; see --bulk-ratio.")
+]
+BulkRatio = Annotated[float | None, typer.Option(help="Bulk modulus over shear modulus instead; 1000 by default.")]
 
 DATA_HELP = "Test data: treloar, kawabata, or a CSV with mode, stretch and nominal_stress."
 
@@ -40,25 +49,38 @@ def materials(as_json: AsJson = False) -> None:
     show(table)
 
 
-def identified(data: Path, law: str, terms: int, stretch: float | None):
+def identified(data: Path, law: str, terms: int, stretch: float | None, bulk: dict):
     """A fitted regressor, and the test data that it was fitted to."""
-    from ..identification import LawRegressor, load_test_data
+    from ..identification import LawRegressor, fitted_laws, load_test_data
     from ..materials import LAWS
 
     if law not in LAWS:
         raise ValueError(f"unknown law {law!r}; there are {', '.join(sorted(LAWS))}")
+    if law not in fitted_laws():
+        raise ValueError(f"the terms of {law} are found from test data by fit --free, which names no law")
     rows = load_test_data(data)
     if stretch is not None:
         rows = rows.up_to(stretch)
-    return LawRegressor(law, n_terms=terms).fit(rows.stretches, rows.nominal_stress, rows.balanced_weights()), rows
+    return LawRegressor(law, n_terms=terms, **bulk).fit(rows.stretches, rows.nominal_stress, rows.balanced_weights()), rows
 
 
-def free_energy(data: Path):
+def free_energy(data: Path, bulk: dict):
     """An energy fitted to test data without a law, and the data."""
     from ..identification import EnergyRegressor, load_test_data
 
     rows = load_test_data(data)
-    return EnergyRegressor().fit(rows.stretches, rows.nominal_stress, rows.balanced_weights()), rows
+    return EnergyRegressor(**bulk).fit(rows.stretches, rows.nominal_stress, rows.balanced_weights()), rows
+
+
+def bulk_of(modulus: float | None, ratio: float | None) -> dict:
+    """What a regressor is told of the bulk modulus, of which one option at the most is given."""
+    if modulus is not None and ratio is not None:
+        raise ValueError("--bulk-modulus and --bulk-ratio say the same: choose one")
+    given = {"bulk_modulus": modulus, "bulk_ratio": ratio}
+    for key, value in given.items():
+        if value is not None and not 0 < value < float("inf"):
+            raise ValueError(f"--{key.replace('_', '-')} must be positive and finite, not {value:g}")
+    return {key: value for key, value in given.items() if value is not None}
 
 
 def members_of(model, rows, count: int, seed: int) -> list:
@@ -81,15 +103,27 @@ def print_identified(found: dict) -> None:
         table.add_row(name, f"{value:.5g}", shown)
     show(table)
     out.print(", ".join(f"R^2 {mode} {value:.4f}" for mode, value in found["r_squared"].items()))
-    law = form
+    out.print(f"law against tests, greatest difference by mode: {differences_in_words(found['differences'])}")
     if found["at_bound"]:
-        err.print(
-            f"[yellow]{law}: {', '.join(found['at_bound'])} ended at the bound of the search: "
-            "the data do not tell it, or want another law.[/]",
-            soft_wrap=True,
+        warn(f"{form}: {', '.join(found['at_bound'])} ended at the bound of the search: the data do not tell it, or want another law.")
+    if found["volume_ratio"] and found["volume_ratio"] > LARGE_GROWTH:
+        warn(
+            f"{form}: with this bulk modulus the volume grows by {100 * (found['volume_ratio'] - 1):.0f} % in the tests, more than that of "
+            "rubber: a greater one is given by --bulk-modulus."
         )
-    if worse := [mode for mode, value in found["r_squared"].items() if value < 0]:
-        err.print(f"[yellow]{law} describes {', '.join(worse)} worse than the mean stress does (R^2 below 0).[/]", soft_wrap=True)
+
+
+def differences_in_words(found: dict) -> str:
+    """Greatest difference from the tests by mode, in parts of the mode's greatest stress."""
+    return ", ".join(
+        f"{mode} no stress" if row["difference"] is None else f"{mode} {100 * row['difference']:+.2g} % at stretch {row['stretch']:g}"
+        for mode, row in found.items()
+    )
+
+
+def warn(text: str) -> None:
+    """Say what should be looked at, on standard error."""
+    err.print(f"[yellow]{escape(text)}[/]", soft_wrap=True)
 
 
 @command()
@@ -98,6 +132,8 @@ def identify(
     law: Annotated[list[str] | None, typer.Option(help="Law; may be repeated; all laws by default.")] = None,
     terms: Annotated[int, typer.Option(help="Terms of Ogden's law.", min=1, max=4)] = 3,
     stretch: Annotated[float | None, typer.Option("--up-to", help="Leave out rows beyond this stretch.")] = None,
+    bulk_modulus: BulkModulus = None,
+    bulk_ratio: BulkRatio = None,
     hold_out: Annotated[bool, typer.Option("--hold-out", help="Hold out each mode in turn, and report how the others predict it.")] = False,
     folder: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Write identify.json and identify.png here.")] = None,
     overwrite: Overwrite = False,
@@ -107,13 +143,14 @@ def identify(
     from sklearn.base import clone
 
     from ..forces.identity import digest_of
-    from ..identification import figure, held_out_modes, load_test_data, report
-    from ..materials import LAWS
+    from ..identification import examine, figure, fitted_laws, held_out_modes, load_test_data, report
     from ..results import figures
     from ..results.files import check_writable, write_json
     from ..results.folder import check_report
 
-    asked = {"laws": list(law or LAWS), "terms": terms, "up_to": stretch}
+    with bad_input(ValueError):
+        bulk = bulk_of(bulk_modulus, bulk_ratio)
+    asked = {"laws": list(law or fitted_laws()), "terms": terms, "up_to": stretch, **bulk}
     if folder is not None:
         with bad_input(OSError, ValueError):
             rows = load_test_data(data)
@@ -121,19 +158,24 @@ def identify(
             check_writable(folder)
             check_report(folder / "identify.json", asked, overwrite)
     found, models, held_out = [], [], []
-    names, rate = list(law or LAWS), Rate("laws")
+    names, rate = list(law or fitted_laws()), Rate("laws")
     with bad_input(ValueError), progress_bar("Fitting") as told:
         for number, name in enumerate(names):
             counted = f"{number} of {len(names)} laws{rate.after(number)}, now {name}"
             told(number / len(names), counted)
-            model, rows = identified(data, name, terms, stretch)
+            model, rows = identified(data, name, terms, stretch, bulk)
             models.append(model)
             found.append(report(model, rows))
             if hold_out:
                 told((number + 0.5) / len(names), f"{counted}, each mode held out in turn")
                 held_out += held_out_modes([clone(model)], rows)
-    for one in found:
+    examined = [examine(model, rows, models) for model in models]
+    for one, said in zip(found, examined, strict=True):
+        one["refusals"], one["remarks"] = said.refusals, said.remarks
         print_identified(one)
+    # What is said of the data is said of every law's fit, but once.
+    for text in dict.fromkeys(text for said in examined for text in (*said.refusals, *said.remarks)):
+        warn(text)
     if as_json:
         print_json({"laws": found, "held_out": held_out})
     if held_out:

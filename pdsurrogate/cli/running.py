@@ -15,17 +15,14 @@ from rich.markup import escape
 from rich.table import Table
 
 from .application import Bar, Rate, bad_input, ended, err, note, only_the_first_speaks, out, print_json, show, writing
-from .common import AsJson, command
-
-INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells give it: 128 and the number of the signal."""
-
+from .common import AsJson, MaxTime, command
+from .interrupts import INTERRUPTED
 
 LEAST_SHARE = 0.01
 """Of the moment over the extent of the body: what is turned has smaller forces, of which the table tells nothing."""
 
 LEAST_SHOWN = 5e-6
-"""Forces below it are printed as zero."""
+"""Forces below it are printed as zero; where none is as large as 1, over the greatest."""
 
 CAUTION = 0.01
 """Relative RMS error stated by an artefact's card from which a run says so."""
@@ -63,6 +60,7 @@ def run(
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in DIR, to the same result.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what other runs left in DIR, or this one, interrupted.")] = False,
+    max_time: MaxTime = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON in the place of tables.")] = False,
 ) -> None:
     """Run a scene and compare it with its reference."""
@@ -104,19 +102,21 @@ def run(
                 held.enter_context(occupied(folder))
         try:
             with bad_input(SceneError, CheckpointError, ValueError), writing(folder), _Bar(described) as bar:
-                result = simulate(described, model, threads=threads, progress=bar, folder=folder, resume=resume, overwrite=overwrite)
+                options = {"folder": folder, "resume": resume, "overwrite": overwrite, "max_time": max_time}
+                result = simulate(described, model, threads=threads, progress=bar, **options)
         except SimulationFailed as error:
             failure, result = error, error.result
-        if as_json and first:
-            print_json(result.summary)
         _print_cells(result)
         (_print_levels if described.stretched else _print_outputs)(result)
         if folder is not None and first:
-            with writing(folder):
-                result.save(folder)
+            if not isinstance(failure, SimulationInterrupted):  # whose tables are there, and pictures take their time
+                with writing(folder):
+                    result.save(folder)
             note(f"Results in {folder}")
             if result.in_pieces:
                 note(f"The body is in pieces, and no picture of it is drawn: open {described.name}.pvd in ParaView")
+        if as_json and first:
+            print_json(result.summary)
         communicator().barrier()  # whoever is alone with an error ends the others
     if any(level.get("stability") == "not checked" for level in result.levels):
         pushed = "The grips push" if described.stretched else "Parts of the body are compressed"
@@ -227,17 +227,20 @@ class _Bar:
         self._account = f", energies {strain_energy:.3g} strain, {kinetic_energy:.2g} kinetic{rate}"
 
 
-def _print_crack(summary) -> None:
-    crack, units = summary["crack"], summary["units"]
+def _print_crack(result) -> None:
+    summary, units = result.summary, result.scene.units
+    crack = summary["crack"]
     if crack["start"] is None:
         out.print(f"No bond reached the critical stretch {summary['critical_stretch']:.4g}.")
         return
-    start = crack["start"]
-    where = ", ".join(f"{value:.3g}" for value in start["x"])
+    start, peak = crack["start"], crack.get("peak")
+    where = " and ".join(f"({', '.join(f'{value:.3g}' for value in tip)})" for tip in start["tips"])
     at = f"stretch {start['stretch']:.4f}" if "stretch" in start else f"t = {start['t']:.4f}"
-    peak = f"peak nominal stress {summary['peak_nominal_stress']:.5g} {units['stress']}; " if "peak_nominal_stress" in summary else ""
+    most = ""
+    if peak:
+        most = f"peak nominal stress {units.amount(peak['nominal_stress'], 'stress', '.5g')} at stretch {peak['stretch']:.4f}; "
     out.print(
-        f"Crack from ({where}) at {at}; {peak}"
+        f"First bond broken at {where} at {at}; {most}"
         f"{crack['broken_bonds']} bonds broken, {'the body came apart' if crack['through'] else 'the body still holds'}; "
         f"{summary['unsupported_points']} points without support",
         soft_wrap=True,
@@ -246,17 +249,21 @@ def _print_crack(summary) -> None:
 
 def _print_cells(result) -> None:
     """Say which cells were taken where squares of the spacing do not fill the body."""
-    summary, asked, unit = result.summary, result.scene.spacing, result.summary["units"]["length"]
-    if any(side != asked for side in summary["cell_size"]):
+    summary, asked, units = result.summary, result.scene.spacing, result.scene.units
+    horizon = units.amount(summary["horizon"], "length", ".6g")
+    if result.scene.body.shape == "mesh":
+        spacing = units.amount(summary["spacing"], "length", ".6g")
+        out.print(f"The mesh has a spacing of {spacing}; the horizon is {horizon}", soft_wrap=True)
+    elif any(side != asked for side in summary["cell_size"]):
         out.print(
-            f"Cells of {' x '.join(f'{side:.6g}' for side in summary['cell_size'])} {unit} fill the body, the nearest to the spacing of "
-            f"{asked:g}; the horizon is {summary['horizon']:.6g} {unit}",
+            f"Cells of {units.amount(' x '.join(f'{side:.6g}' for side in summary['cell_size']), 'length')} fill the body, the nearest to "
+            f"the spacing of {asked:g}; the horizon is {horizon}",
             soft_wrap=True,
         )
 
 
 def _print_levels(result) -> None:
-    summary, units = result.summary, result.summary["units"]
+    summary, units = result.summary, result.scene.units
     compared = any("nominal_stress_reference" in level for level in summary["levels"])
     # The mean narrowing where the exact solution is homogeneous, the greatest where it is not.
     homogeneous = any("lateral_displacement_reference" in level for level in summary["levels"])
@@ -264,85 +271,113 @@ def _print_levels(result) -> None:
     table = Table(title=f"{summary['scene']}, force {summary['force']}, {summary['n_points']} points", title_justify="left")
     table.add_column("stretch", justify="right")
     quantities = [
-        (lateral, "lateral" if homogeneous else "greatest lateral", units["length"]),
-        ("nominal_stress", "stress", units["stress"]),
+        (lateral, "lateral" if homogeneous else "greatest lateral", "length"),
+        ("nominal_stress", "stress", "stress"),
     ]
     quantities = [row for row in quantities if any(row[0] in level for level in summary["levels"])]
     for _, quantity, unit in quantities:
-        table.add_column(f"{quantity} ({unit})", justify="right")
+        table.add_column(units.label(quantity, unit), justify="right")
         if compared:
             table.add_column("exact" if homogeneous else "reference", justify="right")
             table.add_column("error (%)", justify="right")
-    for level in summary["levels"]:
-        cells = [f"{level['stretch']:g}"]
+    columns = {}
+    for key, *_ in quantities:
+        greatest = max((abs(level[key]) for level in summary["levels"] if key in level), default=0.0)
+        for column in (key, f"{key}_reference"):
+            columns[column] = _figures([level.get(column) for level in summary["levels"]], greatest)
+    for number, level in enumerate(summary["levels"]):
+        cells = [f"{level['stretch']:.10g}"]
         for key, *_ in quantities:
-            cells.append(f"{level[key]:.5f}" if key in level else "")
+            cells.append(columns[key][number])
             if compared:
                 error = level.get(f"{key}_error")
-                reference = level.get(f"{key}_reference")
-                cells += ["" if reference is None else f"{reference:.5f}", "" if error is None else f"{100 * error:+.4f}"]
+                cells += [columns[f"{key}_reference"][number], "" if error is None else f"{100 * error:+.4f}"]
         table.add_row(*cells)
     if summary["levels"]:
         show(table)
-        _print_grip(summary)
-    _print_end(summary)
+        _print_grip(result)
+    _print_end(result)
+
+
+def _figures(values: list[float | None], greatest: float) -> list[str]:
+    """Values of a column as they are shown, blanks for None: with five decimals, or in powers of ten where the greatest asks for them."""
+    form = ".5f" if greatest == 0 or 0.01 <= greatest < 1e7 else ".4e"
+    # Rounded first: no minus before a zero.
+    return ["" if value is None else format(round(value, 5) + 0.0 if form == ".5f" else value, form) for value in values]
 
 
 def _print_outputs(result) -> None:
     """Forces on the body at every output of a general programme, those components that are not zero throughout."""
     summary = result.summary
-    unit, moving, columns = summary["units"]["force"], any("time" in level for level in summary["levels"]), {}
+    units, moving, columns = result.scene.units, any("time" in level for level in summary["levels"]), {}
     title = f"{summary['scene']}, force {summary['force']}, {summary['n_points']} points: forces on the body"
     table = Table(title=title, title_justify="left")
     table.add_column("t", justify="right")
     if moving:
-        table.add_column(f"time ({summary['units']['time']})", justify="right")
+        table.add_column(units.label("time", "time"), justify="right")
     # Components that are zero throughout are left out; of what has next to no force, as turned parts have, the moment is told.
     extent = float(np.ptp(result.body.points, axis=0).max())
+    greatest = max((abs(value) for level in summary["levels"] for force in level["forces"].values() for value in force), default=0.0)
+    nothing = LEAST_SHOWN * min(1.0, greatest)
     for name in dict.fromkeys(name for level in summary["levels"] for name in level["forces"]):
         forces = [level["forces"][name] for level in summary["levels"]]
         # About x3 alone in the plane, about all three axes in space.
         moments = np.array([np.atleast_1d(level["moments"][name]) for level in summary["levels"]])
-        least = max(LEAST_SHOWN, LEAST_SHARE * np.abs(moments).max() / extent)
+        least = max(nothing, LEAST_SHARE * np.abs(moments).max() / extent)
         shown = [component for component in range(len(forces[0])) if any(abs(force[component]) >= least for force in forces)]
         for component in shown:
-            columns[f"{name} x{component + 1} ({unit})"] = [force[component] for force in forces]
-        turned = np.flatnonzero(np.abs(moments).max(axis=0) >= LEAST_SHOWN) if moments.shape[1] == 3 else [0] * (not shown)
+            columns[units.label(f"{name} x{component + 1}", "force")] = [force[component] for force in forces]
+        turned = np.flatnonzero(np.abs(moments).max(axis=0) >= nothing * min(1.0, extent)) if moments.shape[1] == 3 else [0] * (not shown)
         for component in turned:
             which = f" about x{component + 1}" if moments.shape[1] == 3 else ""
-            columns[f"{name} moment{which} ({result.scene.units.energy})"] = moments[:, component].tolist()
+            columns[units.label(f"{name} moment{which}", "energy")] = moments[:, component].tolist()
     for title in columns:
         table.add_column(title, justify="right")
+    greatest = max((abs(value) for values in columns.values() for value in values), default=0.0)
+    shown_columns = [_figures(values, greatest) for values in columns.values()]
     for number, level in enumerate(summary["levels"]):
         cells = [f"{level['t']:g}"]
         if moving:
             cells.append(f"{level['time']:.4g}" if "time" in level else "")
-        # Rounded first: no minus before a zero.
-        table.add_row(*cells, *(f"{round(values[number], 5) + 0.0:.5f}" for values in columns.values()))
+        table.add_row(*cells, *(figures[number] for figures in shown_columns))
     if summary["levels"]:
         show(table)
         if "probes" in summary["levels"][0]:
-            _print_probes(summary)
-    _print_end(summary)
+            _print_probes(summary, units)
+    _print_end(result)
 
 
-def _print_probes(summary) -> None:
+def _print_probes(summary, units) -> None:
     """Displacements of the probes at every output."""
     table = Table(title="displacements of the probes", title_justify="left")
     table.add_column("t", justify="right")
     names = list(summary["levels"][0]["probes"])
     for name in names:
         for component in range(1, len(summary["levels"][0]["probes"][name]["displacement"]) + 1):
-            table.add_column(f"{name} x{component} ({summary['units']['length']})", justify="right")
-    for level in summary["levels"]:
-        values = [value for name in names for value in level["probes"][name]["displacement"]]
-        table.add_row(f"{level['t']:g}", *(f"{round(value, 5) + 0.0:.5f}" for value in values))
+            table.add_column(units.label(f"{name} x{component}", "length"), justify="right")
+    rows = [[value for name in names for value in level["probes"][name]["displacement"]] for level in summary["levels"]]
+    greatest = max((abs(value) for row in rows for value in row), default=0.0)
+    columns = [_figures(list(values), greatest) for values in zip(*rows, strict=True)]
+    for number, level in enumerate(summary["levels"]):
+        table.add_row(f"{level['t']:g}", *(figures[number] for figures in columns))
     show(table)
 
 
-def _print_end(summary) -> None:
+def _print_accounts(result) -> None:
+    """The account of energy of every stage in dynamics."""
+    for told in result.summary.get("dynamics", ()):
+        if told["energy_gap"] is None:
+            out.print(f"No account of energy: {told['remark']}", soft_wrap=True)
+        else:
+            put_in = result.scene.units.amount(told["energy_put_in"], "energy", ".4g")
+            out.print(f"Account of energy: off by {told['energy_gap']:+.2g} % of the {put_in} put in", soft_wrap=True)
+
+
+def _print_end(result) -> None:
+    summary = result.summary
     if "crack" in summary:
-        _print_crack(summary)
+        _print_crack(result)
+    _print_accounts(result)
     threads = f"{summary['threads']} thread{'s' if summary['threads'] != 1 else ''}"
     out.print(
         f"{summary['n_force_evaluations']} force evaluations, {summary['ns_per_directed_bond']:.2f} ns per directed bond on {threads}, "
@@ -352,15 +387,16 @@ def _print_end(summary) -> None:
     )
 
 
-def _print_grip(summary) -> None:
+def _print_grip(result) -> None:
     """Say which of two unlike cross-sections the stress belongs to."""
-    level, areas, units = summary["levels"][-1], summary["grip_areas"], summary["units"]
+    summary, units = result.summary, result.scene.units
+    level, areas = summary["levels"][-1], summary["grip_areas"]
     used = level["nominal_stress_grip"]
     other = next(edge for edge in areas if edge != used)
     if not math.isclose(areas[used], areas[other], rel_tol=1e-6):
         out.print(
-            f"Stress: force of the {used} grip over its cross-section of {areas[used]:.5g} {units['length']}^2; "
-            f"the {other} grip's is {areas[other]:.5g} {units['length']}^2.",
+            f"Stress: force of the {used} grip over its cross-section of {units.amount(areas[used], 'length', '.5g', '^2')}; "
+            f"the {other} grip's is {units.amount(areas[other], 'length', '.5g', '^2')}.",
             soft_wrap=True,
         )
 

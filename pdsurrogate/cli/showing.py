@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from .application import Rate, bad_input, err, note, out, print_json, progress_bar, show, writing
@@ -41,6 +42,10 @@ def show_result(
     if as_json:
         print_json({"fields": result.field_names() if result.states else [], "history": result.history})
     _print_history(result)
+    if result.status != "done":
+        err.print(
+            f"[yellow]{escape(str(folder))}: {escape(str(result.summary['failure']))}; what it had come to is shown.[/]", soft_wrap=True
+        )
     if html is not None:
         from ..results.page import html_page
 
@@ -51,7 +56,7 @@ def show_result(
         note(f"Wrote {html}")
         return
     if not result.states:
-        err.print(f"[yellow]pdsurrogate:[/] {folder} holds no state to draw: the run ended before its first output", soft_wrap=True)
+        err.print(f"[yellow]pdsurrogate:[/] {folder} holds no state to draw: the run has not come to its first output", soft_wrap=True)
         return
     name = result.summary["scene"]
     chosen = field or (["damage"] if "damage" in result.field_names() else ["displacement"])

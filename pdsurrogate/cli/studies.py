@@ -9,8 +9,8 @@ import typer
 from rich.markup import escape
 
 from .application import Bar, Rate, bad_input, err, note, print_json, writing
-from .common import AsJson, command
-from .running import INTERRUPTED
+from .common import AsJson, MaxTime, command
+from .interrupts import INTERRUPTED
 
 MOST_FAILURES = 5
 """Told one by one; the table has them all."""
@@ -28,6 +28,7 @@ def study(
         str | None, typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, as tcp://host:8786, whose workers do the runs.")
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the table of another study in DIR; its runs stay.")] = False,
+    max_time: MaxTime = None,
     as_json: AsJson = False,
 ) -> None:
     """Run a scene with many parameters, or fit many surrogates, in parallel; runs that are done are not done again."""
@@ -42,7 +43,7 @@ def study(
     interrupted = None
     try:
         with bad_input(SceneError, ArtifactError, FolderTaken, ValueError), writing(folder), _StudyBar(description.stem) as bar:
-            options = {"jobs": jobs, "threads": threads, "scheduler": scheduler, "overwrite": overwrite}
+            options = {"jobs": jobs, "threads": threads, "scheduler": scheduler, "overwrite": overwrite, "max_time": max_time}
             result = carry_out(description, folder, **options, progress=bar)
     except StudyInterrupted as error:
         interrupted, result = error, error.result
@@ -64,6 +65,9 @@ def study(
         raise typer.Exit(INTERRUPTED)
     if result.failures:
         raise typer.Exit(1)
+    if result.not_done:
+        err.print(f"[yellow]pdsurrogate:[/] the time of {len(result.not_done)} runs was over; the same command goes on with them")
+        raise typer.Exit(INTERRUPTED)
 
 
 class _StudyBar:

@@ -11,9 +11,20 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from .application import Rate, bad_input, described_law, err, law_of, note, out, print_json, progress_bar, show, status, writing
+from .application import Rate, bad_input, described_law, ended, law_of, note, out, print_json, progress_bar, show, status, writing
 from .common import AsJson, command
-from .materials import DATA_HELP, free_energy, identified, members_of, print_identified
+from .materials import (
+    DATA_HELP,
+    BulkModulus,
+    BulkRatio,
+    bulk_of,
+    differences_in_words,
+    free_energy,
+    identified,
+    members_of,
+    print_identified,
+    warn,
+)
 
 Reference = Annotated[str, typer.Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")]
 
@@ -28,6 +39,11 @@ def fit(
     terms: Annotated[int, typer.Option(help="Terms of Ogden's law, with --data.", min=1, max=4)] = 3,
     free: Annotated[
         bool, typer.Option("--free", help="No law: with --data, the energy that fits the data best among those that physics allows.")
+    ] = False,
+    bulk_modulus: BulkModulus = None,
+    bulk_ratio: BulkRatio = None,
+    force_fit: Annotated[
+        bool, typer.Option("--force-fit", help="With --data, go on where stresses have the wrong sign, or a mode is not described at all.")
     ] = False,
     committee: Annotated[
         int | None,
@@ -56,13 +72,18 @@ def fit(
     folds: Annotated[int, typer.Option(help="Folds of the cross-validation; 0 for none.", min=0)] = 5,
     seed: Annotated[int, typer.Option(help="Seed of samples, split and first weights.", min=0)] = 0,
     folder: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder of artefacts; by default artifacts here, or $PDSURROGATE_ARTIFACTS.")
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder of artefacts; by default artifacts here (own-artifacts in a checkout), or $PDSURROGATE_ARTIFACTS.",
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."""
     from ..artifacts import ArtifactError, load_card, new_artifact, next_version, own_folder
-    from ..identification import report
+    from ..identification import examine, report
     from ..learning.fitting import TooInexact
     from ..learning.settings import FitSettings
     from ..results.files import check_writable
@@ -73,29 +94,33 @@ def fit(
         new_artifact(folder, name, next_version(folder, name) if version is None else version)
         settings = FitSettings(energy, features, degree, units, activation, samples, least, greatest, iterations, folds, seed)
         check_writable(folder)
-        found, laws = None, []
+        found, laws, bulk = None, [], bulk_of(bulk_modulus, bulk_ratio)
+        if data is None and (bulk or force_fit):
+            raise ValueError("--bulk-modulus, --bulk-ratio and --force-fit are of test data, which --data gives; of a law by --set")
         if free and data is None:
             raise ValueError("--free is of an energy from test data: give them by --data")
         if data is not None:
             if change:
                 raise ValueError("--data finds the law's parameters, --set gives them: choose one")
             with status(f"Fitting {'an energy' if free else law} to {data}"):
-                model, rows = free_energy(data) if free else identified(data, law, terms, None)
+                model, rows = free_energy(data, bulk) if free else identified(data, law, terms, None, bulk)
             material, found = model.law_, report(model, rows)
             if free:
                 settings = settings.within(*model.stretch_range_)
-                found |= {"form": "separable and polyconvex energy", "cross_validation": model.cross_validation_}
+                found |= {"form": "polyconvex energy without a law", "cross_validation": model.cross_validation_}
                 law = "energy"
             if committee:
                 with status(f"Fitting {committee} drawings from {data}"):
                     laws = members_of(model, rows, committee, seed)
                 own = " with exponents of its own" if free else ""
                 found["committee"] = f"each fitted to half of {len(set(rows.tests))} tests{own}, seed {seed}"
+            said = examine(model, rows)
+            found["refusals"], found["remarks"] = said.refusals, said.remarks
             print_identified(found)
-            if found["r_squared"] and max(found["r_squared"].values()) <= 0:
-                raise ValueError(
-                    f"{law} describes no mode of {data} better than its mean stress does: choose another law, or mend the data"
-                )
+            for text in (*said.remarks, *(said.refusals if force_fit else ())):
+                warn(text)
+            if said.refusals and not force_fit:
+                raise ValueError(f"{'; '.join(said.refusals)}; --force-fit goes on all the same")
         else:
             material = law_of(law, change)
             laws = [material] * (committee or 0)
@@ -114,11 +139,11 @@ def fit(
                 version = next_version(folder, name) if version is None else version
                 path = settings.store(pipeline, design, material, folder, name, version, table, found, members)
         except TooInexact as error:
-            err.print(f"[red]pdsurrogate:[/] {escape(str(error))}", soft_wrap=True)
-            raise typer.Exit(1) from None
+            raise ended(1, "[red]pdsurrogate:[/]", str(error)) from None
         card = load_card(path)
+    simulated = _simulate_tests(path, model, rows) if data is not None else {}
     if as_json:
-        print_json({"artefact": f"{name}@{version}", "path": str(path), "errors": card.errors, "training": card.training})
+        print_json({"artefact": f"{name}@{version}", "path": str(path), "errors": card.errors, "training": card.training, **simulated})
     (_print_energy_errors if energy else _print_errors)(card.errors["box"])
     for row in card.training["cross_validation"]:
         out.print(f"fold {row['fold'] + 1}: relative RMS error {row['rms']:.2e} on samples left out")
@@ -126,6 +151,32 @@ def fit(
         modulus = member.material.trained_with["shear_modulus"]
         out.print(f"member {number}: shear modulus {modulus:.5g}, RMS error {member.errors['box']['on_surface']['rms']:.1e}")
     note(f"Wrote {path}")
+
+
+def _simulate_tests(path: Path, model, rows) -> dict:
+    """Simulate the tests with the artefact's own force, print how far it is from them and from the law, and draw all three."""
+    import numpy as np
+
+    from ..artifacts import load_surrogate
+    from ..forces.homogeneous import nominal_stresses
+    from ..identification import differences, figure, free_sides
+    from ..results import figures
+
+    first, second = rows.stretches.T
+    stretches = np.column_stack([first, np.where(free_sides(first, second), np.nan, second)])
+    with status(f"Simulating the tests with {path}"):
+        stress = nominal_stresses(load_surrogate(path), model.law_, stretches)
+    found = differences(rows, stress)
+    out.print(f"simulated with the artefact against tests, greatest difference by mode: {differences_in_words(found)}")
+    law = model.predict(rows.stretches)
+    off = np.abs(stress - law).max() / np.abs(law).max()
+    out.print(f"simulated against the law: {'no stress' if np.isnan(off) else f'{100 * off:.2g} % of the greatest stress'} at the most")
+    picture = path.with_name(f"{path.name}.png")
+    if not picture.exists():
+        with writing(path.parent):
+            figures.save(figure([model], rows, stress), picture)
+        note(f"Tests, law and simulation drawn in {picture}")
+    return {"simulated": {"against_measured": found, "nominal_stress": [float(s) if np.isfinite(s) else None for s in stress]}}
 
 
 class _TrainingBar:

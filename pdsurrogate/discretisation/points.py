@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -13,6 +14,7 @@ from ..body import Body, CellMesh, Cells
 from ..body.local_fit import REACH
 from ..scenes import Box, Mesh, Rectangle, Scene, SceneError
 from ..scenes.model import EDGES
+from ..scenes.regions import edge_names
 from ..scenes.solids import Solid
 from ..solvers.planes import reflected_edges, reflection_planes
 from .meshes import centroids, mesh_of, section_area
@@ -47,6 +49,13 @@ CUT_SHIFT = 1e-6
 """Distance inside a grip's plane, in extents of the body, of the cut whose area is taken: more than corners in single precision are off."""
 
 
+STATED = 0.01
+"""Share of the spacing of a mesh by which one that a scene states may differ from it without a remark."""
+
+PARTS = {(2, 3): 2, (3, 4): 6}
+"""Cells that make a square or cube, by dimension and corners."""
+
+
 def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> tuple[Body, np.ndarray, np.ndarray]:
     """The points of a scene, less its holes, with its precuts and the images beyond its grips; no bond crosses empty space.
 
@@ -69,13 +78,14 @@ def discretise(scene: Scene, part_of: Callable[[Body], Body] | None = None) -> t
     """
     try:
         points, volumes, spacing, cell, lower, upper, groups = _points_of(scene)
-        planes = reflection_planes(scene, lower, upper)
+        faces = faces_of_groups(scene, lower, upper)
+        planes = reflection_planes(scene, lower, upper, faces)
         # Measured by the smaller side, a horizon takes in the same neighbours as with squares where the sides differ by little: by the
         # mean or the larger one some at a distance of (3, 1) cells come in along one direction alone, and errors in pure shear are half as
         # large again.
-        horizon = scene.horizon_ratio * min(cell)
+        horizon = scene.horizon_ratio * (spacing if isinstance(scene.body, Mesh) else min(cell))
         cuts = _cuts(scene, horizon, cell, lower, upper)
-        body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, groups, _mesh_cells(scene))
+        body = Body(points, volumes, horizon, spacing, scene.weight, planes, cuts, cell, groups, _mesh_cells(scene), faces)
         if part_of is not None:
             body = part_of(body)
         _check_precuts(scene, body)
@@ -98,9 +108,10 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
     SceneError
         If the body has no straight edge in such a plane, or no material there.
     """
-    areas, cells = {}, None
+    areas, cells, faces = {}, None, {}
     if isinstance(scene.body, Mesh):
         cells = [block[_outside_holes(scene, centroids(block)[0])] for block in mesh_of(scene.body).corners()]
+        faces = faces_of_groups(scene, lower, upper)
 
     def cut(axis: int, position: float) -> float:
         if cells is not None:
@@ -109,7 +120,7 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
             return sum(float(_chords(block, axis, position).sum()) for block in cells)
         return _section_inside(scene, axis, position, lower, upper)
 
-    for edge in [grip.edge for grip in scene.grips] or reflected_edges(scene):
+    for edge in [grip.edge for grip in scene.grips] or reflected_edges(scene, faces):
         axis, side = EDGES[edge]
         shift = CUT_SHIFT * (upper - lower).max()
         near, far = (cut(axis, (lower, upper)[side > 0][axis] - side * times * shift) for times in (1, 2))
@@ -211,8 +222,13 @@ def _points_of(scene: Scene):
         kept = _in_material(scene, points, np.ones(len(points), dtype=bool))
         number = np.cumsum(kept) - 1
         groups = {name: number[members[kept[members]]] for name, members in mesh.groups_of_cells().items()}
-        cell = (scene.spacing,) * scene.dimension
-        return points[kept], volumes[kept], scene.spacing, cell, corners.min(axis=0), corners.max(axis=0), groups
+        spacing, cell = _sizes_of_cells(cells, kept, volumes)
+        if scene.spacing is not None and abs(scene.spacing - spacing) > STATED * spacing:
+            warnings.warn(
+                f"scene {scene.name}: spacing: {scene.spacing:g} is not taken; the mesh has its own, {spacing:.4g}: leave spacing out",
+                stacklevel=5,
+            )
+        return points[kept], volumes[kept], spacing, (cell,) * scene.dimension, corners.min(axis=0), corners.max(axis=0), groups
     lower, upper = scene.body.bounds()
     cells = Cells.filling(lower, upper, scene.spacing)
     points = cells.centres()
@@ -220,6 +236,32 @@ def _points_of(scene: Scene):
         return points, np.full(len(points), cells.volume), cells.spacing, cells.sides, lower, upper, {}
     kept = _in_material(scene, points, _within_outline(scene, points))
     return *_material_of_cells(points, kept, cells, partial(material_at, scene)), cells.spacing, cells.sides, lower, upper, {}
+
+
+def _sizes_of_cells(cells: list[np.ndarray], kept: np.ndarray, volumes: np.ndarray) -> tuple[float, float]:
+    """Spacing of the points of a mesh, and the side of the square or cube that its cells, or two triangles or six tetrahedra, make.
+
+    Both are means over the body: many small cells in a corner do not make the horizon small everywhere.
+    """
+    dimension = cells[0].shape[2]
+    parts = np.repeat([PARTS.get((dimension, block.shape[1]), 1) for block in cells], [len(block) for block in cells])
+    return tuple(float(np.average(size[kept] ** (1 / dimension), weights=volumes[kept])) for size in (volumes, parts * volumes))
+
+
+def faces_of_groups(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, str]:
+    """Edge or face of the bounding box that a group of a mesh is all of, by the name of the group."""
+    mesh = mesh_of(scene.body) if isinstance(scene.body, Mesh) and scene.prescribed else None
+    if mesh is None or not mesh.side_groups:
+        return {}
+    sides = mesh.sides()
+    outer, _ = sides.boundary(_outside_holes(scene, np.concatenate([centroids(block)[0] for block in mesh.corners()])))
+    places, found = mesh.nodes[sides.corners[outer]], {}
+    members = {name: sides.among(corners)[outer] for name, corners in mesh.side_groups.items()}
+    for edge in edge_names(scene.dimension):
+        axis, side = EDGES[edge]
+        flat = (np.abs(places[..., axis] - (lower, upper)[side > 0][axis]) <= CUT_SHIFT * (upper - lower).max()).all(axis=1)
+        found |= {name: edge for name, inside in members.items() if flat.any() and (inside == flat).all()}
+    return found
 
 
 def _mesh_cells(scene: Scene) -> CellMesh | None:

@@ -275,7 +275,9 @@ def quarters(quadrilaterals: np.ndarray) -> np.ndarray:
 
 def _tiles(nodes: np.ndarray) -> np.ndarray:
     """A rectangle as quarters of the tiles between the nodes around it."""
-    x1, x2 = (np.unique(nodes[np.isclose(nodes[:, 1 - axis], nodes[:, 1 - axis].min()), axis]) for axis in (0, 1))
+    low = nodes.min(axis=0)
+    on_edges = nodes - low <= ROUNDING * np.ptp(nodes, axis=0).max()
+    x1, x2 = (np.unique(nodes[on_edges[:, 1 - axis], axis]) for axis in (0, 1))
     corners = np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1)
     tiles = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]], axis=2)
     return quarters(tiles.reshape(-1, 4, 2))

@@ -1,5 +1,6 @@
 """Force models: what turns a deformed body into forces."""
 
+from ..engine.compile import CompilerSwitchedOff
 from .analytic import AnalyticBondForce
 from .ba_nosb import BANOSBForce
 from .bond_energy import BondEnergyForce, EnergySurrogate, PlainBondEnergyForce
@@ -23,6 +24,7 @@ __all__ = [
     "AnalyticBondForce",
     "BANOSBForce",
     "BondEnergyForce",
+    "CompilerSwitchedOff",
     "Domain",
     "EnergyNetwork",
     "EnergySurrogate",

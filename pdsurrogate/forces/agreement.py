@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..kernels.keys import NotKeyable
+from ..engine.keys import NotKeyable
+from ..kernels.bond_state import along_and_across
 from ..materials import Law, plane_stress
 from ..materials.consistency import law_digest
 from .protocol import Domain
@@ -75,7 +76,7 @@ def bond_states(law: Law, first, second):
     C33 = plane_stress.thickness_stretch_squared(law, first**2 + second**2, J)
     stretch = np.hypot(a, b)
     T_nn, T_nm, _ = plane_stress.bond_traction(law, a, b, J, C33)
-    force = np.stack([T_nn * a + T_nm * b, T_nm * a - T_nn * b], axis=1) / stretch[:, None]
+    force = along_and_across(T_nn, T_nm, a, b, stretch)
     return (stretch, np.arctan2(b, a), np.linspace(0.2, 1, len(first)), C33, J), force
 
 

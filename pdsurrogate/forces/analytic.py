@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..kernels.analytic import analytic_bond_force
+from ..kernels.bond_state import along_and_across
 from ..materials import Law, NeoHookean, plane_stress
 from .bond_force import ForceSurrogate
 from .protocol import CompiledBondForce, Domain
@@ -40,7 +41,7 @@ class AnalyticBondForce(ForceSurrogate):
         stretch, rotation, _, C33, J = bond_arrays(stretch, rotation, length, C33, J)
         a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
         T_nn, T_nm, _ = plane_stress.bond_traction(self.law, a, b, J, C33)
-        return np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
+        return along_and_across(T_nn, T_nm, a, b, stretch)
 
     def compiled(self, dtype) -> CompiledBondForce:
         """Block function of the exact bond force, whose law the bond pass supplies."""

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..body import Body
+from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
+from ..engine.passes import Chain
 from ..kernels import ba_nosb
-from ..kernels.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
-from ..kernels.passes import Chain
 from ..materials import SHEETS, Law
 from .evaluation import Evaluation
 from .kinematics import at_point, locate

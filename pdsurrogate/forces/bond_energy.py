@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..body import Body
+from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.passes import Chain
 from ..kernels import bond_energy
-from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.bond_force import FALL_BACK, UNGUARDED
+from ..kernels.domain import DOMAIN_SIZE
 from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
-from ..kernels.passes import Chain
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import add_node_forces, point_forces, sum_moments, weigh_moments
 from ..materials import PLANES, SHEETS, Law, plane_stress
@@ -237,7 +238,7 @@ class PairEnergies:
             response.address,
             law.parameters,
             guard,
-            domain_constants(domain, precision) if domain else np.zeros(bond_energy.DOMAIN_SIZE, precision),
+            domain_constants(domain, precision) if domain else np.zeros(DOMAIN_SIZE, precision),
             self.buffers,
             self.sums,
             aligned_rows((chunks.threads, max(compiled.work_rows, 1), BLOCK), precision),

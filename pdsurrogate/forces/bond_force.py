@@ -10,13 +10,13 @@ from functools import cached_property
 import numpy as np
 
 from ..body import Body
+from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.passes import Chain
+from ..engine.threads import Chunks
 from ..kernels import bond_force, reference_state
 from ..kernels.analytic import analytic_bond_force
-from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.bond_state import LEAST_NORMAL_STRETCH, lateral_stretch
-from ..kernels.passes import Chain
 from ..kernels.sums import sum_pair_forces
-from ..kernels.threads import Chunks
 from ..materials import SHEETS, Law
 from .evaluation import DomainWatch, Evaluation, usual_precision
 from .kinematics import Kinematics, at_point, locate

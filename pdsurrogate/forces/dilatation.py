@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..engine.block_arrays import BLOCK, aligned_rows, power_of_two
+from ..engine.passes import Chain
 from ..kernels import dilatation, selective_energy
-from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.ghosts import place_points
-from ..kernels.passes import Chain
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ..body import Body
     from ..body.part import Whole
-    from ..kernels.passes import BoundPass
-    from ..kernels.threads import Chunks
+    from ..engine.passes import BoundPass
+    from ..engine.threads import Chunks
     from .kinematics import Kinematics
     from .selective_energy import SelectiveEnergyEvaluation, SelectivePairs, SinglePrecisionSmoothing, Smoothing
 
@@ -112,11 +112,13 @@ class LinearisedDilatation:
 
     def forces(self, values: np.ndarray) -> np.ndarray:
         """D^T s, shape (n, d), of values (n,) at the points; costs about as much as `changes`."""
-        # The smoothing is its own transpose by volumes.
-        np.divide(values, self._body.volumes, out=self._values, casting="same_kind")
+        # The smoothing is its own transpose by volumes.  In single precision whatever the units.
+        pressures = values / self._body.volumes
+        unit = power_of_two(self._body.part.total(float(np.abs(pressures).sum())))
+        np.divide(pressures, unit, out=self._values, casting="same_kind")
         self._find_forces()
         self._to_points()
-        return -self._forces[: len(values)]
+        return -unit * self._forces[: len(values)]
 
     def polynomial(self, coefficients: np.ndarray) -> SmoothingPolynomial:
         """A polynomial of the smoothing W, to be applied to values at the points: the sum of c_k T_k(2 W^2 - I)."""

@@ -25,7 +25,7 @@ class EnergyDerivatives:
 
 
 def domain_constants(domain: Domain, dtype) -> np.ndarray:
-    """Constants of `pdsurrogate.kernels.bond_energy.edge_distances` and `exact_share`."""
+    """Constants of `pdsurrogate.kernels.domain.edge_distances` and `exact_share`."""
     low, high = domain.least_stretch**2, domain.greatest_stretch**2
     return np.array([low, high, 1 / low, 1 / high, 1.0, 0.0, BLEND], dtype=dtype)
 

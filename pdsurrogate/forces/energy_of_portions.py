@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from ..body import Body
+from ..engine.block_arrays import aligned_rows
 from ..kernels import selective_energy
-from ..kernels.block_arrays import aligned_rows
 from ..kernels.elementary import sum_in_order
 from ..materials import Law
 from .bond_energy import EnergyOfPairs, PairEnergies, pair_geometry

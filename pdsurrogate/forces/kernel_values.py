@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.block_arrays import BLOCK, SCRATCH_ROWS, TRACTION_ROWS
+from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, TRACTION_ROWS
+from ..engine.compile import call_block, kernel
 from ..kernels.bond_state import lateral_stretch
-from ..kernels.compile import call_block, kernel
 from ..kernels.energy_density import ENERGY_ROWS
 from ..materials import Law, plane_stress
 from .analytic import bond_arrays

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..body import Body
+from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
+from ..engine.passes import BoundPass, Chain
+from ..engine.threads import chunks_of
 from ..kernels import node_state
-from ..kernels.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..kernels.ghosts import place_points
 from ..kernels.gradient import deformation_gradients
-from ..kernels.passes import BoundPass, Chain
 from ..kernels.reference_state import shape_rows
-from ..kernels.threads import chunks_of
 from ..materials import PLANES, Law, plane_stress
 from .protocol import InvalidState
 from .settings import ROTATION, ROTATIONS

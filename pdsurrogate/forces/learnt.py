@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..kernels.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
-from ..kernels.bond_state import lateral_stretch
-from ..kernels.compile import call_block, kernel
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
+from ..engine.compile import call_block, kernel
+from ..kernels.bond_state import along_and_across, lateral_stretch
 from ..kernels.feature_sets import FEATURE_SETS
 from ..materials import Law
 from .agreement import bond_states, check_agreement
@@ -111,7 +111,7 @@ class LearntBondForce(ForceSurrogate):
             shared = features.shared(a, b, J, C33)
             outputs = self.outputs(np.stack(features.inputs(shared, a, b, U_mm, J, C33, length), axis=1)) - self.at_rest
             T_nn, T_nm, _ = features.traction(shared, outputs[:, 0], outputs[:, 1], a, b, U_mm, J, C33)
-        return np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
+        return along_and_across(T_nn, T_nm, a, b, stretch)
 
     def compiled(self, dtype) -> CompiledBondForce:
         """Block function and packed weights in the given precision."""

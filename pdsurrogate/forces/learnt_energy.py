@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 
 from ..body import Body
+from ..engine.block_arrays import BLOCK
+from ..engine.compile import block_function_of, stress_response_signature
 from ..kernels.activations import ACTIVATIONS, SMOOTH
-from ..kernels.block_arrays import BLOCK
-from ..kernels.compile import block_function_of, stress_response_signature
+from ..kernels.domain import distance_coefficients
 from ..kernels.energy_density import (
     ENERGY_ROWS,
     INVARIANT_ROWS,
@@ -279,7 +280,7 @@ class IsochoricNetwork(LearntEnergy):
         from .selective_energy import IsochoricEnergy
 
         response, exact = PLANES[plane].isochoric_response, IsochoricEnergy.exact(law, plane)
-        parts = ACTIVATIONS[self.activation], kernel.take_over, response.invariants, response.of_invariants
+        parts = ACTIVATIONS[self.activation], response.invariants, response.of_invariants
         block = block_function_of(kernel.network_block, stress_response_signature(precision), *parts)
         weights = pack_units(self.hidden_weights, self.hidden_biases, self.output_weights)
         parameters = np.zeros(kernel.WEIGHTS + len(weights) + len(exact.parameters))
@@ -288,7 +289,7 @@ class IsochoricNetwork(LearntEnergy):
         addresses = parameters.view(np.int64)
         addresses[kernel.EXACT], addresses[kernel.COUNTER] = exact.address, exact.outside.ctypes.data
         low, high = self.domain.least_stretch, self.domain.greatest_stretch
-        parameters[kernel.LOW : kernel.BAND] = kernel.distance_coefficients(low, high).ravel()
+        parameters[kernel.LOW : kernel.BAND] = distance_coefficients(low, high).ravel()
         parameters[kernel.BAND], parameters[kernel.AT_REST] = BLEND, self._at_rest
         parameters[kernel.WEIGHTS : -len(exact.parameters)] = weights
         parameters[-len(exact.parameters) :] = exact.parameters

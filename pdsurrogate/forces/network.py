@@ -10,7 +10,7 @@ import numpy as np
 
 from ..kernels.activations import ACTIVATIONS
 from ..kernels.feature_sets import FEATURE_SETS
-from ..kernels.network import MOST_HIDDEN, N_WORK_ROWS, network_block, pack
+from ..kernels.network import MOST_HIDDEN, N_WORK_ROWS, network_block, network_outputs, pack
 from .learnt import N_OUTPUTS, LearntBondForce, checked_array, checked_feature_set
 from .protocol import Domain
 
@@ -47,10 +47,7 @@ class NetworkForce(LearntBondForce):
         return f"{' + '.join(str(biases.size) for _, biases in self.layers[:-1])} units"
 
     def outputs(self, features: np.ndarray) -> np.ndarray:
-        values = features
-        for weights, biases in self.layers[:-1]:
-            values = ACTIVATIONS[self.activation](values @ weights + biases)[0]
-        return values @ self.layers[-1][0] + self.layers[-1][1]
+        return network_outputs(features, self.layers, ACTIVATIONS[self.activation])
 
     def packed(self, dtype) -> tuple[int, np.ndarray, np.ndarray, int]:
         sizes, weights = pack(self.layers, self.at_rest, dtype)

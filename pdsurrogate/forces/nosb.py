@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from ..body import Body
+from ..engine.block_arrays import aligned_rows
 from ..kernels import nosb
-from ..kernels.block_arrays import aligned_rows
 from ..materials import PLANES, Law
 from .evaluation import Evaluation
 from .kinematics import at_point, locate, matrices

@@ -10,9 +10,9 @@ from typing import ClassVar
 import numpy as np
 
 from ..body import Body
-from ..kernels.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
-from ..kernels.bond_state import lateral_stretch
-from ..kernels.threads import thread_count
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
+from ..engine.threads import thread_count
+from ..kernels.bond_state import along_and_across, lateral_stretch
 from ..materials import InvariantLaw, Law, plane_stress
 from .analytic import bond_arrays
 from .bond_force import BondForceEvaluation, ForceSurrogate
@@ -20,7 +20,7 @@ from .protocol import CompiledBondForce, Domain, ForceModel, InternalForce, Inva
 from .settings import ForceSettings
 
 _CALLED = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctypes.c_void_p] * 4)
-"""The signature of a block function (`pdsurrogate.kernels.compile.bond_force_signature`), in double precision."""
+"""The signature of a block function (`pdsurrogate.engine.compile.bond_force_signature`), in double precision."""
 
 TRIAL = ([1.0, 1.3, 0.8, 1.1], [0.0, 0.2, -0.1, 0.05], [1.0, 0.5, 0.7, 0.2], [1.0, 0.7, 1.4, 0.9], [1.0, 1.2, 0.85, 1.05])
 """Bonds by which a force is tried before a run."""
@@ -136,7 +136,7 @@ class OwnBondForce(ForceSurrogate):
         else:
             a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
             T_nn, T_nm, _ = plane_stress.bond_traction(_LawOf(self), a, b, J, C33)
-            force = np.stack([(T_nn * a + T_nm * b) / stretch, (T_nm * a - T_nn * b) / stretch], axis=1)
+            force = along_and_across(T_nn, T_nm, a, b, stretch)
         bad = np.flatnonzero(~np.isfinite(force).all(axis=1))
         if len(bad):
             bond = (quantity[bad[0]] for quantity in (stretch, rotation, length, C33, J))

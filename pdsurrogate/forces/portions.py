@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..body import Body
+from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.passes import BoundPass
 from ..kernels import node_state
-from ..kernels.block_arrays import BLOCK, aligned_rows
-from ..kernels.passes import BoundPass
 from ..materials import PLANES, Law
 from .evaluation import Evaluation, usual_precision
 from .interfaces import YIELDING, Interfaces

@@ -14,6 +14,7 @@ from ..body import Body
 from ..html_tables import html_facts
 from ..kernels.bond_state import LEAST_NORMAL_STRETCH
 from ..materials import PLANES, Law
+from ..materials.law import checked_law
 from .settings import ForceSettings
 
 
@@ -92,7 +93,7 @@ class Domain:
             return passed if bulk is None else np.maximum(passed, np.maximum(np.log(bulk) - high, low - np.log(bulk)))
 
     def limits(self, dtype) -> np.ndarray:
-        """Constants of `pdsurrogate.kernels.bond_state.is_outside`."""
+        """Constants of `pdsurrogate.kernels.domain.is_outside`."""
         low, high = np.float64(self.least_stretch) ** 2, np.float64(self.greatest_stretch) ** 2
         with np.errstate(divide="ignore"):
             return np.array([low, high, 1 / low, 1 / high, self.least_bulk, self.greatest_bulk, LEAST_NORMAL_STRETCH], dtype=dtype)
@@ -109,7 +110,7 @@ class CompiledBondForce:
     Attributes
     ----------
     address : int
-        Of the block function (`pdsurrogate.kernels.compile.bond_force_signature`).
+        Of the block function (`pdsurrogate.engine.compile.bond_force_signature`).
     sizes : ndarray of int64
     weights : ndarray, in the precision of the bond pass
     work_rows : int
@@ -381,6 +382,10 @@ class InternalForce(ABC):
         """
         return self.law.shear_modulus
 
+    def applied(self) -> np.ndarray | None:
+        """Forces of loads on the points in the state last evaluated, shape (n, d); None without loads, which `LoadedForce` adds."""
+        return None
+
     @property
     def force_scale(self) -> float | np.ndarray:
         """Shear modulus that the force on a point is measured by: one number, or of several materials shape (n,).
@@ -489,11 +494,17 @@ class ForceModel(ABC):
 
         Raises
         ------
+        TypeError
+            If one of them is none.
         ValueError
             If the model does not fit the material, or cannot honour a setting.
         """
+        if not isinstance(body, Body):
+            raise TypeError(f"body must be a Body, such as Body.rectangle(1.0, 1.0, 0.1, 0.315), not {body!r}")
+        if not isinstance(settings, ForceSettings):
+            raise TypeError(f"settings must be ForceSettings(), not {settings!r}")
         settings.check(self.name, self.honoured(settings.plane))
-        self.check_material(law)
+        self.check_material(checked_law(law))
         return self.evaluation(body, law, settings)
 
     def honoured(self, plane: str) -> Mapping[str, tuple]:

@@ -12,12 +12,12 @@ import numpy as np
 from scipy import sparse
 
 from ..body import Body
+from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.passes import BoundPass, Chain
+from ..engine.threads import Chunks
 from ..kernels import dilatation, selective_energy
-from ..kernels.block_arrays import BLOCK, aligned_rows
 from ..kernels.bond_energy import COLLAPSED
 from ..kernels.elementary import sum_in_order
-from ..kernels.passes import BoundPass, Chain
-from ..kernels.threads import Chunks
 from ..materials import PLANES, Law
 from ..materials.response import volume_energy_block
 from .bond_energy import BondEnergyEvaluation
@@ -36,7 +36,7 @@ class IsochoricEnergy:
     Attributes
     ----------
     address : int
-        Of the block function (`pdsurrogate.kernels.compile.STRESS_RESPONSE`).
+        Of the block function (`pdsurrogate.engine.compile.STRESS_RESPONSE`).
     parameters : ndarray
         What it reads.
     precision : {"float32", "float64"}

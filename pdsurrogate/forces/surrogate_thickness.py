@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.passes import BoundPass
+from ..engine.threads import Chunks
 from ..kernels import surrogate_thickness
-from ..kernels.block_arrays import BLOCK, aligned_rows
-from ..kernels.passes import BoundPass
-from ..kernels.threads import Chunks
 from ..materials import Law, plane_stress
 from .protocol import CompiledBondForce, Domain
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import sparse
 
-from ..kernels.block_arrays import BLOCK
+from ..engine.block_arrays import BLOCK
 
 if TYPE_CHECKING:
     from .bond_energy import BondEnergyEvaluation

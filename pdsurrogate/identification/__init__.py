@@ -3,19 +3,27 @@
 from .committee import committee, committee_spread
 from .data import MODES, TestData, load_test_data, test_data_names
 from .energy import EnergyRegressor
-from .regressor import LawRegressor
-from .reporting import figure, report
+from .examination import Examination, TestDataWarning, examine, fit_to_tests
+from .regressor import LawRegressor, fitted_laws
+from .reporting import differences, figure, report
 from .selection import held_out_modes
-from .stress_regressor import nominal_stress
+from .stress_regressor import free_sides, nominal_stress
 
 __all__ = [
     "MODES",
     "EnergyRegressor",
+    "Examination",
     "LawRegressor",
     "TestData",
+    "TestDataWarning",
     "committee",
     "committee_spread",
+    "differences",
+    "examine",
     "figure",
+    "fit_to_tests",
+    "fitted_laws",
+    "free_sides",
     "held_out_modes",
     "load_test_data",
     "nominal_stress",

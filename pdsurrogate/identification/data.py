@@ -40,6 +40,8 @@ class TestData:
     nominal_stress : ndarray, shape (n,)
     weight : ndarray, shape (n,)
         As given in the file, 1 otherwise.
+    row : ndarray of int, shape (n,), optional
+        Numbers of the rows of the file, from 1, below its header and but for comments; by default those of the rows here.
     """
 
     __test__ = False  # not a test case, whatever pytest thinks of the name
@@ -49,6 +51,11 @@ class TestData:
     stretches: np.ndarray
     nominal_stress: np.ndarray
     weight: np.ndarray
+    row: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        if self.row is None:
+            object.__setattr__(self, "row", np.arange(1, len(self) + 1))
 
     def __len__(self) -> int:
         return len(self.nominal_stress)
@@ -67,15 +74,23 @@ class TestData:
 
     def of(self, *modes: str) -> TestData:
         """The rows of some modes alone."""
-        chosen = np.isin(self.mode, modes)
-        return TestData(self.name, self.mode[chosen], self.stretches[chosen], self.nominal_stress[chosen], self.weight[chosen])
+        return self._taken(np.isin(self.mode, modes))
 
     def up_to(self, stretch: float) -> TestData:
         """The rows in which neither stretch exceeds a value."""
         chosen = (self.stretches <= stretch).all(axis=1)
         if not chosen.any():
             raise ValueError(f"{self.name}: no row has stretches of {stretch:g} or less")
-        return TestData(self.name, self.mode[chosen], self.stretches[chosen], self.nominal_stress[chosen], self.weight[chosen])
+        return self._taken(chosen)
+
+    def _taken(self, rows: np.ndarray) -> TestData:
+        return TestData(self.name, self.mode[rows], self.stretches[rows], self.nominal_stress[rows], self.weight[rows], self.row[rows])
+
+    def row_in_words(self, number: int) -> str:
+        """Row, mode, stretch and stress, for a message; `number` counts the rows here, from 0."""
+        first, second = self.stretches[number]
+        at = f"stretches {first:g} and {second:g}" if self.mode[number] == BIAXIAL else f"stretch {first:g}"
+        return f"row {self.row[number]} ({self.mode[number]}, {at}, nominal stress {self.nominal_stress[number]:g})"
 
     def balanced_weights(self) -> np.ndarray:
         """Weights under which the sum of squares is the sum over modes of 1 - R^2, so that no mode is fitted for the size of its stress."""
@@ -151,13 +166,13 @@ def load_test_data(reference: str | Path) -> TestData:
             f"{name}: the columns must be {', '.join(CURVES)}, or {', '.join(GRID)}, with or without weight; there are "
             f"{', '.join(sorted(columns)) or 'none'}"
         )
-    found: list[tuple[str, float, float, float, float]] = []
-    for (number, _), row in zip(lines[1:], reader, strict=True):
-        found += _rows(row, kind, f"{name}, line {number}")
+    found: list[tuple] = []
+    for place, ((number, _), row) in enumerate(zip(lines[1:], reader, strict=True), start=1):
+        found += [(*one, place) for one in _rows(row, kind, f"{name}, line {number}")]
     if not found:
         raise ValueError(f"{name}: there are no rows")
     values = np.array([row[1:] for row in found])
-    return TestData(name, np.array([row[0] for row in found]), values[:, :2], values[:, 2], values[:, 3])
+    return TestData(name, np.array([row[0] for row in found]), values[:, :2], values[:, 2], values[:, 3], values[:, 4].astype(int))
 
 
 def _rows(row, kind, where):

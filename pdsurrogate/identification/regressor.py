@@ -12,8 +12,8 @@ import numpy as np
 from scipy.optimize import least_squares, nnls
 from sklearn.utils._param_validation import Interval, StrOptions
 
-from ..materials import LAWS, Law, Ogden
-from .stress_regressor import StressRegressor, nominal_stress
+from ..materials import LAWS, Law, Ogden, Polyconvex
+from .stress_regressor import BULK_RATIO, StressRegressor, incompressible_stress, nominal_stress
 
 STARTS = 5
 """Best candidates of the search that are refined."""
@@ -41,11 +41,17 @@ class Unknowns:
         return np.where(self.logarithmic, np.exp(np.where(self.logarithmic, searched, 0.0)), searched)
 
 
+def fitted_laws() -> list[str]:
+    """Names of the laws whose parameters a `LawRegressor` finds; `EnergyRegressor` finds those of the other."""
+    return [name for name in LAWS if name != Polyconvex.name]
+
+
 class LawRegressor(StressRegressor):
     """Least-squares fit of a law's parameters to nominal stresses.
 
-    The fit takes rubber as incompressible, as test data do.  A coarse search over the law's dimensionless parameters, the shear
-    modulus (for Ogden's law: all moduli) solved for linearly, gives the starts of a bounded trust-region iteration; no random choice.
+    The stresses fitted are those of the law that comes out, with its bulk modulus.  A coarse search over the law's dimensionless
+    parameters, the shear modulus (for Ogden's law: all moduli) solved for linearly, gives the starts of a bounded trust-region iteration,
+    both for rubber that keeps its volume; the best goes on with the law's own.  There is no random choice.
 
     Parameters
     ----------
@@ -55,8 +61,11 @@ class LawRegressor(StressRegressor):
         Terms of Ogden's law; other laws do without.
     greatest_exponent : float, default=12
         Bound of the size of Ogden's exponents.
-    bulk_ratio : float, default=100
-        K/mu of the law that comes out: such tests do not tell it.
+    bulk_ratio : float, default=1000
+        K/mu of the law that is fitted and comes out: such tests do not tell it.  Rubber has some thousand; what a law is to have in a
+        simulation, give here, as parameters that were found with another are off at large stretches.
+    bulk_modulus : float, optional
+        K itself instead, in the unit of the stresses.
 
     Attributes
     ----------
@@ -82,17 +91,19 @@ class LawRegressor(StressRegressor):
     """
 
     _parameter_constraints: ClassVar = {
-        "law": [StrOptions(set(LAWS))],
+        "law": [StrOptions(set(fitted_laws()))],
         "n_terms": [Interval(Integral, 1, 4, closed="both")],
         "greatest_exponent": [Interval(Real, 1, 50, closed="both")],
         "bulk_ratio": [Interval(Real, 0, None, closed="neither")],
+        "bulk_modulus": [None, Interval(Real, 0, None, closed="neither")],
     }
 
-    def __init__(self, law="neo-hookean", n_terms=3, greatest_exponent=12.0, bulk_ratio=100.0):
+    def __init__(self, law="neo-hookean", n_terms=3, greatest_exponent=12.0, bulk_ratio=BULK_RATIO, bulk_modulus=None):
         self.law = law
         self.n_terms = n_terms
         self.greatest_exponent = greatest_exponent
         self.bulk_ratio = bulk_ratio
+        self.bulk_modulus = bulk_modulus
 
     def fit(self, X, y, sample_weight=None):
         """Fit the parameters.
@@ -118,12 +129,13 @@ class LawRegressor(StressRegressor):
         root = root / np.sqrt((root**2 * y**2).sum() or 1.0)
         best = None
         for unknowns, start in self._starts(X, y, root):
-            found = self._refine(unknowns, start, X, y, root)
+            found = self._refine(unknowns, start, X, y, root, incompressible_stress)
             if best is None or found.cost < best[1].cost:
                 best = unknowns, found
         if best is None:
             raise ValueError(f"no parameters of {self.law} reach stretches of {X.max():g} with a positive stiffness")
         unknowns, found = best
+        found = self._refine(unknowns, unknowns.value(found.x), X, y, root, nominal_stress)
         values = unknowns.value(found.x)
         at_bound = [name for name, active in zip(unknowns.names, found.active_mask, strict=True) if active]
         # The Jacobian by the parameters themselves, not by what was searched for.
@@ -131,12 +143,12 @@ class LawRegressor(StressRegressor):
         self._store(unknowns.law_of(values), unknowns.names, values, jacobian, 2 * found.cost, at_bound)
         return self
 
-    def _refine(self, unknowns, start, X, y, root):
+    def _refine(self, unknowns, start, X, y, root, stress):
         low, high = unknowns.search_value(unknowns.low), unknowns.search_value(unknowns.high)
 
         def residuals(searched):
             try:
-                predicted = nominal_stress(unknowns.law_of(unknowns.value(searched)), X)
+                predicted = stress(unknowns.law_of(unknowns.value(searched)), X)
             except ValueError:  # parameters between the bounds that make no law
                 return np.full(len(y), 1e3)
             # Past its limit a law has no stress: far from any data.
@@ -156,7 +168,7 @@ class LawRegressor(StressRegressor):
 
         def law_of(values):
             modulus = float(values[0])
-            return law(modulus, self.bulk_ratio * modulus, *(float(value) for value in values[1:]))
+            return law(modulus, self.bulk_modulus or self.bulk_ratio * modulus, *(float(value) for value in values[1:]))
 
         scale = max(np.abs(y).max(), 1e-300)
         unknowns = Unknowns(
@@ -169,7 +181,7 @@ class LawRegressor(StressRegressor):
         candidates = []
         for shape in _grid(low, high, logarithmic):
             try:
-                unit = nominal_stress(law_of([1.0, *shape]), X)
+                unit = incompressible_stress(law_of([1.0, *shape]), X)
             except ValueError:
                 continue
             if not np.isfinite(unit).all():
@@ -200,7 +212,7 @@ class LawRegressor(StressRegressor):
             def law_of(values, signs=signs):
                 moduli = values[:n] * signs
                 modulus = float((moduli * values[n:]).sum() / 2)
-                return Ogden(modulus, self.bulk_ratio * modulus, tuple(moduli), tuple(values[n:]))
+                return Ogden(modulus, self.bulk_modulus or self.bulk_ratio * modulus, tuple(moduli), tuple(values[n:]))
 
             # Moduli are searched for by their sizes, and have the signs of their exponents.
             moduli = np.maximum(stiffness / np.abs(exponents), 1e-7 * scale)

@@ -8,11 +8,17 @@ from matplotlib.figure import Figure
 
 from ..results.figures import STYLE
 from .data import BIAXIAL, MODES, TestData
-from .stress_regressor import StressRegressor, nominal_stress
+from .examination import standardised
+from .stress_regressor import StressRegressor, nominal_stress, states
 
 
 def report(model: StressRegressor, data: TestData) -> dict:
-    """What was fitted to what, the parameters with their standard errors, and R^2 by mode; plain values, None where not finite."""
+    """What was fitted to what, parameters with their standard errors, and how far off it is; plain values, None where not finite.
+
+    ``differences`` are those of the law with its bulk modulus, which is what a simulation of the tests gives; ``volume_ratio`` is the
+    greatest that it has there, and ``residuals`` are the rows that it is farthest off.
+    """
+    predicted, volume = states(model.law_, data.stretches)
     errors = [float(value) if np.isfinite(value) else None for value in model.standard_errors_]
     return {
         "data": data.name,
@@ -21,29 +27,58 @@ def report(model: StressRegressor, data: TestData) -> dict:
         "parameters": dict(zip(model.parameter_names_, model.parameters_.tolist(), strict=True)),
         "standard_errors": dict(zip(model.parameter_names_, errors, strict=True)),
         "at_bound": model.at_bound_,
-        "r_squared": data.r_squared(model.predict(data.stretches)),
+        "r_squared": data.r_squared(predicted),
+        "differences": differences(data, predicted),
+        "volume_ratio": float(np.nanmax(volume)) if np.isfinite(volume).any() else None,
+        "residuals": standardised(model, data),
     }
 
 
-def figure(models: list[StressRegressor], data: TestData) -> Figure:
-    """Measured points, and a line for each fitted law, one panel for each mode."""
+def differences(data: TestData, stress: np.ndarray) -> dict[str, dict]:
+    """Greatest difference of stresses, simulated or of a law, from those measured, in each mode.
+
+    Returns
+    -------
+    dict
+        By mode ``difference``, in parts of the greatest stress measured in that mode, and the ``stretch`` along the stress there; both None
+        where a state has no stress.
+    """
+    found = {}
+    for mode in data.modes:
+        rows = np.flatnonzero(data.mode == mode)
+        off = (stress[rows] - data.nominal_stress[rows]) / max(np.abs(data.nominal_stress[rows]).max(), 1e-300)
+        place = int(np.argmax(np.abs(off)))  # NaN counts as the greatest
+        known = np.isfinite(off[place])
+        found[mode] = {
+            "difference": float(off[place]) if known else None,
+            "stretch": float(data.stretches[rows[place], 0]) if known else None,
+        }
+    return found
+
+
+def figure(models: list[StressRegressor], data: TestData, simulated: np.ndarray | None = None) -> Figure:
+    """Measured points, a line for each fitted law, and crosses for stresses that were simulated, one panel for each mode."""
     modes = data.modes
     with matplotlib.rc_context(STYLE):
         drawn = Figure(figsize=(2.6 * max(len(modes), 2), 2.9), layout="constrained")
         for axis, mode in zip(drawn.subplots(1, len(modes), squeeze=False)[0], modes, strict=True):
-            rows = data.of(mode)
+            rows, crosses = data.of(mode), None if simulated is None else simulated[data.mode == mode]
             axis.set(title=mode, xlabel="stretch")
             axis.grid(alpha=0.3)
             if mode == BIAXIAL:
                 axis.plot(rows.nominal_stress, rows.nominal_stress, "-", color="0.6", lw=0.8)
                 for model in models:
                     axis.plot(rows.nominal_stress, model.predict(rows.stretches), ".", ms=3, label=model.law)
+                if crosses is not None:
+                    axis.plot(rows.nominal_stress, crosses, "rx", ms=3, label="simulated")
                 axis.set(xlabel="measured stress", ylabel="stress of the law")
                 continue
             axis.plot(rows.stretches[:, 0], rows.nominal_stress, "ko", ms=3, mfc="none", label="test")
             stretch = np.linspace(min(1.0, rows.stretches[:, 0].min()), rows.stretches[:, 0].max(), 200)
             for model in models:
                 axis.plot(stretch, nominal_stress(model.law_, np.stack([stretch, MODES[mode](stretch)], axis=1)), lw=1, label=model.law)
+            if crosses is not None:
+                axis.plot(rows.stretches[:, 0], crosses, "rx", ms=3, label="simulated")
         drawn.axes[0].legend(fontsize=7)
         drawn.axes[0].set_ylabel(drawn.axes[0].get_ylabel() or "nominal stress")
         return drawn

@@ -1,1 +1,1 @@
-"""Kernels: compiled functions on plain arrays, and nothing else."""
+"""Compiled physics on plain arrays: kinematics, bond forces and energies, networks, sums over bonds, time steps."""

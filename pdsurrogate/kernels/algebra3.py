@@ -1,19 +1,19 @@
-"""Algebra of space, for passes that are written once for every dimension; see `algebra2` for its twin.
+"""Vector and matrix algebra in three dimensions, for kernels written once for two and three; `algebra2` has the same names.
 
-Vectors are (1, 2, 3), matrices go by columns (11, 21, 31, 12, 22, 32, 13, 23, 33), symmetric matrices are (11, 12, 13, 22, 23, 33).
+Vectors are (1, 2, 3), matrices are stored by columns (11, 21, 31, 12, 22, 32, 13, 23, 33), symmetric matrices as (11, 12, 13, 22, 23, 33).
 """
 
 import numpy as np
 
-from .block_arrays import rows_of
-from .compile import inlined
+from ..engine.block_arrays import rows_of
+from ..engine.compile import inlined
+from ..engine.vector_loads import gather_pairs_in_space as gather_pairs
+from ..engine.vector_loads import put_records
+from ..engine.vector_loads import sum_matrix_products_in_space as sum_matrix_products
 from .feature_sets import like
-from .lanes import gather_pairs_in_space as gather_pairs
-from .lanes import put_records
-from .lanes import sum_matrix_products_in_space as sum_matrix_products
 
 DIMENSION, MATRIX, SYMMETRIC = 3, 9, 6
-"""Dimension, and reals of a matrix and of a symmetric matrix."""
+"""Dimension, and numbers of reals in a matrix and in a symmetric matrix."""
 
 __all__ = ["gather_pairs", "sum_matrix_products"]
 
@@ -23,43 +23,43 @@ put_vectors, put_matrices = put_records(DIMENSION), put_records(MATRIX)
 
 @inlined
 def no_vector():
-    """The vector zero."""
+    """Return the zero vector."""
     return 0.0, 0.0, 0.0
 
 
 @inlined
 def no_symmetric():
-    """The symmetric matrix zero."""
+    """Return the zero symmetric matrix."""
     return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 @inlined
 def vector_at(array, k):
-    """Row k of an array of vectors."""
+    """Return row k of an array of vectors."""
     return (array[k, 0], array[k, 1], array[k, 2])
 
 
 @inlined
 def column_at(rows, k):
-    """The vector whose components stand in column k of as many rows."""
+    """Return the vector in column k of an array with one row per component."""
     return rows[0, k], rows[1, k], rows[2, k]
 
 
 @inlined
 def column_in(rows, k, x):
-    """The same in the precision of x."""
+    """Return the vector in column k of an array with one row per component, in the precision of x."""
     return like(x, rows[0, k]), like(x, rows[1, k]), like(x, rows[2, k])
 
 
 @inlined
 def symmetric_at(array, k):
-    """Row k of an array of symmetric matrices."""
+    """Return row k of an array of symmetric matrices."""
     return (array[k, 0], array[k, 1], array[k, 2], array[k, 3], array[k, 4], array[k, 5])
 
 
 @inlined
 def matrix_at(array, k):
-    """Row k of an array of matrices."""
+    """Return row k of an array of matrices."""
     return (array[k, 0], array[k, 1], array[k, 2], array[k, 3], array[k, 4], array[k, 5], array[k, 6], array[k, 7], array[k, 8])
 
 
@@ -98,37 +98,37 @@ def put_matrix(array, k, F):
 
 @inlined
 def plus(v, w):
-    """Sum of two vectors."""
+    """Return the sum of two vectors."""
     return v[0] + w[0], v[1] + w[1], v[2] + w[2]
 
 
 @inlined
 def minus(v, w):
-    """Difference of two vectors."""
+    """Return the difference of two vectors."""
     return v[0] - w[0], v[1] - w[1], v[2] - w[2]
 
 
 @inlined
 def times(factor, v):
-    """A multiple of a vector."""
+    """Return a multiple of a vector."""
     return factor * v[0], factor * v[1], factor * v[2]
 
 
 @inlined
 def dot(v, w):
-    """Inner product of two vectors."""
+    """Return the inner product of two vectors."""
     return v[0] * w[0] + v[1] * w[1] + v[2] * w[2]
 
 
 @inlined
 def not_finite(v):
-    """1 if a component is infinite or NaN, else 0; for finite ones their sum must not overflow."""
+    """Return 1 if a component is infinite or NaN, else 0; the sum of finite components must not overflow."""
     return 0 if abs(v[0]) + abs(v[1]) + abs(v[2]) < np.inf else 1
 
 
 @inlined
 def add_symmetric_product(K, factor, v, w):
-    """K + factor sym(v (x) w)."""
+    """Return K + factor sym(v (x) w)."""
     return (
         K[0] + factor * (v[0] * w[0]),
         K[1] + factor * 0.5 * (v[0] * w[1] + v[1] * w[0]),
@@ -141,25 +141,25 @@ def add_symmetric_product(K, factor, v, w):
 
 @inlined
 def times_factor(factor, K):
-    """A multiple of a symmetric matrix."""
+    """Return a multiple of a symmetric matrix."""
     return factor * K[0], factor * K[1], factor * K[2], factor * K[3], factor * K[4], factor * K[5]
 
 
 @inlined
 def plus_isotropic(K, value):
-    """A symmetric matrix plus a multiple of I."""
+    """Return a symmetric matrix plus a multiple of I."""
     return K[0] + value, K[1], K[2], K[3] + value, K[4], K[5] + value
 
 
 @inlined
 def symmetric_determinant(K):
-    """Determinant of a symmetric matrix."""
+    """Return the determinant of a symmetric matrix."""
     return K[0] * (K[3] * K[5] - K[4] * K[4]) - K[1] * (K[1] * K[5] - K[4] * K[2]) + K[2] * (K[1] * K[4] - K[3] * K[2])
 
 
 @inlined
 def inverse_symmetric(K):
-    """Inverse of a symmetric matrix."""
+    """Return the inverse of a symmetric matrix."""
     scale = 1.0 / symmetric_determinant(K)
     return (
         scale * (K[3] * K[5] - K[4] * K[4]),
@@ -173,20 +173,20 @@ def inverse_symmetric(K):
 
 @inlined
 def symmetric_times_vector(Z, v):
-    """Z v."""
+    """Return Z v."""
     return Z[0] * v[0] + Z[1] * v[1] + Z[2] * v[2], Z[1] * v[0] + Z[3] * v[1] + Z[4] * v[2], Z[2] * v[0] + Z[4] * v[1] + Z[5] * v[2]
 
 
 @inlined
 def shape_quality(K):
-    """27 det K/(tr K)^3: 1 for a multiple of I, 0 where K is singular; 0 for a K without a trace."""
+    """Return 27 det K/(tr K)^3: 1 for a multiple of I, 0 for a singular K or one with zero trace."""
     trace = K[0] + K[3] + K[5]
     return 27.0 * symmetric_determinant(K) / (trace * trace * trace) if trace > 0.0 else 0.0
 
 
 @inlined
 def cofactor(F):
-    """Det F times F^-T."""
+    """Return det F times F^-T."""
     return (
         F[4] * F[8] - F[7] * F[5],
         F[5] * F[6] - F[8] * F[3],
@@ -202,25 +202,25 @@ def cofactor(F):
 
 @inlined
 def determinant(F):
-    """Determinant of F."""
+    """Return det F."""
     return F[0] * (F[4] * F[8] - F[7] * F[5]) + F[1] * (F[5] * F[6] - F[8] * F[3]) + F[2] * (F[3] * F[7] - F[6] * F[4])
 
 
 @inlined
 def squared_norm(F):
-    """F : F, the trace of C = F^T F."""
+    """Return the double contraction F : F, which is the trace of C = F^T F."""
     return F[0] * F[0] + F[1] * F[1] + F[2] * F[2] + F[3] * F[3] + F[4] * F[4] + F[5] * F[5] + F[6] * F[6] + F[7] * F[7] + F[8] * F[8]
 
 
 @inlined
 def double_dot(F, G):
-    """F : G."""
+    """Return the double contraction F : G."""
     return F[0] * G[0] + F[1] * G[1] + F[2] * G[2] + F[3] * G[3] + F[4] * G[4] + F[5] * G[5] + F[6] * G[6] + F[7] * G[7] + F[8] * G[8]
 
 
 @inlined
 def times_symmetric(F, Z):
-    """F Z."""
+    """Return F Z."""
     return (
         F[0] * Z[0] + F[3] * Z[1] + F[6] * Z[2],
         F[1] * Z[0] + F[4] * Z[1] + F[7] * Z[2],
@@ -236,13 +236,13 @@ def times_symmetric(F, Z):
 
 @inlined
 def plus_diagonal(F, value):
-    """F plus a multiple of I."""
+    """Return F plus a multiple of I."""
     return F[0] + value, F[1], F[2], F[3], F[4] + value, F[5], F[6], F[7], F[8] + value
 
 
 @inlined
 def right_cauchy_green(F):
-    """C = F^T F."""
+    """Return C = F^T F."""
     return (
         F[0] * F[0] + F[1] * F[1] + F[2] * F[2],
         F[0] * F[3] + F[1] * F[4] + F[2] * F[5],
@@ -255,14 +255,14 @@ def right_cauchy_green(F):
 
 @inlined
 def response_state(F, volume_ratio):
-    """What a response of a solid is asked with: tr C, tr cof C and det F; there is no volume ratio apart from det F."""
+    """Return the arguments of a three-dimensional response: tr C, tr cof C and det F; the volume ratio is det F itself."""
     G = cofactor(F)
     return squared_norm(F), squared_norm(G), determinant(F)
 
 
 @inlined
 def first_piola(F, state, result, unit):
-    """P = p F + r F C + q cof F, times a unit, from the result of a response (p, q, r)."""
+    """Return P = (p F + r F C + q cof F) unit, from a response's result (p, q, r)."""
     p, q, r = result[0] * unit, result[1] * unit, result[2] * unit
     G, H = cofactor(F), times_symmetric(F, right_cauchy_green(F))
     return (
@@ -280,7 +280,7 @@ def first_piola(F, state, result, unit):
 
 @inlined
 def sum_outer_products(positions, neighbours, weights, start, stop, point, out):
-    """``out[point] = sum over b in start … stop of (positions[neighbours[b]] - positions[point]) (x) weights[b]``."""
+    """Write ``out[point] = sum over b in start … stop of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns."""
     y1, y2, y3 = positions[point, 0], positions[point, 1], positions[point, 2]
     s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = s8 = 0.0
     for b in range(start, stop):
@@ -305,7 +305,7 @@ def sum_outer_products(positions, neighbours, weights, start, stop, point, out):
 
 @inlined
 def sum_signed_records(records, start, stop, indices, first, last, factor, point, out):
-    """``out[point] = factor * (sum of records[start … stop] - sum of records[indices[first … last]])``, summed in double."""
+    """Write ``out[point] = factor * (sum of records[start … stop] - sum of records[indices[first … last]])``, summed in double."""
     s0 = s1 = s2 = 0.0
     for b in range(start, stop):
         s0 += np.float64(records[b, 0])
@@ -321,7 +321,7 @@ def sum_signed_records(records, start, stop, indices, first, last, factor, point
 
 @inlined
 def sum_matrices(records, start, stop, indices, first, last, point, out):
-    """``out[point] = sum of records[start … stop] + sum of records[indices[first … last]]``, summed in double."""
+    """Write ``out[point] = sum of records[start … stop] + sum of records[indices[first … last]]``, summed in double precision."""
     s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = s8 = 0.0
     for b in range(start, stop):
         s0 += np.float64(records[b, 0])
@@ -349,7 +349,7 @@ def sum_matrices(records, start, stop, indices, first, last, point, out):
 
 @inlined
 def subtract_positions(positions, first, second, at, out, column):
-    """``out[r, column + k] = positions[second[at + k], r] - positions[first[at + k], r]`` for each k in 0 … 3."""
+    """Write ``out[r, column + k] = positions[second[at + k], r] - positions[first[at + k], r]`` for each k in 0 … 3."""
     for k in range(4):
         for r in range(3):
             out[r, column + k] = positions[second[at + k], r] - positions[first[at + k], r]
@@ -357,19 +357,19 @@ def subtract_positions(positions, first, second, at, out, column):
 
 @inlined
 def matrix_column_at(rows, k):
-    """The matrix whose entries stand in column k of as many rows."""
+    """Return the matrix in column k of an array with one row per entry."""
     return rows[0, k], rows[1, k], rows[2, k], rows[3, k], rows[4, k], rows[5, k], rows[6, k], rows[7, k], rows[8, k]
 
 
 @inlined
 def plus_matrix(F, G):
-    """Sum of two matrices."""
+    """Return the sum of two matrices."""
     return F[0] + G[0], F[1] + G[1], F[2] + G[2], F[3] + G[3], F[4] + G[4], F[5] + G[5], F[6] + G[6], F[7] + G[7], F[8] + G[8]
 
 
 @inlined
 def times_matrix(factor, F):
-    """A multiple of a matrix."""
+    """Return a multiple of a matrix."""
     return (
         factor * F[0],
         factor * F[1],
@@ -385,7 +385,7 @@ def times_matrix(factor, F):
 
 @inlined
 def matrix_times_vector(F, v):
-    """F v."""
+    """Return F v."""
     return (
         F[0] * v[0] + F[3] * v[1] + F[6] * v[2],
         F[1] * v[0] + F[4] * v[1] + F[7] * v[2],
@@ -395,7 +395,7 @@ def matrix_times_vector(F, v):
 
 @inlined
 def add_outer_product(F, v, w):
-    """F + v (x) w."""
+    """Return F + v (x) w."""
     return (
         F[0] + v[0] * w[0],
         F[1] + v[1] * w[0],

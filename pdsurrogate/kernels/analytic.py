@@ -1,17 +1,17 @@
-"""The exact bond force (theory (7), (11)) as a block function: what surrogates approximate, and what replaces them outside their domain."""
+"""The exact bond force (theory (7), (11)) as a block function; it replaces a surrogate outside the surrogate's domain."""
 
 from functools import cache
 
 import numpy as np
 from numba import carray
 
-from .block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
-from .compile import bond_force_signature, call_block, compile_block_function, widest_vectors
+from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
+from ..engine.compile import bond_force_signature, call_block, compile_block_function, widest_vectors
 
 
 @cache
 def analytic_bond_force(dtype):
-    """Block function of the exact bond force for any law; states and traction in `dtype`, the law itself in double precision."""
+    """Return the block function of the exact bond force of any law, which is evaluated in double precision for any `dtype`."""
 
     def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):
         widest_vectors()

@@ -1,27 +1,28 @@
 """Bond-associated correspondence (BA-NOSB), paper Eqs. (11)-(15).
 
-Every directed bond has a deformation gradient of its own, over the points that the horizons of both its ends share.
-The product (y_k - y_i) (x) w x V of a point's neighbour k occurs in some fifteen of its bonds: it is formed once,
-into a table of the point's own that stays in the first-level cache, and each bond sums those entries that it lists.
+Every directed bond has its own deformation gradient, formed over the points that the horizons of both its ends share. The product (y_k -
+y_i) (x) w x V of a neighbour k occurs in about fifteen bonds of point i: it is computed once into a table that stays in the first-level
+cache, and each bond sums the entries that it lists.
 """
 
 import numpy as np
 
-from .block_arrays import BLOCK, block_rows, pair_records, quad_records, triple_records
-from .compile import inline, kernel, widest_vectors
-from .lanes import outer_products, sum_listed_records
+from ..engine.block_arrays import BLOCK, block_rows, pair_records, quad_records, triple_records
+from ..engine.compile import inline, kernel, widest_vectors
+from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import outer_products, sum_listed_records
+from .by_dimension import ByDimension
 from .node_state import solve_volume_ratios
-from .passes import ByDimension, Pass, share_of
 
 TILE = 64
-"""Points per tile.  Tiles do not depend on the number of threads, so neither does the grouping of bonds into blocks."""
+"""Points per tile. Tiles do not depend on the number of threads, so neither does the grouping of bonds into blocks."""
 
 
 @kernel
 def list_common_points(points, table_pointers, table, bond_pointers, targets, horizon, count, common_pointers, common):
     """List, for every directed bond, the entries of its point's table that lie within the horizon of the bond's other end.
 
-    With `count` true only the numbers are found, into ``common_pointers[1:]``.
+    With `count` true only the numbers of entries are found, into ``common_pointers[1:]``.
     """
     reach = horizon * horizon * (1.0 + 1e-9) * (1.0 + 1e-9)
     at = np.uint64(0)
@@ -54,17 +55,11 @@ def bond_references(
     inverse_shapes,
     vectors,
 ):
-    """Inverse shape tensors (12) of every directed bond, and the vector by which its stress gives its force (13)-(15).
+    """Compute the inverse shape tensor (12) of every directed bond, and the vector that turns its stress into its force (13)-(15).
 
-    Volumes are sums over the lists themselves: a point is not its own neighbour, but a bond's far end is one of the
-    points it shares.  The vector is phi_xi/(2 phi) w K_xi^-1 x V_i V_j.
-
-    Parameters
-    ----------
-    table_weights : (n_table, 2) w x V of every table entry.
-    horizon_volumes : (n,) volume of every point's neighbours.
-    inverse_shapes : (n_bonds, 3) out: (11, 12, 22); zero where the shared points do not span the plane.
-    vectors : (n_bonds, 2) in: w x; out: the vector.
+    The vector is phi_xi/(2 phi) w K_xi^-1 x V_i V_j, in place of w x in `vectors`. Volumes are sums over the lists: a point is not its own
+    neighbour, but a bond's far end is one of its shared points. `inverse_shapes` is zero where the shared points do not span the plane;
+    `table_weights` is w x V of every table entry.
     """
     for b in range(owners.shape[0]):
         i = owners[b]
@@ -122,20 +117,11 @@ def ba_nosb_forces(
     scratch,
     forces,
 ):
-    """Dimensionless force t V_i V_j of every directed bond.
+    """Compute the dimensionless force t V_i V_j of every directed bond.
 
-    Parameters
-    ----------
-    volume_ratios : (n_bonds,) J3 of every bond, the last values in and the new ones out.
-    tables : (n_threads, longest table, 4) working memory.
-    sums : (n_threads, BLOCK, 4) working memory.
-    scratch : (n_threads, SCRATCH_ROWS + 4, BLOCK) doubles.
-    forces : (n_bonds, 2) out.
-
-    Returns
-    -------
-    int
-        Number of bonds with det F <= 0, non-finite F or no plane-stress state.
+    Return the number of bonds with det F <= 0, non-finite F or no plane-stress state. `volume_ratios` holds J3 of every bond, the last
+    values on entry and the new ones on exit. Working memory: `tables` (n_threads, longest table, 4), `sums` (n_threads, BLOCK, 4),
+    `scratch` (n_threads, SCRATCH_ROWS + 4, BLOCK).
     """
     n = table_pointers.shape[0] - 1
     widest_vectors()
@@ -164,7 +150,7 @@ def ba_nosb_forces(
 
 @inline
 def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, response, parameters, rows, forces):
-    """Forces of up to `BLOCK` consecutive bonds from their sums of products."""
+    """Compute the forces of up to `BLOCK` consecutive bonds from their sums of products."""
     at = np.int64(at)
     states = block_rows(rows[0:3])
     result = block_rows(rows[3:8])
@@ -178,7 +164,7 @@ def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, respon
         z11 = inverse_shapes[k, 0]
         z12 = inverse_shapes[k, 1]
         z22 = inverse_shapes[k, 2]
-        # A bond without support carries no force; F = I keeps its state defined.
+        # A bond without support carries no force; setting F = I keeps its state defined.
         rest = 1.0 if z11 == 0.0 else 0.0
         F11 = sums[k, 0] * z11 + sums[k, 2] * z12 + rest
         F21 = sums[k, 1] * z11 + sums[k, 3] * z12
@@ -205,14 +191,11 @@ def _block_forces(at, size, sums, inverse_shapes, vectors, volume_ratios, respon
 
 @ByDimension
 def sum_bond_forces(algebra):
-    """Force on every point from the directed bonds' own forces."""
+    """Build the pass that sums the forces of directed bonds to forces on points."""
 
     @Pass
     def sum_bond_forces(chunk, chunks, forces, bond_pointers, reverse, unit, out):
-        """Force on every point: its own bonds' forces less those of the same bonds seen from their other ends.
-
-        Returns the number of points where it is not finite.
-        """
+        """Sum the forces of every point's bonds minus those of the reverse bonds; return for how many points the sum is not finite."""
         without_force = 0
         begin, end = share_of(out.shape[0], chunk, chunks)
         for i in range(begin, end):

@@ -1,91 +1,45 @@
-"""The bond-level energy (theory (27)-(31), volumes of bonds by `reference_state.bond_shares`) and its exact gradient.
+"""Energy of the bonds (theory (27)-(31)) and its exact gradient, for a sheet; the bond volumes come from `reference_state.bond_shares`.
 
-Every pair has a deformation gradient of its own, F_ij = Fbar + (y/l - Fbar n) (x) n.  In the bond's frame (n, m) its columns are the bond
-itself, c = F_ij n = y/l, and the mean gradient across it, e = F_ij m = Fbar m, so that
+Every pair has its own deformation gradient, F_ij = Fbar + (y/l - Fbar n) (x) n. In the bond's frame (n, m) its columns are the bond vector
+c = F_ij n = y/l and the mean gradient across the bond, e = F_ij m = Fbar m, so that
 
-    tr C = c.c + e.e,   J = c x e,   P n = 2 psi_I c + psi_J (e2, -e1),   P m = 2 psi_I e + psi_J (-c2, c1),
+    tr C = c.c + e.e,   J = c x e,   P n = 2 psi_I c + psi_J (e2, -e1),   P m = 2 psi_I e + psi_J (-c2, c1).
 
-and of the two parts of the force the first is V_b P n/l along the bond's own ends, the second S = 1/2 V_b P (I - n (x) n) =
-1/2 V_b (P m) (x) m for the gradient of either end, V_b being the volume that the bond stands for (`bond_volume`).
+The force has two parts: V_b P n/l on the bond's own ends, and S = 1/2 V_b P (I - n (x) n) = 1/2 V_b (P m) (x) m conjugate to the gradient
+of either end, V_b being the volume that the bond represents.
 
-The reference data of a pair are n, 1/l and V_b; a pair that is broken, or that pads a block, has V_b = 0, and its state is replaced by
-rest, so that it can be neither invalid nor outside a domain.
+The reference data of a pair are n, 1/l and V_b. A broken pair, or one that pads a block, has V_b = 0 and is given the undeformed state, so
+that it is neither invalid nor outside a domain.
 """
 
 import numpy as np
 
-from .block_arrays import BLOCK, block_rows, pair_records, quad_records
+from ..engine.block_arrays import BLOCK, block_rows, pair_records, quad_records
+from ..engine.compile import call_block, widest_vectors
+from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import gather_pairs
 from .bond_force import FALL_BACK, UNGUARDED
-from .compile import call_block, inline, widest_vectors
+from .domain import edge_distances, exact_share
 from .energy_density import ENERGY_ROWS, INVARIANT_ROWS
-from .lanes import gather_pairs
-from .passes import Pass, share_of
 
 COUNTED = 1
-"""Bonds outside the domain are counted and otherwise left to the surrogate; `FALL_BACK` and `UNGUARDED` are those of the bond pass."""
+"""Guard that counts bonds outside the domain and otherwise leaves them to the surrogate; `FALL_BACK` and `UNGUARDED` are those of
+`bond_force`.
+"""
 
 RESULT = INVARIANT_ROWS
 EXACT_RESULT = RESULT + ENERGY_ROWS
 BOND = EXACT_RESULT + ENERGY_ROWS
 COLUMNS = BOND + 2
 BUFFER_ROWS = COLUMNS + 4
-"""Where the parts of the buffer begin, after the invariants of the pairs: psi and its derivatives, the exact ones,
-the bond, and the columns c and e; and its rows in all."""
+"""First rows of the parts of the buffer, after the invariants of the pairs: psi with its derivatives, the exact ones, the bond vector, the
+columns c and e; and the number of rows in all.
+"""
 
 COLLAPSED = 0.3
-"""det F_ij up to which a bond counts as collapsed.  Intact rubber in a tear stays above 0.5.  The last bonds of a crack draw points
-together faster than sound: below a third the law's volumetric energy makes a bond stiffer than the time step allows."""
-
-DOMAIN_SIZE = 7
-"""Constants of `edge_distances` and `exact_share`."""
-
-
-@inline
-def edge_distances(trace, J, domain):
-    """How far a state is beyond the four edges of the domain; positive outside, all negative inside.
-
-    With L and H the squares of the least and the greatest stretch: both stretches lie within unless tr C > H + J^2/H (one above),
-    J > H (both), tr C > L + J^2/L (one below) or J < L (both).  Each distance is of the size of a relative change of the offending
-    squared stretch.
-    """
-    low, high, inverse_low, inverse_high = domain[0], domain[1], domain[2], domain[3]
-    square = J * J
-    one = domain[4]
-    return (
-        trace / (high + square * inverse_high) - one,
-        one - (low + square * inverse_low) / trace,
-        J * inverse_high - one,
-        one - J * inverse_low,
-    )
-
-
-@inline
-def smooth_step(distance, width):
-    """Rise from 0 at -width to 1 at 0 with two continuous derivatives, and its derivative by the distance."""
-    t = min(max(distance / width + 1.0, 0.0), 1.0)
-    return t * t * t * (10.0 + t * (6.0 * t - 15.0)), 30.0 * t * t * (1.0 - t) * (1.0 - t) / width
-
-
-@inline
-def exact_share(trace, J, domain):
-    """Share of the exact energy in the energy used, and its derivatives by tr C and J: 0 well inside the domain, 1 outside.
-
-    Were the surrogate exchanged for the exact energy at the edge itself, the energy would jump there by the error of the fit.
-    """
-    low, high, inverse_low, inverse_high, width = domain[0], domain[1], domain[2], domain[3], domain[6]
-    square = J * J
-    above = high + square * inverse_high
-    below = low + square * inverse_low
-    s1, d1 = smooth_step(trace / above - 1.0, width)
-    s2, d2 = smooth_step(1.0 - below / trace, width)
-    s3, d3 = smooth_step(J * inverse_high - 1.0, width)
-    s4, d4 = smooth_step(1.0 - J * inverse_low, width)
-    r1, r2, r3, r4 = 1.0 - s1, 1.0 - s2, 1.0 - s3, 1.0 - s4
-    by_trace = d1 / above * r2 * r3 * r4 + d2 * below / (trace * trace) * r1 * r3 * r4
-    by_J = -d1 * trace * 2.0 * J * inverse_high / (above * above) * r2 * r3 * r4
-    by_J += -d2 * 2.0 * J * inverse_low / trace * r1 * r3 * r4
-    by_J += d3 * inverse_high * r1 * r2 * r4 - d4 * inverse_low * r1 * r2 * r3
-    return 1.0 - r1 * r2 * r3 * r4, by_trace, by_J
+"""Value of det F_ij up to which a bond counts as collapsed. Intact rubber in a tear stays above 0.5. The last bonds of a crack draw points
+together faster than sound: below a third the volumetric energy makes a bond stiffer than the time step allows.
+"""
 
 
 @Pass
@@ -115,24 +69,12 @@ def pair_energies(
     forces,
     moments,
 ):
-    """Energy of the pairs, and their parts of the force and of the nodes' S; dimensionless, times volume.
+    """Compute the energy of the pairs and their parts of the force and of the points' S; dimensionless, times volume.
 
-    Parameters
-    ----------
-    positions : (n, 2) doubles.
-    gradients : (n, 4) F as (11, 21, 12, 22).
-    first, second : (n_blocks * BLOCK,) the pairs, padded with any.
-    geometry : (n_blocks, 4 or 5, BLOCK) n1, n2, 1/l, V_b and, of a body in parts, what of V_b is counted in energies here.
-    energy_density, sizes, weights : address of the model's block function, and its constants.
-    exact, response, parameters : the exact energy and the material law behind it.
-    guard : UNGUARDED, COUNTED or FALL_BACK.
-    domain : (DOMAIN_SIZE,) see `edge_distances`.
-    buffers, work : (n_threads, rows, BLOCK) in the precision of the pass.
-    sums, scratch : (n_threads, rows, BLOCK) doubles.
-    counts : (n_chunks, 3) out: pairs outside the domain; those with det F_ij <= COLLAPSED; and of them those with det F_ij <= 0 or none.
-    energies : (n_blocks,) out: sum of V_b psi over the pairs of each block that are counted, in double.
-    forces : (n_blocks * BLOCK, 2) out: V_b P n/l, what the bond part exerts on the first point.
-    moments : (n_blocks * BLOCK, 4) out: S of the pair as (11, 21, 12, 22).
+    Each block holds `geometry` (4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body has several materials or ranks, the part of V_b whose
+    energy counts here. Outputs: `energies` (n_blocks,), the sums of V_b psi; `forces` (pairs, 2), V_b P n/l on the first point; `moments`
+    (pairs, 4), S by columns; `counts` (n_chunks, 3), the pairs outside the domain, those with det F_ij <= COLLAPSED, and those with det
+    F_ij <= 0 or NaN. `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain` is explained in `domain.edge_distances`.
     """
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
@@ -178,7 +120,7 @@ def pair_energies(
             J = J if alive else one
             states[0, k] = trace if alive else one + one
             states[1, k] = J
-            # NaN counts too.
+            # NaN is counted, too.
             few += zero if least < J else one
         if few > zero:
             small += int(few)
@@ -241,15 +183,10 @@ def pair_energies(
 
 @Pass
 def pair_tangents(thread, chunk, chunks, positions, gradients, first, second, geometry, linearised, buffers, sums, forces, moments):
-    """The change of `forces` and `moments` of `pair_energies` under a displacement, to first order.
+    """Compute the change of `forces` and `moments` of `pair_energies` under a displacement, to first order.
 
-    Parameters
-    ----------
-    positions : (n, 2) displacements of the points and images.
-    gradients : (n, 4) the change of F under them.
-    linearised : (n_blocks, 9, BLOCK) c, e, psi_I, psi_J, psi_II, psi_IJ, psi_JJ where the tangent is taken, the last five times V_b.
-    buffers, sums : as for `pair_energies`.
-    forces, moments : out.
+    `positions` and `gradients` hold the displacements and the change of F; `linearised` (n_blocks, 9, BLOCK) holds c, e, psi_I, psi_J,
+    psi_II, psi_IJ, psi_JJ at the state where the tangent is taken, the last five times V_b.
     """
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)

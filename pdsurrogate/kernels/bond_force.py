@@ -1,26 +1,29 @@
-"""The bond pass of every force model that maps bond quantities to a bond force, and the sum of its pair forces."""
+"""Bond forces of every pair of points, for all force models that map the state of a bond to its force in a sheet."""
 
-from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, pair_records
-from .bond_state import LEAST_NORMAL_STRETCH, is_outside, lateral_stretch, share_inside
-from .compile import call_block, widest_vectors
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, pair_records
+from ..engine.compile import call_block, widest_vectors
+from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import gather_pairs
+from .bond_state import LEAST_NORMAL_STRETCH, lateral_stretch
+from .domain import is_outside, share_inside
 from .elementary import inverse_square_root
-from .lanes import gather_pairs
-from .passes import Pass, share_of
 
 UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
-"""What is done about bonds outside the domain of a force model: it has no bounds; they are counted, and those turned so far that they have
-no stretch tensor, nor features, get the exact bond force; or all of them get it."""
+"""Guards for bonds outside the domain of a force model. UNGUARDED: the model has no domain. TURNED: they are counted, and those turned so
+far that no stretch tensor exists get the exact force. FALL_BACK: they are counted, and all of them get the exact force.
+"""
 
 COUNTED_ROW = 5
-"""Row of the geometry that says which pairs are counted, of a body in parts; of others all are, and there is none."""
+"""Row of the geometry that says which pairs are counted, where a body has several materials or ranks; without that row all pairs are."""
 
 BOND = STATE_ROWS
 TRACTION = BOND + 2
 EXACT_TRACTION = TRACTION + TRACTION_ROWS
 MEANS = EXACT_TRACTION + TRACTION_ROWS
 BUFFER_ROWS = MEANS + 4
-"""Where the parts of the buffer begin, after the states of the pairs: bond vectors, tractions, exact tractions, and
-sums of the node records; and its rows in all."""
+"""First rows of the parts of the buffer, after the states of the pairs: bond vectors, tractions, exact tractions, sums of the points'
+records; and the number of rows in all.
+"""
 
 
 @Pass
@@ -46,29 +49,14 @@ def pair_forces(
     scratch,
     forces,
 ):
-    """Dimensionless force on the first point of every pair.
+    """Compute the dimensionless force on the first point of every pair; return the number of pairs outside the domain.
 
-    Each pair is evaluated once: its averaged features are the same seen from either end, so the force on the second point is the opposite.
-    Pairs that carry no force (normal_factor = 0: those that pad the last block, broken ones, those at points without support) are given the
-    state of rest: whatever becomes of them, they give no NaN and count for nothing.
-
-    Parameters
-    ----------
-    positions : (n, 2) doubles.
-    records : (n, 4) node records (cos, sin, J, C33).
-    first, second : (n_blocks * BLOCK,) the pairs, padded with pairs of point 0 with itself.
-    geometry : (n_blocks, 4 to 6, BLOCK) see `pdsurrogate.kernels.reference_state.pair_rows`, and `COUNTED_ROW`.
-    bond_force, sizes, weights : address of the force model's block function, and its constants.
-    analytic_bond_force, response, parameters : the exact bond force and the material law behind it.
-    guard : UNGUARDED, TURNED or FALL_BACK.
-    domain : (2, 7) limits of the domain and of the part of it where nothing but the model counts, see `bond_state.is_outside`.
-    buffers, work, scratch : (n_threads, rows, BLOCK), the first two in the model's precision, the last doubles.
-    forces : (n_blocks * BLOCK, 2) out.
-
-    Returns
-    -------
-    int
-        Number of pairs outside the domain.
+    A pair is evaluated once, since its averaged state is the same seen from either end. Pairs without force (normal_factor = 0: padding,
+    broken bonds, points without support) are given the undeformed state, so that they neither give NaN nor count.
+    `records` (n, 4) holds (cos, sin, J, C33) of the points; `geometry` (n_blocks, 4 to 6, BLOCK) comes from `reference_state.pair_rows`,
+    with `COUNTED_ROW`; `domain` (2, 7) holds the limits of the domain and of its interior, see `domain.is_outside`; `bond_force`,
+    `analytic_bond_force` and `response` are addresses of block functions; `buffers` and `work` are in the model's precision, `scratch` in
+    double.
     """
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
@@ -80,7 +68,7 @@ def pair_forces(
     means = block_rows(buffer[MEANS:BUFFER_ROWS])
     real = buffer.dtype.type
     zero, half, one, tiny = real(0.0), real(0.5), real(1.0), real(1e-30)
-    # Scalars, not arrays: loads from one would stand in the way of the vectoriser.
+    # Scalars, not arrays: loads from an array would prevent vectorisation.
     outer = (domain[0, 0], domain[0, 1], domain[0, 2], domain[0, 3], domain[0, 4], domain[0, 5], domain[0, 6])
     inner = (domain[1, 0], domain[1, 1], domain[1, 2], domain[1, 3], domain[1, 4], domain[1, 5], domain[1, 6])
     counted = COUNTED_ROW if geometry.shape[1] > COUNTED_ROW else 2
@@ -91,7 +79,7 @@ def pair_forces(
         for k in range(0, BLOCK, 4):
             gather_pairs(records, positions, first, second, at + k, means, bond, k)
         for k in range(BLOCK):
-            # The mean of two rotations is the direction of the sum of their (cos, sin); two opposite ones have none.
+            # The mean of two rotations is the direction of the sum of their (cos, sin); opposite rotations have no mean.
             c = means[0, k]
             s = means[1, k]
             norm = inverse_square_root(c * c + s * s + tiny)
@@ -118,7 +106,7 @@ def pair_forces(
                 states[5, k] = reference[4, k]
         call_block(bond_force, states, sizes, weights, response, parameters, work[thread], scratch[thread], traction)
         if guard != UNGUARDED:
-            # Counted in the precision of the lanes, which another width would halve.  Pairs that carry no force are at rest: inside.
+            # The count has the precision of the loop, since another width would halve its speed.  Pairs without force are inside.
             near = zero
             for k in range(BLOCK):
                 near += is_outside(states[0, k], states[1, k], states[2, k], states[3, k], states[4, k], inner)
@@ -133,7 +121,7 @@ def pair_forces(
                     else:
                         share = one if a > real(LEAST_NORMAL_STRETCH) else zero
                     if share < one:
-                        # Not a sum with a factor 0: outside its domain a model may give NaN.
+                        # A sum with a factor 0 would not do: outside its domain a model may give NaN.
                         for row in range(3):
                             learnt = share * traction[row, k] if share > zero else zero
                             traction[row, k] = learnt + (one - share) * exact[row, k]

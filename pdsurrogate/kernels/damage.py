@@ -1,28 +1,23 @@
-"""The search for bonds that are stretched beyond what they bear; compiled only where a scene has a critical stretch."""
+"""Search for bonds stretched beyond their critical stretch; compiled only if a scene has one."""
 
 import numpy as np
 
-from .block_arrays import BLOCK, block_rows
-from .compile import widest_vectors
-from .passes import ByDimension, Pass, share_of
+from ..engine.block_arrays import BLOCK, block_rows
+from ..engine.compile import widest_vectors
+from ..engine.passes import Pass, share_of
+from .by_dimension import ByDimension
 
 
 @ByDimension
 def find_overstretched(algebra):
-    """Pairs whose deformed length squared exceeds its limit (30)."""
+    """Build the pass that finds pairs whose deformed length squared exceeds its limit (30)."""
 
     @Pass
     def find_overstretched(thread, chunk, chunks, positions, first, second, limits, buffers, found, counts):
-        """Pairs whose deformed length squared exceeds its limit (30); returns how many.
+        """Find pairs whose deformed length squared exceeds its limit (30); return their number.
 
-        Parameters
-        ----------
-        positions : doubles.
-        first, second : (n_blocks * BLOCK,) the pairs, padded.
-        limits : (n_blocks, BLOCK) square of the critical length; infinite where the bond is broken already, and in the padding.
-        buffers : (n_threads, dimension, BLOCK) doubles.
-        found : (n_blocks * BLOCK,) out: numbers of the pairs, each chunk's from the first place of its own.
-        counts : (n_chunks,) out: how many each chunk found.
+        `limits` (n_blocks, BLOCK) is the squared critical length, infinite for broken and padding pairs; `found` receives the numbers of
+        the pairs, those of each chunk from the chunk's first pair on, and `counts` how many each chunk found.
         """
         widest_vectors()
         bond = block_rows(buffers[thread])

@@ -1,38 +1,36 @@
-"""The linearised dilatation of the points, D, and its transpose (theory (58)): passes that keep one record of a pair in single precision.
+"""The linearised dilatation of the points, D, and its transpose (theory (58)), with one record per pair in single precision.
 
-What a solver approximates the tangent with needs no more digits, and these passes wait for memory: a record is read once for every end
-of its pair, and nothing by pairs is written but one number.
+A preconditioner needs no more digits. These passes are limited by memory: a record is read once for each end of its pair, and one number
+per pair is written.
 """
 
 import numpy as np
 
-from .block_arrays import BLOCK, block_rows
-from .compile import widest_vectors
-from .lanes import multiply_pairs, sum_scaled_records
-from .passes import ByDimension, Pass, share_of
+from ..engine.block_arrays import BLOCK, block_rows
+from ..engine.compile import widest_vectors
+from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import multiply_pairs, sum_scaled_records
+from .by_dimension import ByDimension
 from .selective_energy import gradient_of_bond
 
 
 def record_length(dimension: int) -> int:
-    """Reals that say how det F_ij changes: with the bond, and with the sum of the ends' gradients."""
+    """Return the number of reals in the derivatives of det F_ij: by the bond vector, and by the sum of the ends' gradients."""
     return dimension + dimension * dimension
 
 
 @ByDimension
 def volume_derivatives(algebra):
-    """Derivatives of det F_ij of every pair."""
+    """Build the pass that computes the derivatives of det F_ij of every pair."""
     of_bond = gradient_of_bond(algebra)
     matrix, dimension = algebra.MATRIX, algebra.DIMENSION
     length = dimension
 
     @Pass
     def volume_derivatives(thread, chunk, chunks, positions, gradients, first, second, geometry, buffers, derivatives):
-        """Derivatives of det F_ij of every pair, by y and by F_i + F_j: cof F_ij n/l and cof F_ij (I - n (x) n)/2.
+        """Compute the derivatives of det F_ij of every pair by y, cof F_ij n/l, and by F_i + F_j, cof F_ij (I - n (x) n)/2 by columns.
 
-        Parameters
-        ----------
-        positions, gradients, first, second, geometry, buffers : see `selective_energy.pair_volumes`.
-        derivatives : (n_blocks * BLOCK, `record_length`) out, the second by columns.
+        The other arguments are those of `selective_energy.pair_volumes`.
         """
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
@@ -59,15 +57,7 @@ def volume_derivatives(algebra):
 
 @Pass
 def displacement_records(chunk, chunks, displacements, gradients, source, gradient_parity, gradient_reflection, records):
-    """Displacements of points and ghosts beside the changes of their gradients, of ghosts from those of their sources.
-
-    Parameters
-    ----------
-    displacements : (n + m, d) of points and ghosts.
-    gradients : (n or more, d d) changes of the points' gradients, by columns.
-    source, gradient_parity, gradient_reflection : of the ghosts, see `pdsurrogate.body.Ghosts`.
-    records : (n + m, d + d d) out.
-    """
+    """Write records (n + m, d + d d) of displacements and changes of the gradients; ghosts take the gradients from their sources."""
     total, dimension = displacements.shape
     n = total - source.shape[0]
     start, stop = share_of(n, chunk, chunks)
@@ -89,20 +79,15 @@ def displacement_records(chunk, chunks, displacements, gradients, source, gradie
 
 @ByDimension
 def volume_changes(algebra):
-    """Change of det F_ij of every pair under displacements."""
+    """Build the pass that computes the change of det F_ij of every pair under displacements."""
     multiply = multiply_pairs(algebra.DIMENSION)
 
     @Pass
     def volume_changes(chunk, chunks, derivatives, records, pair_pointers, second, changes):
-        """Change of det F_ij of every pair under displacements, to first order.
+        """Compute the change of det F_ij of every pair under displacements, to first order.
 
-        Parameters
-        ----------
-        derivatives : see `volume_derivatives`.
-        records : see `displacement_records`.
-        pair_pointers : (n + 1,) where the pairs begin of which every point is the first.
-        second : (n_pairs or more,) their other ends.
-        changes : (n_pairs or more,) out.
+        `derivatives` comes from `volume_derivatives` and `records` from `displacement_records`. The pairs of point i as first point are
+        ``pair_pointers[i]`` to ``pair_pointers[i + 1]``; `second` holds their other ends.
         """
         start, stop = share_of(pair_pointers.shape[0] - 1, chunk, chunks)
         for i in range(start, stop):
@@ -113,14 +98,9 @@ def volume_changes(algebra):
 
 @Pass
 def pair_pressures(chunk, chunks, pressures, first, second, shares, found):
-    """What pressures at the points weigh the change of det F_ij of every pair with.
+    """Compute the pressure that multiplies the change of det F_ij of every pair, from the pressures of its ends.
 
-    Parameters
-    ----------
-    pressures : (n + m,) of points and ghosts.
-    first, second : see `selective_energy.pair_volumes`.
-    shares : (n_blocks, 2, BLOCK) of the volumes of both ends.
-    found : (n_blocks * BLOCK,) out.
+    `shares` (n_blocks, 2, BLOCK) are the pair's shares of the volumes of both ends.
     """
     widest_vectors()
     first_block, last_block = share_of(shares.shape[0], chunk, chunks)
@@ -133,20 +113,14 @@ def pair_pressures(chunk, chunks, pressures, first, second, shares, found):
 
 @ByDimension
 def sum_pressures(algebra):
-    """What pressures say of every point and ghost: by its place, and by its gradient."""
+    """Build the pass that applies the transpose of the linearised dilatation to pressures of the pairs."""
     add_up = sum_scaled_records(algebra.DIMENSION)
 
     @Pass
     def sum_pressures(chunk, chunks, derivatives, pressures, pair_pointers, incidence_pointers, incidence, forces, moments):
-        """Sums over the pairs of every point and ghost of the derivatives of det F_ij, each times the pressure of the pair.
+        """Sum, over the pairs of every point and ghost, the derivatives of det F_ij times the pressure of the pair.
 
-        Parameters
-        ----------
-        derivatives : see `volume_derivatives`.
-        pressures : see `pair_pressures`.
-        pair_pointers, incidence_pointers, incidence : pairs of which points and ghosts are the first, and the second.
-        forces : (n + m, d) out.
-        moments : (n + m, d d) out, by columns.
+        `forces` (n + m, d) receives the part by the point's place and `moments` (n + m, d d) the part by its gradient, by columns.
         """
         start, stop = share_of(forces.shape[0], chunk, chunks)
         for i in range(start, stop):
@@ -161,12 +135,9 @@ def sum_pressures(algebra):
 def smooth_and_add(
     chunk, chunks, pointers, columns, weights, own, values, factor, first, of_first, second, of_second, third, of_third, out
 ):
-    """``factor * W values + of_first * first + of_second * second + of_third * third`` at the points; `out` may be one of these three.
+    """Compute ``factor * W values + of_first * first + of_second * second + of_third * third``; `out` may be one of these three.
 
-    Parameters
-    ----------
-    pointers, columns, weights, own : of the smoothing W, see `selective_energy.smooth`.
-    values, first, second, third, out : (n,).
+    `pointers`, `columns`, `weights` and `own` describe the smoothing W, see `selective_energy.smooth`.
     """
     start, stop = share_of(own.shape[0], chunk, chunks)
     for i in range(start, stop):

@@ -1,42 +1,20 @@
-"""Elementary functions that LLVM vectorises: no library call, no branch.
+"""Elementary functions that LLVM vectorises: they contain no library call and no branch.
 
-Each works on scalars of either precision inside kernels and, written with NumPy, on arrays in Python.  PyPI's llvmlite comes without a
-vector mathematics library, so ``math.log`` or ``math.exp`` inside a loop would keep the whole loop scalar.  The stated errors are relative
-and were measured over the stated range (see ``tests/test_elementary.py``).
+NumPy evaluates them on arrays, and numba compiles other implementations of them for scalars of either precision. The llvmlite wheels bring
+no vector mathematics library, so ``math.log`` or ``math.exp`` would prevent vectorisation of a loop. Errors are relative unless stated
+otherwise, and measured over the stated range (``tests/test_elementary.py``).
 """
 
 import numpy as np
 from numba import types
-from numba.extending import intrinsic, overload
+from numba.extending import overload
 
-from .compile import INLINE_OPTIONS, inline
-
-INT_OF = {types.float32: types.int32, types.float64: types.int64}
-REAL_OF = {types.int32: types.float32, types.int64: types.float64}
-
-
-@intrinsic
-def bits_of(typingctx, value):
-    """The bit pattern of a real, as an integer of the same width."""
-
-    def codegen(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
-
-    return INT_OF[value](value), codegen
-
-
-@intrinsic
-def real_of(typingctx, bits):
-    """The real with the given bit pattern."""
-
-    def codegen(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
-
-    return REAL_OF[bits](bits), codegen
+from ..engine.compile import INLINE_OPTIONS, inline
+from ..engine.intrinsics import bits_of, finite_quotient, real_of
 
 
 def select(condition, value, otherwise):
-    """`value` where the condition holds, else `otherwise`; both are computed, so that no branch keeps a loop scalar."""
+    """Return `value` where the condition holds, else `otherwise`; both are computed, since a branch would prevent vectorisation."""
     return np.where(condition, value, otherwise)
 
 
@@ -46,29 +24,19 @@ def _select(condition, value, otherwise):
 
 
 def quotient(x, y):
-    """x/y for finite x and y other than 0.  Relative error below 3e-7 (float32) and 2.3e-16 (float64)."""
+    """Return x/y for finite x and y other than 0. Relative error below 3e-7 (float32) and 2.3e-16 (float64)."""
     return x / y
-
-
-@intrinsic
-def _finite_quotient(typingctx, x, y):
-    """A division told that nothing in it is infinite, for which the compiler may take the processor's estimate of 1/y and refine it."""
-
-    def codegen(context, builder, signature, arguments):
-        return builder.fdiv(*arguments, flags=("ninf", "arcp", "contract"))
-
-    return x(x, y), codegen
 
 
 @overload(quotient, jit_options=INLINE_OPTIONS)
 def _quotient(x, y):
     if x == types.float32:
-        return lambda x, y: _finite_quotient(x, y)
+        return lambda x, y: finite_quotient(x, y)
     return lambda x, y: x / y
 
 
 def inverse_cube_root(x):
-    """x**(-1/3) for x > 0.  Error below 3e-7 (float32) and 4e-16 (float64) over all normal numbers."""
+    """Return x**(-1/3) for x > 0. Error below 3e-7 (float32) and 4e-16 (float64) over all normal numbers."""
     return np.cbrt(x) ** -1.0
 
 
@@ -95,9 +63,9 @@ def _inverse_cube_root(x):
 
 
 def inverse_square_root(x):
-    """x**(-1/2) for x > 0.  Relative error below 3e-7 (float32) and 5e-16 (float64) over all normal numbers.
+    """Return x**(-1/2) for x > 0. Relative error below 3e-7 (float32) and 5e-16 (float64) over all normal numbers.
 
-    Multiplications only in double precision: the dividers of some processors make a root and a division dearer than all else in a network.
+    Double precision uses multiplications only: on some processors a square root and a division cost more than all else in a network.
     """
     return 1 / np.sqrt(x)
 
@@ -107,7 +75,7 @@ def _inverse_square_root(x):
     if x == types.float32:
 
         def implementation(x):
-            # The compiler takes the processor's own estimate and refines it, in single precision only.
+            # In single precision the compiler uses the processor's estimate and refines it.
             return np.float32(1.0) / np.sqrt(x)
 
     else:
@@ -124,7 +92,7 @@ def _inverse_square_root(x):
 
 
 def logarithm(x):
-    """Natural logarithm for x > 0.
+    """Return the natural logarithm for x > 0.
 
     Absolute error below 3e-7 (float32) and 6e-16 (float64) for x in [0.05, 20]; relative error below 3e-7 and 4e-16 near 1; exactly 0 at 1.
     """
@@ -138,7 +106,7 @@ def _logarithm(x):
 
         def implementation(x):
             bits = bits_of(x)
-            # Each step is cut to 32 bits: numba's integer arithmetic has 64, which would halve the lanes.
+            # Each step is cut to 32 bits: numba's integer arithmetic has 64, which would halve the vector width.
             exponent = np.int32(np.int32(bits - np.int32(0x3F3504F3)) >> np.int32(23))
             f = real_of(np.int32(bits - np.int32(exponent << np.int32(23)))) - np.float32(1.0)
             # log(1 + f) = f - f^2/2 + f^3 P(f), P fitted for the least largest relative error, 3e-8 before rounding.
@@ -175,7 +143,7 @@ def _logarithm(x):
 
 
 def exponential(x):
-    """e**x, flushed to its value at the ends outside [-87, 88] (float32) and [-708, 709] (float64).
+    """Return e**x, with x clipped to [-87, 88] (float32) or [-708, 709] (float64).
 
     Error below 3e-7 (float32) and 2e-15 (float64) for abs(x) <= 30.
     """
@@ -224,7 +192,7 @@ def _exponential(x):
 
 @inline
 def sum_in_order(values):
-    """Sum of an array: numba would spread the ``values.sum()`` of a parallel kernel over its threads, whose number would show in it."""
+    """Return the sum of an array, added in order; numba would split ``values.sum()`` in a parallel kernel by the number of threads."""
     found = values[0]
     for value in values[1:]:
         found += value

@@ -1,7 +1,7 @@
-"""What a learnt bond force sees of a bond and what its outputs mean, as elementwise expressions.
+"""Feature sets of learnt bond forces: the features of a bond, and the traction that the two outputs stand for, elementwise.
 
-Each feature set is a group of functions that work on NumPy arrays (where regressors are trained and checked) and, compiled, on the lanes of
-a block.  ``like`` gives constants the precision of the lane.
+NumPy evaluates the functions where regressors are trained and checked, and numba compiles them into the kernels. ``like`` gives constants
+the precision of the kernel.
 """
 
 from __future__ import annotations
@@ -13,32 +13,32 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from .compile import INLINE_OPTIONS
+from ..engine.compile import INLINE_OPTIONS
 from .elementary import inverse_cube_root, logarithm, quotient
 
 
 @dataclass(frozen=True)
 class FeatureSet:
-    """A choice of features and outputs.
+    """Choice of features and outputs of a learnt bond force.
 
     Attributes
     ----------
     names : tuple of str
-        Of the features.
+        Names of the features.
     shared : callable
-        ``shared(a, b, J, C33)`` gives a tuple of what the functions below have in common; a = U_nn, b = U_nm.
+        ``shared(a, b, J, C33)`` returns a tuple of values that the functions below have in common; a = U_nn, b = U_nm.
     inputs : callable
-        ``inputs(shared, a, b, U_mm, J, C33, length)`` gives the features; length in horizons.
+        ``inputs(shared, a, b, U_mm, J, C33, length)`` returns the features; the length is in horizons.
     traction : callable
-        ``traction(shared, o1, o2, a, b, U_mm, J, C33)`` gives T_nn, T_nm, T_mm from the two outputs.
+        ``traction(shared, o1, o2, a, b, U_mm, J, C33)`` returns T_nn, T_nm, T_mm from the two outputs.
     outputs : callable
-        ``outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33)`` inverts it, for training (NumPy only).
+        ``outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33)`` is the inverse of `traction`, for training (NumPy only).
     anchored : int, optional
-        The output that must vanish at rest for the force to vanish there; there T_nn is `rest_factor` times it.
+        Index of the output that must vanish at rest for the force to vanish there; there T_nn is `rest_factor` times that output.
     gives_transverse : bool
         Whether T_mm is known.
     needs_length : bool
-        Whether the bond's length is a feature, which the bond pass then keeps for every pair.
+        Whether the bond's length is a feature, which is then stored for every pair.
     """
 
     names: tuple[str, ...]
@@ -53,7 +53,7 @@ class FeatureSet:
 
 
 def like(x, value):
-    """`value` in the precision of `x`."""
+    """Return `value` in the precision of `x`."""
     return value
 
 
@@ -65,19 +65,19 @@ def _like(x, value):
 
 
 def symmetric_shared(a, b, J, C33):
-    """The ratio k = C33/J."""
+    """Return the ratio k = C33/J."""
     return (quotient(C33, J),)
 
 
 def symmetric_inputs(shared, a, b, U_mm, J, C33, length):
-    """Log U_nn, log U_mm, log J, log J3^2 (theory (15)): even in b, so mirror symmetry is exact; all zero at rest."""
+    """Return log U_nn, log U_mm, log J, log J3^2 (theory (15)): even in b, so mirror symmetry is exact; all vanish at rest."""
     return logarithm(a), logarithm(U_mm), logarithm(J), logarithm(C33 * J * J)
 
 
 def symmetric_traction(shared, o1, o2, a, b, U_mm, J, C33):
-    """T_nn, T_nm, T_mm from T_nn/(U_nn + k U_mm) and T_nm/(b (1 + k)), k = C33/J.
+    """Return T_nn, T_nm, T_mm from the outputs T_nn/(U_nn + k U_mm) and T_nm/(b (1 + k)), k = C33/J.
 
-    T and U are coaxial for every isotropic law, T_nm (U_nn - U_mm) = U_nm (T_nn - T_mm), so T_mm needs no output of its own.
+    T and U are coaxial for every isotropic law, T_nm (U_nn - U_mm) = U_nm (T_nn - T_mm), so T_mm needs no output.
     """
     k = shared[0]
     shear = o2 * (like(a, 1.0) + k)
@@ -86,22 +86,21 @@ def symmetric_traction(shared, o1, o2, a, b, U_mm, J, C33):
 
 
 def symmetric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
-    """Inverse of `symmetric_traction`."""
+    """Invert `symmetric_traction`."""
     k = shared[0]
     return T_nn / (a + k * U_mm), T_nm / (b * (1 + k))
 
 
 def isochoric_shared(a, b, J, C33):
-    """J3^(-1/3)."""
+    """Return J3^(-1/3)."""
     return (inverse_cube_root(J * J * C33),)
 
 
 def isochoric_inputs(shared, a, b, U_mm, J, C33, length):
-    """Log Jbar and tr Cbar/(2 Jbar) - 1 of the isochoric stretch in the plane, Ubar = J3^(-1/3) U.
+    """Return log Jbar and tr Cbar/(2 Jbar) - 1 of the isochoric stretch in the plane, Ubar = J3^(-1/3) U.
 
-    For a law W_iso + U(J3) the traction is J3^(-1/3) times a function of Ubar alone, and an isotropic function of it
-    has two arguments: with these features nothing is lost, and isotropy and the split are exact.  The second is cosh
-    log(lambda_1/lambda_2) - 1.
+    For a law W_iso + U(J3) the traction is J3^(-1/3) times a function of Ubar alone, and an isotropic function of Ubar has two arguments:
+    these features lose nothing, and isotropy and the split are exact. The second feature is cosh log(lambda_1/lambda_2) - 1.
     """
     c = shared[0]
     trace = a * a + like(a, 2.0) * b * b + U_mm * U_mm
@@ -109,9 +108,9 @@ def isochoric_inputs(shared, a, b, U_mm, J, C33, length):
 
 
 def isochoric_traction(shared, o1, o2, a, b, U_mm, J, C33):
-    """T = p (U - C33 U^-1) + r U^-1 with p = J3^(-2/3) o1 and r = o2; zero at rest if o2 is.
+    """Return T = p (U - C33 U^-1) + r U^-1 with p = J3^(-2/3) o1 and r = o2; zero at rest if o2 is.
 
-    r vanishes for every law of I1bar alone, where p is 2 W1 J3^(-2/3).
+    For laws that depend on I1bar only, r vanishes and p is 2 W1 J3^(-2/3).
     """
     c = shared[0]
     p = c * o1
@@ -120,7 +119,7 @@ def isochoric_traction(shared, o1, o2, a, b, U_mm, J, C33):
 
 
 def isochoric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
-    """Inverse of `isochoric_traction`."""
+    """Invert `isochoric_traction`."""
     c = shared[0]
     q = (T_nn - a * T_nm / b) / (a + U_mm)
     p = T_nm / b + q
@@ -146,4 +145,4 @@ FEATURE_SETS: dict[str, FeatureSet] = {
         anchored=1,
     ),
 }
-"""All feature sets by name.  A module that defines another enters it here: ``FEATURE_SETS[name] = FeatureSet(...)``."""
+"""All feature sets by name. A module that defines another one registers it here: ``FEATURE_SETS[name] = FeatureSet(...)``."""

@@ -1,27 +1,27 @@
-"""Values on ghosts from those on their sources, and back: a linear map and its transpose.
+"""Values on ghosts computed from their sources, and the transpose of that linear map.
 
-A ghost's displacement is that of its source, each component times a parity, plus a shift; its own surroundings are its source's, each
-direction times a reflection.  So with P = diag(parity) and S = diag(reflection)
+A ghost's displacement is that of its source, each component times a parity, plus a shift; its neighbourhood is that of its source, each
+direction times a reflection. With P = diag(parity) and S = diag(reflection)
 
     y = shift + P y_source,    F = I + P (F_source - I) S,    K = S K_source S,
 
-in every dimension, whatever a ghost is the image of: the parities and reflections of an image of an image are products.
-Ghosts stand behind the points, in arrays of n + m rows; matrices go by columns.
+in every dimension; the parities and reflections of an image of an image are products. Ghosts follow the points in arrays of n + m rows;
+matrices are stored by columns.
 """
 
-from .compile import inlined, kernel
-from .passes import Pass, share_of
+from ..engine.compile import inlined, kernel
+from ..engine.passes import Pass, share_of
 
 
 @inlined
 def _component(values, source, parity, shift, g, r):
-    """Of the vector on a ghost: shift + P v."""
+    """Return component r of the vector shift + P v on ghost g."""
     return shift[g, r] + parity[g, r] * values[source[g], r]
 
 
 @kernel
 def fill_vectors(values, source, parity, shift):
-    """Vectors on ghosts from those on their sources before them."""
+    """Write the vectors on ghosts from those on their sources."""
     m, dimension = parity.shape
     n = values.shape[0] - m
     for g in range(m):
@@ -31,7 +31,7 @@ def fill_vectors(values, source, parity, shift):
 
 @Pass
 def place_points(chunk, chunks, given, source, parity, shift, positions):
-    """Positions of points and ghosts from those of the points."""
+    """Write the positions of points and ghosts from those of the points."""
     n, dimension = given.shape
     start, stop = share_of(n, chunk, chunks)
     for i in range(start, stop):
@@ -45,7 +45,7 @@ def place_points(chunk, chunks, given, source, parity, shift, positions):
 
 @kernel
 def fold_vectors(values, source, parity):
-    """Add what the vectors on ghosts say of their sources, P v, to those; the transpose of `fill_vectors`."""
+    """Add P v of the vectors on ghosts to those on their sources; this is the transpose of `fill_vectors`."""
     m, dimension = parity.shape
     n = values.shape[0] - m
     for g in range(m):
@@ -55,7 +55,7 @@ def fold_vectors(values, source, parity):
 
 @kernel
 def fill_matrices(values, source, parity, reflection, rest):
-    """Matrices on ghosts: rest I + P (F - rest I) S; a deformation gradient has rest 1, a change of one 0."""
+    """Write the matrices on ghosts, rest I + P (F - rest I) S; `rest` is 1 for a deformation gradient and 0 for a change of one."""
     m, dimension = parity.shape
     n = values.shape[0] - m
     for g in range(m):
@@ -68,7 +68,7 @@ def fill_matrices(values, source, parity, reflection, rest):
 
 @kernel
 def fold_matrices(values, source, parity, reflection):
-    """Add P M S of the matrices on ghosts to their sources' and clear them; the transpose of `fill_matrices`."""
+    """Add P M S of the matrices on ghosts to those on their sources and clear them; this is the transpose of `fill_matrices`."""
     m, dimension = parity.shape
     n = values.shape[0] - m
     for g in range(m):
@@ -81,7 +81,7 @@ def fold_matrices(values, source, parity, reflection):
 
 @kernel
 def fill_symmetric(values, source, reflection):
-    """Symmetric matrices on ghosts, S K S, stored as their upper triangles row by row."""
+    """Write the symmetric matrices on ghosts, S K S, stored as their upper triangles row by row."""
     m, dimension = reflection.shape
     n = values.shape[0] - m
     for g in range(m):

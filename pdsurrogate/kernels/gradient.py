@@ -2,18 +2,19 @@
 
 import numpy as np
 
-from .passes import ByDimension, Pass, share_of
+from ..engine.passes import Pass, share_of
+from .by_dimension import ByDimension
 
 
 @ByDimension
 def deformation_gradients(algebra):
-    """F of every point (20)."""
+    """Build the pass that computes the deformation gradient of every point (20)."""
 
     @Pass
     def deformation_gradients(chunk, chunks, positions, pointers, neighbours, weighted_bonds, inverse_shape, unsupported, gradients):
-        """F of every point by columns; `unsupported` times I where the bonds do not span the space.
+        """Compute F of every point by columns; where the bonds do not span the space it is `unsupported` times I.
 
-        Points without a gradient carry no stress: theirs is I, and a change of it zero.
+        Points without a gradient carry no stress: their F is I (`unsupported` = 1) and a change of it zero (`unsupported` = 0).
         """
         start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
         for i in range(start, stop):

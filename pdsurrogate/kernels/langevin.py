@@ -1,11 +1,11 @@
-"""The inverse Langevin function, to rounding: the force that stretches a chain of freely jointed links.
+"""The inverse Langevin function, accurate to rounding: the force that stretches a chain of freely jointed links.
 
-Elementwise expressions that work on NumPy arrays and, compiled, on the lanes of a block.
+NumPy evaluates the expressions on arrays, and numba compiles them into the kernels.
 """
 
 from numba.extending import register_jitable
 
-from .compile import INLINE_OPTIONS
+from ..engine.compile import INLINE_OPTIONS
 from .elementary import exponential, logarithm, select
 
 _compiled = register_jitable(**INLINE_OPTIONS)
@@ -13,8 +13,8 @@ _compiled = register_jitable(**INLINE_OPTIONS)
 
 @_compiled
 def langevin(beta):
-    """coth(beta) - 1/beta for beta >= 0.  Relative error below 1e-15."""
-    # coth - 1/beta cancels for small arguments; there Lambert's continued fraction converges to rounding in eight terms.
+    """Return coth(beta) - 1/beta for beta >= 0. Relative error below 1e-15."""
+    # coth - 1/beta cancels for small arguments; there the eight terms of Lambert's continued fraction are exact to rounding.
     square = beta * beta
     fraction = 15 + square / 17
     fraction = 13 + square / fraction
@@ -30,20 +30,17 @@ def langevin(beta):
 
 @_compiled
 def inverse_langevin(y):
-    """Beta with langevin(beta) = y, and its derivative by y, for 0 < y < 1; NaN from 1 on, where the chain is straight.
+    """Return beta with langevin(beta) = y, and its derivative by y, for 0 < y < 1; NaN for y >= 1, where the chain is straight.
 
-    Two steps of Halley's iteration from Kroeger's approximation, which is within 0.2 %: relative error below 1e-14 up to y = 0.99.
-
-    References
-    ----------
-    Kroeger, J. Non-Newton. Fluid Mech. 223 (2015) 77.
+    Two steps of Halley's iteration improve Kroeger's approximation, which is within 0.2 %: relative error below 1e-14 up to y = 0.99
+    (Kroeger, J. Non-Newton. Fluid Mech. 223 (2015) 77).
     """
     square = y * y
     room = select(y < 1.0, 1 - square, y * float("nan"))
     beta = y * (3 - square / 5 * (6 + square - 2 * square * square)) / room
     for _ in range(2):
         value = langevin(beta)
-        # The function solves L' = 1 - L^2 - 2 L/beta.
+        # The Langevin function satisfies L' = 1 - L^2 - 2 L/beta.
         slope = 1 - value * value - 2 * value / beta
         curvature = 2 * value / (beta * beta) - 2 * slope * (value + 1 / beta)
         error = value - y
@@ -53,10 +50,10 @@ def inverse_langevin(y):
 
 @_compiled
 def chain_energy(y, beta):
-    """Free energy of a chain over kT and its number of links, y beta + log(beta/sinh(beta)), for beta = inverse_langevin(y).
+    """Return the free energy of a chain over kT and its number of links, y beta + log(beta/sinh(beta)), for beta = inverse_langevin(y).
 
     Absolute error below 1e-14.
     """
     decay = exponential(-2 * beta)
-    # 0 * beta carries NaN, which the kernels' logarithm does not.
+    # 0 * beta passes NaN on, which the kernels' logarithm does not.
     return y * beta - beta - logarithm((1 - decay) / (2 * beta)) + 0 * beta

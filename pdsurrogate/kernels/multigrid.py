@@ -1,6 +1,7 @@
-"""Products with sparse matrices of a multigrid cycle, for several right hand sides at once, each in one pass with what follows it.
+"""Products with the sparse matrices of a multigrid cycle, for several right-hand sides at once, each fused with the step that follows.
 
-Matrices come as the pointers, columns and values of their rows; vectors have a row for every unknown.  All is in single precision.
+Matrices are given by the pointers, columns and values of their rows; vectors have a row for every unknown. All arrays are in single
+precision.
 """
 
 from functools import cache
@@ -8,18 +9,18 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from .lanes import sum_weighted_rows
-from .passes import Pass, share_of
+from ..engine.passes import Pass, share_of
+from ..engine.vector_loads import sum_weighted_rows
 
 
 @cache
 def passes_of(width: int) -> SimpleNamespace:
-    """The passes `scale`, `relax`, `residual` and `add_product` for vectors with rows of so many reals."""
+    """Return the passes `scale`, `relax`, `residual` and `add_product` for vectors with rows of `width` reals."""
     add_up = sum_weighted_rows(width)
 
     @Pass
     def scale(chunk, chunks, relaxation, right, out):
-        """``r b``, a step of Jacobi's iteration from zero."""
+        """Compute ``r b``, a step of Jacobi's iteration from zero."""
         start, stop = share_of(right.shape[0], chunk, chunks)
         for i in range(start, stop):
             for c in range(width):
@@ -27,7 +28,7 @@ def passes_of(width: int) -> SimpleNamespace:
 
     @Pass
     def relax(chunk, chunks, pointers, columns, values, relaxation, right, found, out):
-        """A step of Jacobi's iteration, ``x + r (b - A x)``."""
+        """Compute a step of Jacobi's iteration, ``x + r (b - A x)``."""
         start, stop = share_of(right.shape[0], chunk, chunks)
         for i in range(start, stop):
             add_up(values, columns, pointers[i], pointers[i + 1], found, np.uint64(i), out)
@@ -36,7 +37,7 @@ def passes_of(width: int) -> SimpleNamespace:
 
     @Pass
     def residual(chunk, chunks, pointers, columns, values, right, found, out):
-        """``b - A x``."""
+        """Compute ``b - A x``."""
         start, stop = share_of(right.shape[0], chunk, chunks)
         for i in range(start, stop):
             add_up(values, columns, pointers[i], pointers[i + 1], found, np.uint64(i), out)
@@ -45,7 +46,7 @@ def passes_of(width: int) -> SimpleNamespace:
 
     @Pass
     def add_product(chunk, chunks, pointers, columns, values, vectors, kept, product, out):
-        """``kept * out + A x``, in place; `product` is working memory like `out`."""
+        """Compute ``kept * out + A x`` in place; `product` is working memory like `out`."""
         start, stop = share_of(out.shape[0], chunk, chunks)
         for i in range(start, stop):
             add_up(values, columns, pointers[i], pointers[i + 1], vectors, np.uint64(i), product)

@@ -1,8 +1,8 @@
-"""Multilayer perceptrons of one to three hidden layers as bond-force block functions.
+"""Multilayer perceptrons of one to three hidden layers as bond-force block functions, and their NumPy twin.
 
-Weights arrive packed for the loops here: units in groups of four, whose weights are scalars of the inner loop over
-bonds, so that a state is loaded once for four units and the accumulators are written once for four.  Inputs are
-padded to a multiple of four with zero weights, except two that go straight to the last hidden layer.
+Units are packed in groups of four, whose weights are scalars of the inner loop over bonds: a state is loaded once for four units, and an
+accumulator is written once for four. Inputs are padded to a multiple of four with zero weights, except a pair of inputs to a single hidden
+layer.
 """
 
 from functools import cache
@@ -10,53 +10,37 @@ from functools import cache
 import numpy as np
 from numba import carray
 
-from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
-from .compile import bond_force_signature, compile_block_function, inlined, kernel, widest_vectors
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
+from ..engine.compile import bond_force_signature, compile_block_function, inlined, kernel, widest_vectors
 from .feature_sets import FeatureSet
 
 GROUP = 4
 
 PAIR = 2
-"""Inputs that a single hidden layer takes without padding."""
+"""Number of inputs that a single hidden layer takes without padding."""
 
 N_OUTPUTS = 2
-"""Outputs of every bond-force network; the feature set says what they mean."""
+"""Number of outputs of every bond-force network; the feature set defines their meaning."""
 
 
 MOST_HIDDEN = 3
-"""Hidden layers that a network may have."""
+"""Greatest number of hidden layers."""
 
 MOST_SHARED = 2
-"""Values that a feature set's functions may share."""
+"""Greatest number of values that the functions of a feature set share."""
 
 N_WEIGHTS, N_WORK_ROWS, N_HIDDEN, WIDTHS = 0, 1, 2, 3
-"""Places in a network's sizes: length of its weights, rows of working memory, hidden layers, then the widths of
-inputs and hidden layers.
+"""Places in a network's sizes: length of its weights, rows of working memory, hidden layers, then the widths of inputs and hidden layers.
 """
 
 N_SIZES = WIDTHS + 1 + MOST_HIDDEN
 
 
 def pack(layers, at_rest, dtype):
-    """Pack the layers of a network for `network_block`.
+    """Pack the layers of a network for `network_block`: return its sizes and its weights in `dtype`.
 
-    Parameters
-    ----------
-    layers : list of (weights, biases)
-        Weights of shape (n_in, n_out), hidden layers first, the output layer last.
-    at_rest : array_like, shape (2,)
-        What is taken off the outputs, so that a chosen state gives zero.
-    dtype : float32 or float64
-
-    Returns
-    -------
-    sizes : ndarray of int64, shape (N_SIZES,)
-    weights : ndarray of `dtype`
-
-    Raises
-    ------
-    ValueError
-        For more hidden layers than `MOST_HIDDEN`, or other than two outputs.
+    `layers` lists (weights, biases), weights of shape (n_in, n_out), the output layer last; `at_rest` is subtracted from the two outputs.
+    Raise ValueError for more hidden layers than `MOST_HIDDEN`, or other than two outputs.
     """
     hidden, (output_weights, output_biases) = layers[:-1], layers[-1]
     if not 1 <= len(hidden) <= MOST_HIDDEN:
@@ -83,13 +67,23 @@ def pack(layers, at_rest, dtype):
     return sizes, packed
 
 
+def network_outputs(features, layers, activation):
+    """Return the outputs of a network in NumPy, shape (n, n_out), from features of shape (n, n_in); `layers` are those of `pack`."""
+    *hidden, (output_weights, output_biases) = layers
+    values = features
+    for weights, biases in hidden:
+        values = activation(values @ weights + biases)[0]
+    return values @ output_weights + output_biases
+
+
 def _padded(width):
+    """Return the width rounded up to whole groups."""
     return -(-width // GROUP) * GROUP
 
 
 @kernel
 def _pre_activations(rows, n_rows, weights, z):
-    """Four units of a layer before their activation: z = biases + rows @ weights."""
+    """Compute four units of a layer before their activation: z = biases + rows @ weights."""
     widest_vectors()
     rows = block_rows(rows)
     z = block_rows(z)
@@ -117,17 +111,7 @@ def _pre_activations(rows, n_rows, weights, z):
 
 @cache
 def network_block(features: FeatureSet, activation, dtype):
-    """Block function of the networks with a given feature set and activation; layer sizes and weights are arguments of it.
-
-    ``sizes`` and ``weights`` are what `pack` returns.
-
-    Parameters
-    ----------
-    features : FeatureSet
-    activation : callable
-        One of `pdsurrogate.kernels.activations.ACTIVATIONS`.
-    dtype : float32 or float64
-    """
+    """Return the block function of networks with a feature set and an activation; `sizes` and `weights` from `pack` are arguments of it."""
     shared_of, inputs, traction_of = inlined(features.shared), inlined(features.inputs), inlined(features.traction)
     activate = inlined(activation)
 

@@ -1,29 +1,27 @@
-"""The state of every point from its deformation gradient: rotation, J, and C33 by the plane-stress condition."""
+"""State of every point from its deformation gradient: rotation, J, and C33 by the plane-stress condition."""
 
 import numpy as np
 
-from .block_arrays import BLOCK, block_rows, quad_records
-from .compile import call_block, inline, widest_vectors
+from ..engine.block_arrays import BLOCK, block_rows, quad_records
+from ..engine.compile import call_block, inline, widest_vectors
+from ..engine.passes import Pass, share_of
+from .by_dimension import ByDimension
 from .elementary import inverse_square_root
-from .passes import ByDimension, Pass, share_of
 
 MOST_ITERATIONS = 40
 
 SWELLING = 0.02
-"""Share by which J3 grows in an iteration that finds the law at its end."""
+"""Relative growth of J3 in an iteration in which J3 is below the least that the law allows."""
 
 
 @inline
 def solve_volume_ratios(n, states, result, last, response, parameters, last_step=1e-8):
-    """Newton's iteration for J3 in ``states[2]`` from the values there, over a block whose first n states count.
+    """Solve P33 = 0 for J3 by Newton's method, in place in ``states[2]``, for the first n states of a block.
 
-    Returns the number of states without a solution.  Each ends with a relative step below `last_step`; convergence is quadratic, so the
-    error after it is about the square of that.  `result` is the response before that step.  A state waits with it until all others of the
-    block have come as far: what is found of one, response and J3, depends on nothing but itself, to the last bit.  `last` is a row of
-    working memory.
-
-    The residual is J3 dPsi/dJ3, whose slope is about the bulk modulus: from J3 of the last evaluation one step reaches rounding, and the
-    second confirms it.
+    Return the number of states without a solution. Each state ends with a relative step below `last_step`; convergence is quadratic, so the
+    error is about its square. `result` holds the response before that step. A converged state waits for the others of its block, so its
+    result depends on nothing but itself, to the last bit. `last` is a row of working memory. The residual is J3 dPsi/dJ3, whose slope is
+    about the bulk modulus: from the J3 of the last evaluation one step reaches rounding, and a second confirms it.
     """
     for _ in range(MOST_ITERATIONS):
         call_block(response, states, parameters, result)
@@ -31,10 +29,10 @@ def solve_volume_ratios(n, states, result, last, response, parameters, last_step
         for k in range(n):
             J3 = states[2, k]
             step = result[2, k] / result[3, k]
-            # A negative slope or a large step: halve or double, which keeps J3 positive from any start.
+            # For a negative slope or a large step J3 is halved or doubled, which keeps it positive from any start.
             step = step if result[3, k] > 0.0 else np.copysign(J3, result[2, k])
             step = min(max(step, -J3), 0.5 * J3)
-            # Past the law's limit at this J3, which a state with more volume may keep: swell, until there is one.
+            # NaN: the chains of the law are overstretched at this J3, which a larger volume may relieve.
             step = step if result[2, k] == result[2, k] else -SWELLING * J3
             left = abs(step) - last_step * J3
             last[k] = step if left < 0.0 else 0.0
@@ -54,11 +52,11 @@ def solve_volume_ratios(n, states, result, last, response, parameters, last_step
 
 @ByDimension
 def volume_ratios(algebra):
-    """Det F of every point, where that is its volume ratio and nothing else is asked of its state."""
+    """Build the pass that computes det F of every point, for models that need nothing else of a point's state."""
 
     @Pass
     def volume_ratios(chunk, chunks, gradients, volume_ratios):
-        """Det F of every point from F by columns; returns the number of points with det F <= 0 or non-finite F."""
+        """Compute det F of every point from F by columns; return the number of points with det F <= 0 or non-finite F."""
         widest_vectors()
         start, stop = share_of(gradients.shape[0], chunk, chunks)
         F = algebra.matrix_rows(gradients[start:stop])
@@ -76,12 +74,9 @@ def volume_ratios(algebra):
 
 @Pass
 def held_states(chunk, chunks, gradients, volume_ratios, records):
-    """Node records with the thickness held: C33 = 1 and J3 = J, so that no law is asked; see `node_states`.
+    """Write the points' records with the thickness held fixed, C33 = 1 and J3 = J.
 
-    Returns
-    -------
-    int
-        Number of points with det F <= 0 or non-finite F.
+    Return the number of points with det F <= 0 or non-finite F.
     """
     widest_vectors()
     start, stop = share_of(gradients.shape[0], chunk, chunks)
@@ -107,19 +102,10 @@ def held_states(chunk, chunks, gradients, volume_ratios, records):
 
 @Pass
 def node_states(thread, chunk, chunks, gradients, volume_ratios, response, parameters, scratch, records):
-    """Node records (cos, sin, J, C33) from the deformation gradients.
+    """Write the points' records (cos, sin, J, C33) from F (11, 21, 12, 22), with C33 from the law.
 
-    Parameters
-    ----------
-    gradients : (n, 4) F as (11, 21, 12, 22).
-    volume_ratios : (n,) J3, the last values in and the new ones out.
-    scratch : (n_threads, SCRATCH_ROWS, BLOCK) doubles.
-    records : (n, 4) out, in the precision of the bond pass.
-
-    Returns
-    -------
-    int
-        Number of points with det F <= 0, non-finite F, or no plane-stress state.
+    Return the number of points with det F <= 0, non-finite F or no plane-stress state. `volume_ratios` holds J3, the last values on entry
+    and the new ones on exit.
     """
     n = gradients.shape[0]
     widest_vectors()
@@ -130,7 +116,7 @@ def node_states(thread, chunk, chunks, gradients, volume_ratios, response, param
     for block in range(first_block, last_block):
         at = block * BLOCK
         size = min(BLOCK, n - at)
-        # Slices, since an index at + k might be negative for all the compiler knows, and that test would keep the loops scalar.
+        # Slices are used because the compiler would test an index at + k for a negative value, which prevents vectorisation.
         F = quad_records(gradients[at : at + size])
         J3 = volume_ratios[at : at + size]
         record = quad_records(records[at : at + size])
@@ -141,7 +127,7 @@ def node_states(thread, chunk, chunks, gradients, volume_ratios, response, param
         count += solve_volume_ratios(size, states, result, scratch[thread, 8], response, parameters)
         for k in range(size):
             J3[k] = states[2, k]
-        # All four at once: records that are written a part at a time are scattered.
+        # All four entries are written at once; written one by one they would be scattered.
         for k in range(size):
             thickness = states[2, k] / states[1, k]
             c = F[k, 0] + F[k, 3]

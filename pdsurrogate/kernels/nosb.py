@@ -1,19 +1,20 @@
-"""The force pass of non-ordinary state-based peridynamics (correspondence), paper Eqs. (2) and (19)."""
+"""Forces of non-ordinary state-based peridynamics (correspondence), paper Eqs. (2) and (19)."""
 
 import numpy as np
 
-from .block_arrays import BLOCK, block_rows
-from .compile import call_block, widest_vectors
-from .passes import ByDimension, Pass, share_of
+from ..engine.block_arrays import BLOCK, block_rows
+from ..engine.compile import call_block, widest_vectors
+from ..engine.passes import Pass, share_of
+from .by_dimension import ByDimension
 
 
 @ByDimension
 def weighted_stresses(algebra):
-    """P K^-1 of every point."""
+    """Build the pass that computes P K^-1 of every point."""
 
     @Pass
     def weighted_stresses(thread, chunk, chunks, gradients, volume_ratios, inverse_shape, unit, response, parameters, scratch, stresses):
-        """P K^-1 of every point, by columns."""
+        """Compute P K^-1 of every point, by columns."""
         widest_vectors()
         n = gradients.shape[0]
         first, last = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
@@ -43,11 +44,11 @@ def weighted_stresses(algebra):
 
 @ByDimension
 def nosb_forces(algebra):
-    """Force on every point from the weighted stresses."""
+    """Build the pass that sums the weighted stresses to forces on points."""
 
     @Pass
     def nosb_forces(chunk, chunks, stresses, pointers, neighbours, weighted_bonds, volumes, out):
-        """Force on every point, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j; returns for how many it is not finite."""
+        """Compute the force on every point, the sum over j of (P_i K_i^-1 + P_j K_j^-1) w x V_i V_j; return how many are not finite."""
         without_force = 0
         start, stop = share_of(out.shape[0], chunk, chunks)
         for i in range(start, stop):

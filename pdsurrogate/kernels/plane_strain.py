@@ -1,25 +1,25 @@
-"""Plane strain of a bond force that knows nothing of the thickness but that it is free of stress."""
+"""Plane strain for a bond force that was learnt at plane stress."""
 
 from functools import cache
 
 import numpy as np
 from numba import carray
 
-from .block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
-from .compile import bond_force_signature, call_block, compile_block_function, widest_vectors
+from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, STATE_ROWS, TRACTION_ROWS
+from ..engine.compile import bond_force_signature, call_block, compile_block_function, widest_vectors
 
 MODEL, VOLUMETRIC, OWN = 0, 1, 2
-"""Places in the sizes: addresses of the model's block function and of the law's volumetric one, and where the model's own sizes begin."""
+"""Places in the sizes: addresses of the model's block function and of the law's volumetric one, and the first of the model's own sizes."""
 
 MOST_SIZES = 4096
-"""More than any model has; each reads its own."""
+"""Length of the array view of a model's `sizes`, an upper bound for all models; each model reads only its own."""
 
 
 @cache
 def plane_strain_bond_force(dtype):
-    """Block function that adds the pressure of a held thickness to the force of a model, T + (J3 U' - tr(T U)/3) U^-1 (theory (47)).
+    """Return the block function that adds the pressure of a held thickness to a model's force, T + (J3 U' - tr(T U)/3) U^-1 (theory (47)).
 
-    The isochoric part of the Kirchhoff stress has no trace, and the model has its part across the plane taken off all three.
+    The isochoric Kirchhoff stress has no trace; at plane stress the model has subtracted its component across the plane from all three.
     """
 
     def bond_force(states, sizes, weights, response, parameters, work, scratch, traction):

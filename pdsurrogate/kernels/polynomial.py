@@ -1,7 +1,7 @@
 """Polynomials in two features as bond-force block functions: sums of products of Chebyshev polynomials.
 
-The sum is written out term by term for the terms that a polynomial has, so that features, polynomial and traction are one loop over bonds
-whose intermediate values never leave the registers.  Coefficients are arguments; a block function serves all polynomials of its terms.
+The sum is unrolled over the terms that a polynomial has, so that features, polynomial and traction are one loop over bonds whose
+intermediate values stay in registers. Coefficients are arguments; one block function serves all polynomials with the same terms.
 """
 
 from functools import cache, reduce
@@ -12,8 +12,9 @@ from numba import carray, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
-from .compile import bond_force_signature, compile_block_function, inlined, widest_vectors
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
+from ..engine.compile import bond_force_signature, compile_block_function, inlined, widest_vectors
+from ..engine.intrinsics import tuple_of
 from .feature_sets import FeatureSet
 
 N_OUTPUTS = 2
@@ -21,58 +22,31 @@ N_OUTPUTS = 2
 MOST_DEGREE = 24
 
 SCALING = 4
-"""Constants before the coefficients: centres and inverse half widths of both features."""
+"""Number of constants before the coefficients: centres and inverse half widths of both features."""
 
 _FLAGS = ("contract", "reassoc", "nsz")
 
 
 def pack(centre, half_width, coefficients, at_rest, dtype):
-    """Pack a polynomial for `polynomial_block`.
+    """Pack a polynomial for `polynomial_block`: return the number of terms for each power of the second feature, and the weights.
 
-    Parameters
-    ----------
-    centre, half_width : array_like, shape (2,)
-        Features are mapped to (x - centre)/half_width.
-    coefficients : ndarray, shape (2, inner + 1, outer + 1)
-        Of T_j(x1) T_i(x2), by output.  For each i, those past the last that is not zero cost nothing.
-    at_rest : array_like, shape (2,)
-        Taken off the outputs.
-    dtype : float32 or float64
-
-    Returns
-    -------
-    counts : tuple of int
-        Terms for each power i of the second feature.
-    weights : ndarray of `dtype`
+    Features are mapped to (x - centre)/half_width; `coefficients` (2, inner + 1, outer + 1) multiply T_j(x1) T_i(x2). For each i,
+    coefficients after the last non-zero one cost nothing. `at_rest` is subtracted from the outputs.
     """
     outer = coefficients.shape[2] - 1
     used = (coefficients != 0).any(axis=0)
     counts = tuple(int(np.flatnonzero(used[:, i])[-1]) + 1 if used[:, i].any() else 0 for i in range(outer + 1))
-    # For each i the coefficients of both outputs side by side.
+    # For each i the coefficients of both outputs are stored side by side.
     terms = [coefficients[:, :count, i].T.ravel() for i, count in enumerate(counts)]
     return counts, np.concatenate([centre, 1 / np.asarray(half_width), *terms, at_rest]).astype(dtype)
 
 
 @intrinsic
-def tuple_of(typingctx, array, count):
-    """The first `count` values of an array, a literal number of them, as a tuple: scalars that a loop need not load again."""
-    if not isinstance(count, types.IntegerLiteral):
-        return None
-    result_type = types.UniTuple(array.dtype, count.literal_value)
-
-    def codegen(context, builder, signature, arguments):
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-        values = [builder.load(builder.gep(data, [ir.Constant(ir.IntType(64), n)])) for n in range(count.literal_value)]
-        return cgutils.pack_array(builder, values)
-
-    return result_type(array, count), codegen
-
-
-@intrinsic
 def chebyshev_sums(typingctx, counts, x1, x2, weights):
-    """Sums over i and j < counts[i] of c_ij T_j(x1) T_i(x2) for both outputs.
+    """Return the sums over i and j < counts[i] of c_ij T_j(x1) T_i(x2) for both outputs.
 
-    `counts` is a literal, the counts between commas; `weights` a tuple with the coefficients from `SCALING` on, as `pack` has them.
+    `counts` is a literal, the counts separated by commas; `weights` is a tuple with the coefficients from `SCALING` on, as packed by
+    `pack`.
     """
     if not isinstance(counts, types.StringLiteral):
         return None
@@ -86,13 +60,13 @@ def chebyshev_sums(typingctx, counts, x1, x2, weights):
             return builder.fmul(a, b, flags=_FLAGS)
 
         def total(values):
-            """Sum in short chains, so that one addition need not wait for all the others."""
+            """Return the sum of the values; short chains of additions let the processor work on several at a time."""
             while len(values) > 1:
                 values = [reduce(lambda a, b: builder.fadd(a, b, flags=_FLAGS), values[n : n + 3]) for n in range(0, len(values), 3)]
             return values[0]
 
         def chebyshev(x, count):
-            """T_0 … T_count-1, none of them more than a few steps from x: T_p+m = 2 T_p T_m - T_p-m, p a power of two."""
+            """Return T_0 … T_count-1, each a few operations from x: T_p+m = 2 T_p T_m - T_p-m, p a power of two."""
             values = [ir.Constant(x.type, 1.0), x]
             while len(values) < count:
                 p = 1 << (len(values) - 1).bit_length() - 1
@@ -116,14 +90,9 @@ def chebyshev_sums(typingctx, counts, x1, x2, weights):
 
 @cache
 def polynomial_block(features: FeatureSet, counts, dtype):
-    """Block function of the polynomials with certain terms in a feature set of two; coefficients are arguments of it.
+    """Return the block function of polynomials with given terms in two features.
 
-    Parameters
-    ----------
-    features : FeatureSet
-    counts : tuple of int
-        As from `pack`, whose other result is the block function's ``weights``; it takes no sizes.
-    dtype : float32 or float64
+    The weights from `pack` are an argument of it, and its sizes are unused.
     """
     shared_of, inputs, traction_of = inlined(features.shared), inlined(features.inputs), inlined(features.traction)
     terms = ",".join(str(count) for count in counts)

@@ -1,41 +1,38 @@
-"""Kernels of the reference state: shape tensors, the reference vectors of the pair forces, and the shares of the bonds in an energy.
+"""Reference configuration: shape tensors, the reference vectors of the pair forces, and the shares of the bonds in an energy.
 
-They run once for a body without damage, and again for the rows and pairs around every bond that breaks.
+These passes run once for a body without damage, and again for the points and pairs around every bond that breaks.
 """
 
 import numpy as np
 
-from .block_arrays import BLOCK
-from .passes import ByDimension, Pass, share_of
+from ..engine.block_arrays import BLOCK
+from ..engine.passes import Pass, share_of
+from .by_dimension import ByDimension
 
 LEAST_SHAPE_QUALITY = 1e-3
-"""A horizon whose shape has a quality below this spans neither plane nor space.  It is 1 for a full horizon, and 0.6 at an intact corner:
-0.59 in the plane, 0.61 in space at 1.75 spacings and 0.58 at 3.015."""
+"""Shape quality below which the bonds of a point do not span the plane or space. It is 1 for a full horizon, and about 0.6 at an intact
+corner: 0.59 in the plane, 0.61 in three dimensions at 1.75 spacings and 0.58 at 3.015.
+"""
 
 NO_CORRECTION, SCALAR_CORRECTION, TENSOR_CORRECTION = 0, 1, 2
 CORRECTIONS = {"none": NO_CORRECTION, "scalar": SCALAR_CORRECTION, "tensor": TENSOR_CORRECTION}
 
 LEAST_TILT_STIFFNESS = 0.01
-"""Epsilon of `bond_shares`: at an edge some 0.08 horizons are left of a mean bond of 0.42."""
+"""Regularisation epsilon of `bond_shares`: at an edge the mean bond shrinks from 0.42 to some 0.08 horizons."""
 
 MOST_NEWTON_STEPS = 100
 
 
 @ByDimension
 def shape_rows(algebra):
-    """Shape tensors (21) of given points."""
+    """Build the pass that computes the shape tensors (21) of given points."""
 
     @Pass
     def shape_rows(chunk, chunks, rows, pointers, neighbours, points, weighted_bonds, inverse_shape, supported):
-        """Shape tensors of the given points.
+        """Compute the inverse shape tensors of the given points; zero, with ``supported`` 0, where the bonds do not span the space.
 
-        Parameters
-        ----------
-        rows : points to compute.
-        weighted_bonds : w x V_j of every directed bond, zero where broken.  K is summed with them as they are rounded, so
-            that in single precision, too, F of a homogeneous deformation is that deformation to some 1e-9.
-        inverse_shape : out: K^-1; zero for points without support.
-        supported : (n,) out: 1 where the bonds span the space.
+        `weighted_bonds` is w x V_j of every directed bond, zero where broken. K is summed from these values as rounded, so that also in
+        single precision F of a homogeneous deformation is exact to some 1e-9.
         """
         start, stop = share_of(rows.shape[0], chunk, chunks)
         for r in range(start, stop):
@@ -57,17 +54,12 @@ def shape_rows(algebra):
 
 @Pass
 def pair_rows(chunk, chunks, pairs, first, second, points, strength, inverse_shape, supported, correction, kappa, horizon, geometry):
-    """Reference vectors of the pair forces, in blocks.
+    """Compute the reference vectors of the pair forces, in blocks.
 
-    The force on the first point of a pair is R T zeta, T the traction of theory (11) and
-    zeta = normal_factor n + tilt_factor m (theory (21)):
-    with the tensor correction zeta = strength (K_i^-1 + K_j^-1)/2 n, with the scalar one (24)-(25) strength/kappa (fac_i + fac_j)/2 n.
-
-    Parameters
-    ----------
-    pairs : pairs to compute.
-    strength : (n_pairs,) 2 w l V_i V_j, zero where broken.
-    geometry : (n_blocks, 4 or 5, BLOCK) out: n1/l, n2/l, normal_factor l, tilt_factor l and, with a fifth row, l/horizon.
+    The rows of a block are n1/l, n2/l, normal_factor l, tilt_factor l and, if there is a fifth row, l/horizon. The force on the first point
+    of a pair is R T zeta, T the traction of theory (11) and zeta = normal_factor n + tilt_factor m (theory (21)): with the tensor
+    correction zeta = strength (K_i^-1 + K_j^-1)/2 n, with the scalar one (24)-(25) strength/kappa (fac_i + fac_j)/2 n. `strength` is 2 w l
+    V_i V_j, zero where broken.
     """
     start, stop = share_of(pairs.shape[0], chunk, chunks)
     for r in range(start, stop):
@@ -111,23 +103,17 @@ def pair_rows(chunk, chunks, pairs, first, second, points, strength, inverse_sha
 
 @ByDimension
 def bond_shares(algebra):
-    """The volume of given points, divided among their bonds."""
+    """Build the pass that divides the volume of given points among their bonds."""
 
     @Pass
     def bond_shares(chunk, chunks, rows, pointers, neighbours, pair_of, points, volumes, strength, horizon, shares):
-        """The volume of each of the given points, divided among its bonds.
+        """Divide the volume of each of the given points among its bonds; the shares sum to V_i, or to zero where no bond is left.
 
-        A bond's energy is that of the material about its middle.  Shares in proportion to w V_j alone put the energy of a point at an edge
-        half a mean bond inside, where it is another: an error of first order in the horizon that lets holes yield.  Shares
-        w V_j exp(-a . x/horizon) have their mean bond at zero, the vector a being the minimum of the convex function
-        log sum w V_j exp(-a . x/horizon): the weights of greatest entropy with that mean (Arroyo, Ortiz, Int. J. Numer. Meth. Engng 65
-        (2006) 2167).  Where no positive weights have it, as at an edge, epsilon/2 |a|^2 beside the logarithm keeps a finite.
-
-        Parameters
-        ----------
-        rows : points to compute.
-        strength : (n_pairs,) w V_i V_j, zero where a bond carries nothing.
-        shares : (n_bonds,) out, of every directed bond of these points; they sum to V_i, or to nothing where no bond is left.
+        A bond's energy is that of the material about its middle. Shares proportional to w V_j would place the energy of a point at an edge
+        half a mean bond inside: an error of first order in the horizon, which makes holes too compliant. Shares w V_j exp(-a . x/horizon)
+        have a zero mean bond, where the vector a minimises the convex function log sum w V_j exp(-a . x/horizon): these are the weights of
+        greatest entropy with that mean (Arroyo, Ortiz, Int. J. Numer. Meth. Engng 65 (2006) 2167). Where no positive weights have a zero
+        mean, as at an edge, epsilon/2 |a|^2 is added to keep a finite.
         """
         begin, end = share_of(rows.shape[0], chunk, chunks)
         for r in range(begin, end):
@@ -156,7 +142,7 @@ def bond_shares(algebra):
                 size = np.sqrt(algebra.dot(step, step))
                 if size < 1e-12:
                     break
-                # Steps of at most one horizon's worth, within which Newton's method on a log-sum of exponentials can be trusted.
+                # Steps of at most 1 in a, within which Newton's method on a log-sum of exponentials converges.
                 tilt = algebra.minus(tilt, algebra.times(min(1.0, 1.0 / size), step))
             unit = volumes[i] / total if total > 0.0 else 0.0
             for b in range(pointers[i], pointers[i + 1]):

@@ -1,37 +1,38 @@
-"""The isochoric energy of the bonds and the mean dilatation of the points: passes of a selective energy (theory (48)-(52)).
+"""Isochoric energy of the bonds and mean dilatation of the points: passes of a selective energy (theory (48)-(52)).
 
-Written once over an algebra.  The reference data of a pair are n, 1/l and the volume that its isochoric energy counts for; a pair that
-carries nothing, or that pads a block, has none, and its state is replaced by rest.
+The reference data of a pair are n, 1/l and the volume that its isochoric energy represents. A broken pair, or one that pads a block, has
+volume zero and is given the undeformed state.
 """
 
-from .block_arrays import BLOCK, block_rows, put_column, rows_from
-from .compile import call_block, inlined, kernel, widest_vectors
+from ..engine.block_arrays import BLOCK, block_rows, put_column, rows_from
+from ..engine.compile import call_block, inlined, kernel, widest_vectors
+from ..engine.passes import Pass, share_of
+from .by_dimension import ByDimension
 from .feature_sets import like
-from .passes import ByDimension, Pass, share_of
 
 STATE_ROWS, RESULT_ROWS = 3, 4
-"""Rows of the states and of the result of an isochoric response, which ends with the energy."""
+"""Rows of the states and of the result of an isochoric response; the last row of the result is the energy."""
 
 
 @kernel
 def evaluate_response(response, states, parameters, result):
-    """An isochoric response over one block of states."""
+    """Evaluate an isochoric response over one block of states."""
     call_block(response, states, parameters, result)
 
 
 def buffer_rows(dimension: int) -> int:
-    """Rows of doubles that a chunk works on: gradients, bonds, states and results."""
+    """Return the number of rows of a thread's buffer: gradients, bonds, states and results."""
     return dimension * dimension + dimension + STATE_ROWS + RESULT_ROWS
 
 
 def gradient_of_bond(algebra):
-    """F_ij = Fbar + (y/l - Fbar n) (x) n of theory (27)."""
+    """Build the function that returns F_ij = Fbar + (y/l - Fbar n) (x) n of theory (27)."""
     length, volume = algebra.DIMENSION, algebra.DIMENSION + 1
 
     @inlined
     def of_bond(sums, bonds, reference, k):
-        """From column k of the sums of the ends' gradients, the bonds and the reference data; I of a pair that carries nothing."""
-        # In the precision of the sums and the bonds.
+        """Return F_ij from column k of the sums of the ends' gradients, the bonds and the reference data; I for a pair of volume zero."""
+        # All terms have the precision of the sums and the bonds.
         one = like(sums[0, k], 1.0)
         zero = like(one, 0.0)
         n = algebra.column_in(reference, k, one)
@@ -46,27 +47,16 @@ def gradient_of_bond(algebra):
 
 @ByDimension
 def pair_volumes(algebra):
-    """Det F_ij of every pair."""
+    """Build the pass that computes det F_ij of every pair."""
     of_bond = gradient_of_bond(algebra)
     matrix = algebra.MATRIX
 
     @Pass
     def pair_volumes(thread, chunk, chunks, positions, gradients, first, second, geometry, buffers, volumes):
-        """Det F_ij of every pair.
+        """Compute det F_ij of every pair; return the number of pairs where it is not positive or NaN.
 
-        Parameters
-        ----------
-        positions : (n, d) of points and ghosts.
-        gradients : (n, d d) F by columns.
-        first, second : (n_blocks * BLOCK,) the pairs, padded with any.
-        geometry : (n_blocks, d + 2 or d + 3, BLOCK) n, 1/l, volume and, of a body in parts, what of it is counted here.
-        buffers : (n_threads, `buffer_rows`, BLOCK).
-        volumes : (n_blocks * BLOCK,) out.
-
-        Returns
-        -------
-        int
-            Number of pairs with det F_ij <= 0, or none.
+        `geometry` (n_blocks, d + 2 or d + 3, BLOCK) holds n, 1/l, the volume and, where a body has several materials or ranks, the part of
+        it counted here.
         """
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
@@ -82,7 +72,7 @@ def pair_volumes(algebra):
             for k in range(BLOCK):
                 J = algebra.determinant(of_bond(sums, bonds, reference, k))
                 found[k] = J
-                # NaN counts too.
+                # NaN is counted, too.
                 bad += 0 if J > 0.0 else 1
         return bad
 
@@ -91,7 +81,10 @@ def pair_volumes(algebra):
 
 @Pass
 def means_over_bonds(chunk, chunks, pointers, pair_of, shares, values, otherwise, means):
-    """Mean of what pairs have over every point's bonds, by the shares of its volume; `otherwise` where no bond has a share."""
+    """Compute, for every point, the mean of the pairs' values over its bonds, weighted by the bonds' shares of its volume.
+
+    A point whose bonds have no share gets `otherwise`.
+    """
     start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
     for i in range(start, stop):
         total = 0.0
@@ -104,7 +97,7 @@ def means_over_bonds(chunk, chunks, pointers, pair_of, shares, values, otherwise
 
 @Pass
 def smooth(chunk, chunks, pointers, columns, weights, own, values, out):
-    """Values at the points as weighed with those of their neighbours; the first rows of `out` are written."""
+    """Compute ``own * value + sum of weights * neighbours' values`` at the points of `own`, which are the first rows of `out`."""
     start, stop = share_of(own.shape[0], chunk, chunks)
     for i in range(start, stop):
         total = own[i] * values[i]
@@ -115,15 +108,9 @@ def smooth(chunk, chunks, pointers, columns, weights, own, values, out):
 
 @Pass
 def volume_energies(thread, chunk, chunks, volume_ratios, volumes, response, parameters, buffers, energies, slopes):
-    """U of the points at their volume ratios, and its derivative.
+    """Compute U and its derivative at the points' volume ratios; `energies` receives the sum of volume times U over each block of points.
 
-    Parameters
-    ----------
-    volume_ratios, volumes : (n,).
-    response, parameters : the law's energy of the volume, as (U, U') from the ratio in the first row of the states.
-    buffers : (n_threads, three or more, BLOCK).
-    energies : (n_blocks,) out: sum of the volume times U over each block of points.
-    slopes : (n,) out: U'.
+    `response` gives (U, U') from the ratio in the first row of its states.
     """
     widest_vectors()
     n = volumes.shape[0]
@@ -150,7 +137,7 @@ def volume_energies(thread, chunk, chunks, volume_ratios, volumes, response, par
 
 @ByDimension
 def pair_energies(algebra):
-    """Isochoric energy of the pairs, and their parts of the force and of the points' S, that of the points' pressures included."""
+    """Build the pass that computes the isochoric energy of the pairs and their parts of the force, with the points' pressures."""
     of_bond = gradient_of_bond(algebra)
     matrix, dimension = algebra.MATRIX, algebra.DIMENSION
     state_rows, result_rows = matrix + dimension, matrix + dimension + STATE_ROWS
@@ -175,18 +162,10 @@ def pair_energies(algebra):
         forces,
         moments,
     ):
-        """Isochoric energy of the pairs, and their parts of the force; dimensionless, times volume.
+        """Compute the isochoric energy of the pairs and their parts of the force and of the points' S; dimensionless, times volume.
 
-        Parameters
-        ----------
-        positions, gradients, first, second, geometry : see `pair_volumes`.
-        buffers : (n_threads, `buffer_rows`, BLOCK) in the precision of the response.
-        pressures : (n,) of points and ghosts: what a share of a point's volume weighs the change of det F_ij with.
-        shares : (n_blocks, 2, BLOCK) of the volumes of both ends.
-        response, parameters : the isochoric response of the law, as (p, q, r, energy).
-        energies : (n_blocks,) out: sum of the volume that is counted times the isochoric energy over each block.
-        forces : (n_blocks * BLOCK, d) out: P n/l, what the bond part exerts on the first point.
-        moments : (n_blocks * BLOCK, d d) out: S of the pair, P (I - n (x) n)/2, by columns.
+        The pressure of a pair is the sum of its ends' `pressures`, each times its share (`shares`, (n_blocks, 2, BLOCK)) of the end's
+        volume. `forces` receives P n/l on the first point, `moments` S = P (I - n (x) n)/2 by columns, `energies` the sums over each block.
         """
         widest_vectors()
         first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
@@ -206,7 +185,7 @@ def pair_energies(algebra):
                 put_column(sums, k, F)
                 put_column(states, k, algebra.response_state(F, like(F[0], 1.0)))
             call_block(response, states, parameters, result)
-            # The bonds are done with: their first row takes the pressures.
+            # The bonds are no longer needed: their first row is reused for the pressures.
             for k in range(BLOCK):
                 bonds[0, k] = share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]
             total = 0.0

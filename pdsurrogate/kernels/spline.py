@@ -1,8 +1,8 @@
 """Tensor-product cubic splines of two or three features as bond-force block functions.
 
-Knots are even, so that a state finds its cell by one multiplication; the function and its first two derivatives are continuous.  Beyond
-the box of the knots it has the value of the nearest place in the box, and a feature that is no number has that of the box's lower end: no
-state gives NaN for want of a cell.
+Knots are equidistant, so that one multiplication finds the cell of a state; the function and its first two derivatives are continuous.
+Beyond the box of the knots the spline has the value of the nearest place in the box, and a feature that is NaN is taken as the box's lower
+end.
 """
 
 from functools import cache
@@ -13,55 +13,45 @@ from numba import carray, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
-from .compile import bond_force_signature, compile_block_function, inlined, widest_vectors
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, column_like, put_column
+from ..engine.compile import bond_force_signature, compile_block_function, inlined, widest_vectors
 from .feature_sets import FeatureSet, like
 
 FEATURES = (2, 3)
-"""How many features a spline may have."""
+"""Numbers of features that a spline may have."""
 
 N_OUTPUTS = 2
 
 SUPPORT = 4
-"""Coefficients that a cubic spline of one variable has in a cell: one more than the cells in all, three at the ends."""
+"""Number of B-splines that are non-zero in a cell; along a feature there are three more coefficients than cells."""
 
 MOST_FEATURES, MOST_SHARED = 3, 2
 
 SCALING = 2 * MOST_FEATURES
-"""Constants before the coefficients: lower ends of the features, and their cells per unit; zeros where there is no third feature."""
+"""Number of constants before the coefficients: lower end and cells per unit of each feature, zero for a missing third feature."""
 
 N_WEIGHTS, CELLS = 0, 1
-"""Places in a spline's sizes: length of its weights, then the cells along every feature."""
+"""Places in a spline's sizes: length of its weights, then the number of cells along every feature."""
 
 N_SIZES = CELLS + MOST_FEATURES
 
 OFFSET, SHARES, KEPT = 0, 1, 1 + MOST_FEATURES * SUPPORT
-"""Rows of working memory: where a state's coefficients begin, the values of the B-splines by feature, and what the features share."""
+"""Rows of working memory: where a state's coefficients begin, the values of the B-splines by feature, and the values shared by the feature
+set.
+"""
 
 WORK_ROWS = KEPT + MOST_SHARED
 
 
 def pack(low, step, coefficients, at_rest, dtype):
-    """Pack a spline for `spline_block`.
+    """Pack a spline for `spline_block`: return its sizes and its weights in `dtype`.
 
-    Parameters
-    ----------
-    low, step : ndarray, shape (n,)
-        Lower end of the box by feature, and the width of a cell.
-    coefficients : ndarray, shape (2, cells_1 + 3, …, cells_n + 3)
-        By output.
-    at_rest : array_like, shape (2,)
-        Taken off the outputs.
-    dtype : float32 or float64
-
-    Returns
-    -------
-    sizes : ndarray of int64, shape (N_SIZES,)
-    weights : ndarray of `dtype`
+    `low` and `step` are the lower end of the box and the width of a cell by feature, `coefficients` have shape (2, cells_1 + 3, …, cells_n
+    + 3), and `at_rest` is subtracted from the outputs.
     """
     missing = MOST_FEATURES - len(low)
     scaling = [np.pad(values, (missing, 0)) for values in (low, 1 / np.asarray(step))]
-    # Both outputs of a place side by side.
+    # Both outputs of a place are stored side by side.
     packed = np.concatenate([*scaling, np.moveaxis(coefficients, 0, -1).ravel(), at_rest]).astype(dtype)
     sizes = np.zeros(N_SIZES, dtype=np.int64)
     sizes[N_WEIGHTS] = packed.size
@@ -70,7 +60,7 @@ def pack(low, step, coefficients, at_rest, dtype):
 
 
 def cubic_weights(u):
-    """Values of the four cubic B-splines of a cell at a place u in [0, 1] of it."""
+    """Return the values of the four cubic B-splines of a cell at the place u in [0, 1] within it."""
     one = like(u, 1.0)
     v = one - u
     sixth = like(u, 1 / 6)
@@ -81,10 +71,10 @@ def cubic_weights(u):
 
 @intrinsic
 def sums_of_rows(typingctx, table, begin, row, first, second):
-    """Sums over p and q < 4 of first_p second_q times both outputs at ``table[begin + p row + 2 q]``; the shares are tuples of four.
+    """Return the sums over p and q < 4 of first_p second_q times both outputs at ``table[begin + p row + 2 q]``.
 
-    A row of eight numbers, of four places, is one vector: written as sixteen sums, LLVM gathers every number by itself, which takes three
-    times as long.
+    `first` and `second` are tuples of four. A row of eight numbers, four places with two outputs, is one vector: written as sixteen sums,
+    LLVM gathers every number by itself, which takes three times as long.
     """
     real = table.dtype
     count, flags = SUPPORT * N_OUTPUTS, ("contract", "reassoc", "nsz")
@@ -128,13 +118,10 @@ def sums_of_rows(typingctx, table, begin, row, first, second):
 
 @cache
 def spline_block(features: FeatureSet, dtype):
-    """Block function of the splines of a feature set of two or three; cells and coefficients are arguments of it.
-
-    ``sizes`` and ``weights`` are what `pack` returns.
-    """
+    """Return the block function of splines of two or three features; `sizes` and `weights` from `pack` are arguments of it."""
     shared_of, inputs, traction_of = inlined(features.shared), inlined(features.inputs), inlined(features.traction)
     weights_at = inlined(cubic_weights)
-    # Of two features the first of three has one cell and one weight.
+    # With two features the first of three has one cell and one weight.
     layers = SUPPORT ** (len(features.names) - 2)
 
     def spline(states, sizes, weights, response, parameters, work, scratch, traction):
@@ -163,11 +150,11 @@ def spline_block(features: FeatureSet, dtype):
             put_column(kept, k, shared)
             values = inputs(shared, a, b, U_mm, J, C33, states[5, k])
             t0, t1, t2 = (values[0] - low0) * scale0, (values[-2] - low1) * scale1, (values[-1] - low2) * scale2
-            # Written so that NaN goes to the lower end.
+            # These comparisons take NaN to the lower end.
             t0, t1, t2 = t0 if t0 > zero else zero, t1 if t1 > zero else zero, t2 if t2 > zero else zero
             t0, t1, t2 = min(t0, cells0), min(t1, cells1), min(t2, cells2)
             i0, i1, i2 = min(np.floor(t0), cells0 - one), min(np.floor(t1), cells1 - one), min(np.floor(t2), cells2 - one)
-            # A whole number that single precision holds exactly: tables are far smaller than 2^24.
+            # Single precision holds this whole number exactly: tables are far smaller than 2^24.
             places[OFFSET, k] = real(SCALING) + i0 * size0 + i1 * size1 + real(N_OUTPUTS) * i2
             put_column(ahead, k, weights_at(t0 - i0))
             put_column(down, k, weights_at(t1 - i1))

@@ -1,22 +1,19 @@
-"""Steps of dynamic relaxation and of explicit dynamics, and what bounds a step: vectors in, vectors out, no allocation."""
+"""Steps of dynamic relaxation and of explicit dynamics, and bounds of a step; nothing is allocated."""
 
 import numpy as np
 
-from .compile import kernel
-from .passes import ByDimension
+from ..engine.compile import kernel
+from .by_dimension import ByDimension
 
 
 @ByDimension
 def rayleigh_parts(algebra):
-    """Numerator and denominator of the Rayleigh quotient of the velocities, v . K v and v . M v."""
+    """Build the kernel for the Rayleigh quotient of the velocities."""
     dimension = algebra.DIMENSION
 
     @kernel
     def rayleigh_parts(velocities, forces, last_forces, mass):
-        """Numerator and denominator of the Rayleigh quotient of the velocities, v . K v and v . M v.
-
-        K v is taken from the change of the forces (n, d) over the last step of unit length.
-        """
+        """Return v . K v and v . M v, with K v from the change of the forces over the last step of unit length."""
         stiffness = 0.0
         inertia = 0.0
         for i in range(velocities.shape[0]):
@@ -31,20 +28,14 @@ def rayleigh_parts(algebra):
 
 @ByDimension
 def relaxation_step(algebra):
-    """One step of dynamic relaxation with unit time step."""
+    """Build the kernel for one step of dynamic relaxation with unit time step."""
     dimension = algebra.DIMENSION
 
     @kernel
     def relaxation_step(positions, velocities, forces, last_forces, free, mass, damping):
-        """One step of dynamic relaxation with unit time step.
+        """Take one step of dynamic relaxation with unit time step, in place; `last_forces` is overwritten with `forces`.
 
-        Parameters
-        ----------
-        positions, velocities : (n, d) in and out.
-        forces, last_forces : (n, d) now, and one step ago; the latter is overwritten with the former.
-        free : (n, d) 1 where a component may move.
-        mass : (n,) fictitious mass.
-        damping : rate, below 2.
+        `free` is 1 where a component may move, `mass` is fictitious, and the `damping` rate is below 2.
         """
         for i in range(positions.shape[0]):
             for c in range(dimension):
@@ -58,12 +49,12 @@ def relaxation_step(algebra):
 
 @ByDimension
 def greatest_force_density(algebra):
-    """Largest force per volume over the free components; NaN if any is not finite."""
+    """Build the kernel for the largest force per volume."""
     dimension = algebra.DIMENSION
 
     @kernel
     def greatest_force_density(forces, free, volumes):
-        """Largest force per volume over the free components; NaN if any is not finite."""
+        """Return the largest force per volume over the free components; NaN if any is not finite."""
         largest = 0.0
         total = 0.0
         for i in range(forces.shape[0]):
@@ -78,12 +69,15 @@ def greatest_force_density(algebra):
 
 @ByDimension
 def greatest_strain(algebra):
-    """Largest relative displacement, in any component, of two bonded points over their distance; pairs with ghosts are left out."""
+    """Build the kernel for the largest relative displacement of bonded points."""
     dimension = algebra.DIMENSION
 
     @kernel
     def greatest_strain(displacements, points, first, second):
-        """Largest relative displacement, in any component, of two bonded points over their distance; pairs with ghosts are left out."""
+        """Return the largest relative displacement, in any component, of two bonded points over their distance.
+
+        Pairs with ghosts are left out.
+        """
         largest = 0.0
         for b in range(first.shape[0]):
             i = first[b]
@@ -103,17 +97,14 @@ def greatest_strain(algebra):
 
 @ByDimension
 def central_difference_step(algebra):
-    """One explicit step with velocities at half steps and damping proportional to mass."""
+    """Build the kernel for one explicit time step."""
     dimension = algebra.DIMENSION
 
     @kernel
     def central_difference_step(positions, velocities, forces, free, mass, damping, step, last_step):
-        """One explicit step with velocities at half steps and damping proportional to mass.
+        """Take one explicit step in place, with velocities at half steps and damping c proportional to mass, M (a + c v) = f.
 
-        Parameters
-        ----------
-        damping : rate c in M (a + c v) = f.
-        step, last_step : time step, and the one before; the velocities span half of each.
+        `step` and `last_step` are this time step and the one before; the velocities span half of each.
         """
         span = 0.5 * (step + last_step)
         decay = 1.0 - 0.5 * damping * span

@@ -1,19 +1,20 @@
-"""Sums to points of what the pairs and the points' own stresses exert, in an order that no number of threads changes."""
+"""Sums of pair forces and of the points' own stresses to forces on points, in an order that does not depend on the number of threads."""
 
 import numpy as np
 
-from .passes import ByDimension, Pass, share_of
+from ..engine.passes import Pass, share_of
+from .by_dimension import ByDimension
 
 
 @ByDimension
 def sum_pair_forces(algebra):
-    """Force on every point from the pairs that it belongs to."""
+    """Build the pass that sums pair forces to forces on points."""
 
     @Pass
     def sum_pair_forces(chunk, chunks, forces, pair_pointers, incidence_pointers, incidence, unit, out):
-        """Force on every point, times `unit` (the shear modulus), summed in double precision; returns for how many it is not finite.
+        """Write the force on every point, times `unit` (the shear modulus), summed in double precision; return how many are not finite.
 
-        A pair's force acts on its first point; on its second, the opposite.
+        The force of a pair acts on its first point, and its opposite on the second.
         """
         without_force = 0
         start, stop = share_of(out.shape[0], chunk, chunks)
@@ -29,7 +30,7 @@ def sum_pair_forces(algebra):
 
 @ByDimension
 def sum_moments(algebra):
-    """S of every point and ghost: the sum over the pairs it belongs to."""
+    """Build the pass that sums S of every point and ghost over the pairs it belongs to."""
 
     @Pass
     def sum_moments(chunk, chunks, moments, own_pointers, incidence_pointers, incidence, out):
@@ -44,7 +45,7 @@ def sum_moments(algebra):
 
 @ByDimension
 def weigh_moments(algebra):
-    """S K^-1/V of every point, in place."""
+    """Build the pass that replaces S of every point by S K^-1/V."""
 
     @Pass
     def weigh_moments(chunk, chunks, moments, inverse_shape, volumes):
@@ -58,7 +59,7 @@ def weigh_moments(algebra):
 
 @ByDimension
 def point_forces(algebra):
-    """Force on points from the pairs' own parts and from the points' weighted moments."""
+    """Build the pass that sums forces on points from the pairs' own parts and the points' weighted S."""
 
     @Pass
     def point_forces(
@@ -78,22 +79,10 @@ def point_forces(algebra):
         node_parts,
         out,
     ):
-        """The pairs' own parts, and the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j.
+        """Write the pairs' own parts plus the sum over j of (S_i K_i^-1/V_i + S_j K_j^-1/V_j) w x V_i V_j; return how many are not finite.
 
-        Parameters
-        ----------
-        forces : pairs' parts, see `bond_energy.pair_energies`.
-        stresses : from `weigh_moments`.
-        pair_pointers, incidence_pointers, incidence : pairs of all points.
-        pointers, neighbours, weighted_bonds : directed bonds of the points from `first_point` on, w x V_j.
-        unit : the shear modulus.
-        node_parts : working memory, like `out`.
-        out : written from `first_point` on.
-
-        Returns
-        -------
-        int
-            Number of points whose force is not finite.
+        `stresses` comes from `weigh_moments`. The directed bonds are those of the points from `first_point` on, where `out` is written;
+        `node_parts` is working memory like `out`.
         """
         without_force = 0
         start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
@@ -114,7 +103,7 @@ def point_forces(algebra):
 
 @ByDimension
 def add_node_forces(algebra):
-    """Add to the forces on points what their weighted moments exert."""
+    """Build the pass that adds the forces of the points' weighted S to the forces on points."""
 
     @Pass
     def add_node_forces(chunk, chunks, moments, pointers, neighbours, weighted_bonds, volumes, first_point, node_parts, out):

@@ -1,20 +1,21 @@
-"""The state of every point as in `node_state`, with C33 from the learnt bond force instead of the law.
+"""State of every point as in `node_state`, with C33 from the learnt bond force instead of the law.
 
-The isochoric part of the Kirchhoff stress has no trace.  With the pressure eliminated by P33 = 0 its three principal values are
-tau_1 - tau_3, tau_2 - tau_3 and 0 up to a pressure, so that the thickness condition reads
+The isochoric Kirchhoff stress has no trace. With the pressure eliminated by P33 = 0 its principal values are tau_1 - tau_3, tau_2 - tau_3
+and 0 up to a pressure, so that the thickness condition reads
 
     J3 U'(J3) = tr(T U)/3,        T = R^T P,
 
-and the map that gives the force of a bond gives the pressure in a point as well: no second surrogate, and the same error divided by K/mu.
+and the map that gives the force of a bond gives the pressure in a point as well: no second surrogate is needed, and its error is divided by
+K/mu.
 """
 
 import numpy as np
 
-from .block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
-from .bond_state import is_outside, share_inside
-from .compile import call_block, widest_vectors
+from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
+from ..engine.compile import call_block, widest_vectors
+from ..engine.passes import Pass, share_of
+from .domain import is_outside, share_inside
 from .node_state import solve_volume_ratios
-from .passes import Pass, share_of
 
 MOST_ITERATIONS = 20
 
@@ -22,8 +23,9 @@ BUFFER_ROWS = STATE_ROWS + TRACTION_ROWS
 """Rows of the buffer in the precision of the model: bond states and tractions."""
 
 SCRATCH_ROWS = 16
-"""Rows of doubles: states and result of a response, the frame's components of U, the last step and its residual, the last step over J3, and
-working memory of the law's own iteration."""
+"""Rows of doubles: states and result of a response, the components of U in the rotated frame, the last step and its residual, the last step
+over J3, and working memory of `solve_volume_ratios`.
+"""
 
 
 @Pass
@@ -46,23 +48,11 @@ def surrogate_node_states(
     scratch,
     records,
 ):
-    """Node records (cos, sin, J, C33) from the deformation gradients; see `pdsurrogate.kernels.node_state.node_states`.
+    """Write the points' records (cos, sin, J, C33) from the deformation gradients; return the number of points without a state.
 
-    Parameters
-    ----------
-    response, parameters : the law, for points outside the domain of the learnt force.
-    volumetric : address of the law's volumetric block function.
-    bond_force, sizes, weights : the learnt bond force.
-    domain : (2, 7) limits of its domain and of the part of it where nothing but the learnt force counts; between them, and outside,
-        J3 goes over to the law's smoothly, as the bond force does.
-    tolerance : relative step of J3 at which the iteration ends.
-    buffers, work : (n_threads, rows, BLOCK) in the precision of the learnt force; of the buffers, the bonds' length is given.
-    scratch : (n_threads, SCRATCH_ROWS, BLOCK) doubles.
-
-    Returns
-    -------
-    int
-        Number of points without a state.
+    `response` and `parameters` are the law's, for points outside the `domain` (2, 7) of the learnt force `bond_force`; in the band inside
+    its edge J3 is blended as the bond force is. `tolerance` is the relative step of J3 at which the iteration ends; `buffers` already hold
+    the bond length.
     """
     n = gradients.shape[0]
     widest_vectors()
@@ -98,7 +88,7 @@ def surrogate_node_states(
             states[1, k] = F[k, 0] * F[k, 3] - F[k, 1] * F[k, 2]
             states[2, k] = J3[k]
             last[0, k] = 0.0
-        # The rest of the last block is undeformed.
+        # States that fill up the last block are undeformed.
         for k in range(size, BLOCK):
             frame[0, k] = 1.0
             frame[1, k] = 0.0
@@ -127,13 +117,13 @@ def surrogate_node_states(
             for k in range(BLOCK):
                 power = traction[0, k] * frame[0, k] + 2.0 * traction[1, k] * frame[1, k] + traction[2, k] * frame[2, k]
                 residual = result[2, k] - power / 3.0
-                # Chord from the last step where that was long enough to tell, else the slope of the volumetric part, and its multiple.
+                # The slope is that of the chord over the last step, if that step was long enough, else a multiple of the volumetric slope.
                 plain = result[3, k]
                 chord = (residual - last[1, k]) / last[0, k]
                 slope = min(max(chord, 0.3 * plain), 3.0 * plain) if abs(last[0, k]) > 1e-5 else last[2, k] * plain
                 slope = slope if last[0, k] != 0.0 else plain
                 step = min(max(-residual / slope, -0.5 * states[2, k]), states[2, k])
-                # Who has arrived stays, however long others of the block go on.
+                # A converged state stays as it is while others of the block go on.
                 step = step if moved[k] >= tolerance else 0.0
                 last[0, k] = step
                 last[1, k] = residual
@@ -141,7 +131,7 @@ def surrogate_node_states(
                 states[2, k] += step
                 moved[k] = abs(step) / states[2, k]
                 largest = max(largest, moved[k])
-        # First whether any state is near the edge at all, which vectorises; `last` is of no further use.
+        # This first test, whether any state is near the edge, is vectorised; `last` is no longer needed.
         near = 0.0
         for k in range(size):
             near += 0.0 if moved[k] < 100.0 * tolerance else 1.0

@@ -1,5 +1,6 @@
 """Learning bond forces: scikit-learn's world.  Never imported to simulate."""
 
+from .card_text import CardText
 from .chebyshev import ChebyshevRegressor
 from .energy import (
     cross_validate_energy,
@@ -16,20 +17,20 @@ from .force_model import evaluate, force_model_of
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .pipeline import bond_force_pipeline
 from .sampling import BondSamples, reachable_stretches, wide_design
-from .sobolev import SobolevRegressor, TorchSobolevRegressor
+from .sobolev import SobolevRegressor
 from .storing import store
 from .target import InputAwareTargetRegressor
 from .torch_regressor import TorchMLPRegressor
 
 __all__ = [
     "BondSamples",
+    "CardText",
     "ChebyshevRegressor",
     "EnergySamples",
     "InputAwareTargetRegressor",
     "LevenbergMarquardtRegressor",
     "SobolevRegressor",
     "TorchMLPRegressor",
-    "TorchSobolevRegressor",
     "bond_force_pipeline",
     "cross_validate",
     "cross_validate_energy",

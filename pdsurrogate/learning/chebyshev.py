@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import islice
+from math import comb
 from numbers import Integral
 from typing import ClassVar
 
@@ -9,6 +11,9 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+MOST_TERMS = 10_000
+"""Terms of a polynomial: with as many samples the matrix of the least squares has 0.8 GB."""
 
 
 class ChebyshevRegressor(RegressorMixin, BaseEstimator):
@@ -63,6 +68,11 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
         Returns
         -------
         self
+
+        Raises
+        ------
+        ValueError
+            If the degrees make more than `MOST_TERMS` terms; says which would not.
         """
         self._validate_params()
         X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
@@ -75,7 +85,7 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
         low, high = X.min(axis=0), X.max(axis=0)
         self.centre_ = (low + high) / 2
         self.half_width_ = np.where(high > low, (high - low) / 2, 1.0)
-        self.powers_ = np.array(list(_powers(self._degrees(X.shape[1]), 1.0)))
+        self.powers_ = self._checked_powers(X.shape[1])
         terms = self._terms(X)
         if sample_weight is not None:
             root = np.sqrt(weights)[:, None]
@@ -83,11 +93,25 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
         self.coef_ = np.linalg.lstsq(terms, Y, rcond=1e-13)[0]
         return self
 
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "coef_")
+
     def predict(self, X):
         """Predict targets, shape (n_samples,) or (n_samples, n_outputs) as in training."""
         check_is_fitted(self)
         Y = self._terms(validate_data(self, X, dtype=np.float64, reset=False)) @ self.coef_
         return Y[:, 0] if self._single_output else Y
+
+    def _checked_powers(self, n_features):
+        """Return the degrees of each feature in each term."""
+        powers = list(islice(_powers(self._degrees(n_features), 1.0), MOST_TERMS + 1))
+        if len(powers) > MOST_TERMS:
+            most = max(degree for degree in range(25) if comb(n_features + degree, degree) <= MOST_TERMS)
+            raise ValueError(
+                f"degree {self.degree} makes more than {MOST_TERMS} terms of {n_features} features: take a degree of at most {most}, "
+                "or lower degrees of single features"
+            )
+        return np.array(powers)
 
     def _degrees(self, n_features):
         if isinstance(self.degree, Integral):

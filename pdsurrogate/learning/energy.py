@@ -20,12 +20,14 @@ from ..forces.bond_energy import EnergySurrogate
 from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
 from ..materials import Law, plane_stress
 from ..materials.law import checked_law
+from .card_text import CardText
 from .energy_form import EnergyForm, EnergySamples, checked_derivatives, checked_invariants
 from .export import best_of
 from .fitting import MEMBER_STATES, check_storing, check_validation, check_worth_storing, committee_of, versions
 from .isochoric import ISOCHORIC
-from .sampling import checked_range, hull_of, log_stretches, stretches_of_strain
-from .sobolev import SobolevNetwork, SobolevRegressor
+from .named import named
+from .sampling import checked_range, hull_of, log_stretches, random_order, stretches_of_strain
+from .sobolev import SobolevRegressor
 from .target import InputAwareTargetRegressor
 from .validation import strain_bins
 
@@ -33,18 +35,21 @@ ANCHOR = (0.0, 0.0)
 """Features at rest, where the energy is zero."""
 
 
+@named()
 def log_invariants(X) -> np.ndarray:
     """Log J and log(tr C/(2 J)), shape (n, 2)."""
     trace, J = checked_invariants(X, SHEET)
     return np.stack([np.log(J), np.log(trace / (2 * J))], axis=1)
 
 
+@named()
 def rubber_energy_size(features) -> np.ndarray:
     """(tr C + J^-2)/2 from the features."""
     x, u = features.T
     return np.exp(x + u) + np.exp(-2 * x) / 2
 
 
+@named(("tr C", "J"), ("psi", "dpsi/dtr C", "dpsi/dJ"))
 def derivatives_by_features(X, y) -> np.ndarray:
     """Energy and its derivatives by log J and log(tr C/(2 J)), from those by tr C and J."""
     (trace, J), (energy, by_trace, by_J) = checked_derivatives(X, y, SHEET)
@@ -52,20 +57,21 @@ def derivatives_by_features(X, y) -> np.ndarray:
     return np.stack([energy, J * by_J + by_ratio, by_ratio], axis=1)
 
 
+@named()
 def derivatives_by_invariants(X, z) -> np.ndarray:
     """The inverse of `derivatives_by_features`."""
     trace, J = checked_invariants(X, SHEET)
     return np.stack([z[:, 0], z[:, 2] / trace, (z[:, 1] - z[:, 2]) / J], axis=1)
 
 
+@named()
 def _names(transformer, input_features):
     return np.asarray(ENERGY_FEATURES, dtype=object)
 
 
 class _Sheet(EnergyForm):
     name = "energy"
-    invariants = ("tr C", "J")
-    targets = ("psi", "dpsi/dtr C", "dpsi/dJ")
+    invariants, targets = derivatives_by_features.columns, derivatives_by_features.targets
     surrogate = EnergyNetwork
     stretch_range = (0.5, 5.0)
     n_units = 12
@@ -153,7 +159,9 @@ def energy_design(
     random_state: int = 0,
     isochoric: bool = False,
 ) -> EnergySamples:
-    """States even in log-stretch, a share of them near rest with strains from 0.1 % to 30 %, even in the logarithm of the strain.
+    """States even in log-stretch, in random order, a share of them near rest.
+
+    Those near rest have strains from 0.1 % to 30 % or as far as the range goes, even in the logarithm of the strain.
 
     Parameters
     ----------
@@ -192,10 +200,11 @@ def energy_design(
     samples = EnergySamples.of(law, np.exp(logs), design, form)
     if not np.isfinite(samples.y).all():
         raise ValueError(f"{law.name} ends before all states of stretches from {low:g} to {high:g}; see reachable_stretches")
-    return samples
+    order = random_order(n_samples, near_rest, random_state)
+    return replace(samples, X=samples.X[order], y=samples.y[order], stretches=samples.stretches[order])
 
 
-def energy_pipeline(regressor: SobolevNetwork | None = None, isochoric: bool = False) -> InputAwareTargetRegressor:
+def energy_pipeline(regressor: SobolevRegressor | None = None, isochoric: bool = False) -> InputAwareTargetRegressor:
     """A scikit-learn regressor from the invariants (columns of `EnergySamples.X`) to the energy and its derivatives.
 
     Of a sheet the regressor sees log J and log(tr C/(2 J)), of the isochoric energy log(I1bar/3) and log(I2bar/3), all zero at rest.  There
@@ -204,8 +213,8 @@ def energy_pipeline(regressor: SobolevNetwork | None = None, isochoric: bool = F
 
     Parameters
     ----------
-    regressor : SobolevNetwork, optional
-        `SobolevRegressor` with 12 units by default, 8 of the isochoric energy; its `anchor`, `flat` and `size` are set here.
+    regressor : SobolevRegressor, optional
+        With 12 units by default, 8 of the isochoric energy; its `anchor`, `flat` and `size` are set here.
     isochoric : bool
         See `energy_design`.
 
@@ -217,10 +226,8 @@ def energy_pipeline(regressor: SobolevNetwork | None = None, isochoric: bool = F
     >>> model.fit(samples.X, samples.y).predict(samples.X).shape[0]
     300
     """
-    if regressor is not None and not isinstance(regressor, SobolevNetwork):
-        raise ValueError(
-            f"an energy is learnt with its derivatives, by a SobolevRegressor or TorchSobolevRegressor, not by a {type(regressor).__name__}"
-        )
+    if regressor is not None and not isinstance(regressor, SobolevRegressor):
+        raise ValueError(f"an energy is learnt with its derivatives, by a SobolevRegressor, not by a {type(regressor).__name__}")
     form = ISOCHORIC if isochoric else SHEET
     inner = SobolevRegressor(form.n_units, random_state=0) if regressor is None else clone(regressor)
     inner.set_params(anchor=ANCHOR, flat=form.flat, size=form.size)
@@ -232,7 +239,7 @@ def energy_pipeline(regressor: SobolevNetwork | None = None, isochoric: bool = F
     )
 
 
-def network_of(model: InputAwareTargetRegressor) -> SobolevNetwork:
+def network_of(model: InputAwareTargetRegressor) -> SobolevRegressor:
     """The network of an `energy_pipeline`, fitted or not.
 
     Raises
@@ -245,10 +252,10 @@ def network_of(model: InputAwareTargetRegressor) -> SobolevNetwork:
     if (
         form is None
         or not isinstance(pipeline, Pipeline)
-        or not isinstance(pipeline[-1], SobolevNetwork)
+        or not isinstance(pipeline[-1], SobolevRegressor)
         or getattr(pipeline[0], "func", None) is not form.log_features
     ):
-        raise ValueError("only an energy_pipeline, which ends in a SobolevNetwork, can become an energy surrogate")
+        raise ValueError("only an energy_pipeline, which ends in a SobolevRegressor, can become an energy surrogate")
     network = pipeline[-1]
     if (network.anchor, network.flat) != (ANCHOR, form.flat):
         raise ValueError(f"the network of an {form.name} has anchor {ANCHOR} and flat {form.flat}, not {network.anchor} and {network.flat}")
@@ -447,10 +454,7 @@ def store_energy(
     folder: str | Path,
     name: str,
     version: str,
-    description: str,
-    cross_validation: list[dict] | None = None,
-    search: list[dict] | None = None,
-    identification: dict | None = None,
+    text: str | CardText,
     members: Sequence[tuple] = (),
 ) -> Path:
     """Write the artefact of a fitted energy pipeline with a full card; the arguments are those of `pdsurrogate.store`.
@@ -467,7 +471,8 @@ def store_energy(
     >>> path.parts[-2:]
     ('my-energy', '1')
     """
-    check_storing(samples, EnergySamples, law, folder, name, version, description, cross_validation, search, identification, members)
+    text = CardText.of(text)
+    check_storing(samples, EnergySamples, law, folder, name, version, members)
     form = samples.form
     if members and form is SHEET:
         raise ValueError("a committee is of bond forces, or of isochoric energies; the energy of a sheet has none")
@@ -490,7 +495,7 @@ def store_energy(
         "name": name,
         "version": version,
         "kind": surrogate.kind,
-        "description": description,
+        "description": text.description,
         "material": {"law": law.name, "trained_with": law.describe(), "shape": form.shape(law)},
         "weight_function": "any: the energy learnt is that of the material alone",
         "features": {
@@ -506,9 +511,9 @@ def store_energy(
             "regressor": type(regressor).__name__,
             "parameters": parameters,
             "outcome": {"n_iter": regressor.n_iter_, "loss": regressor.loss_},
-            "cross_validation": cross_validation or [],
-            "search": search or [],
-            **({"identification": identification} if identification else {}),
+            "cross_validation": text.cross_validation or [],
+            "search": text.search or [],
+            **({"identification": text.identification} if text.identification else {}),
         },
         "domain": asdict(surrogate.domain),
         # Of a sheet the box's corners are states of little use that its errors are of.

@@ -136,7 +136,14 @@ def force_of(model) -> Callable:
                 f"the {type(model).__name__} was fitted to {count} features; taken are regressors of the five bond quantities "
                 f"{', '.join(COLUMNS)}, alone or within a bond_force_pipeline, which makes features of them"
             )
-        return lambda *bond: _quietly(model, np.stack(np.broadcast_arrays(*bond), axis=1))
+        names = list(getattr(model, "feature_names_in_", COLUMNS))
+        if sorted(names) != sorted(COLUMNS):
+            raise ValueError(
+                f"the {type(model).__name__} was fitted to the columns {', '.join(names)}; taken are the five bond quantities "
+                f"{', '.join(COLUMNS)}, in any order"
+            )
+        order = [COLUMNS.index(name) for name in names]
+        return lambda *bond: _quietly(model, np.stack(np.broadcast_arrays(*bond), axis=1)[:, order])
     if isinstance(model, type):
         raise TypeError(f"{model.__name__} is a class: give an instance of it")
     if callable(model):

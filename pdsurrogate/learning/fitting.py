@@ -21,17 +21,16 @@ from ..arguments import (
     check_jobs,
     check_path,
     check_seed,
-    check_tables,
-    check_text,
     check_whole_number,
     kind_of,
 )
 from ..artifacts import new_artifact, save_artifact
-from ..artifacts.card import MOST_STORED, NOTED, check_plain
+from ..artifacts.card import MOST_STORED, NOTED
 from ..body import WEIGHT_FUNCTIONS
 from ..forces import Domain
 from ..materials import Law
 from ..materials.law import checked_law
+from .card_text import CardText
 from .export import best_of, regressor_of, shift_and_scale, taken_over, title_of
 from .pipeline import feature_set_of, parts_of
 from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples, hull_of, reachable_stretches
@@ -86,7 +85,7 @@ def domain_of(samples: BondSamples) -> Domain:
     bulk = samples.X[:, 4] ** 2 * samples.X[:, 3]
     if samples.design.get("off_surface"):
         # The perturbation's own bounds, which the samples nearly fill.
-        reach = np.exp(PERTURBATION["log_C33"])
+        reach = np.exp(samples.design.get("perturbation", PERTURBATION)["log_C33"])
         return Domain(low, high, float(1 / reach), float(reach), hull)
     return Domain(low, high, float(bulk.min()), float(bulk.max()), hull)
 
@@ -127,30 +126,12 @@ def check_validation(model, samples, kind: type, maker: str, folds: int, random_
     check_called(progress, "progress")
 
 
-def check_storing(
-    samples,
-    kind: type,
-    law,
-    folder,
-    name,
-    version,
-    description,
-    cross_validation,
-    search,
-    identification,
-    members,
-) -> None:
+def check_storing(samples, kind: type, law, folder, name, version, members) -> None:
     """Raise TypeError or ValueError for what `pdsurrogate.store` cannot make an artefact of; ArtifactError for a name that is taken."""
     check_is(samples, kind, "samples", "a design draws")
     checked_law(law)
     check_path(folder, "folder")
     new_artifact(folder, name, version)
-    check_text(description, "description")
-    check_tables(cross_validation, "cross_validation")
-    check_tables(search, "search")
-    if not isinstance(identification, dict | None):
-        raise TypeError(f"identification must be a dictionary, or None, not {kind_of(identification)}")
-    check_plain({"cross_validation": cross_validation, "search": search, "identification": identification})
     if not isinstance(members, list | tuple):
         raise TypeError(f"members must be a list of tuples, each a fitted model, its samples and its law, not {kind_of(members)}")
     for number, member in enumerate(members, 1):
@@ -216,14 +197,11 @@ def store_bond_force(
     folder: str | Path,
     name: str,
     version: str,
-    description: str,
-    cross_validation: list[dict] | None = None,
-    search: list[dict] | None = None,
-    identification: dict | None = None,
+    text: CardText,
     members: Sequence[tuple] = (),
 ) -> Path:
     """Write the artefact of a model of a bond force with a full card; see `pdsurrogate.store`."""
-    check_storing(samples, BondSamples, law, folder, name, version, description, cross_validation, search, identification, members)
+    check_storing(samples, BondSamples, law, folder, name, version, members)
     title = f"{name}@{version}"
     committee, cards = committee_of(
         members,
@@ -232,8 +210,7 @@ def store_bond_force(
         lambda found, drawn, described: force_report(found.bond_force, described, tuple(drawn.design["stretch_range"]), MEMBER_STATES),
         lambda described: described.shape,
     )
-    if search is None and hasattr(model, "cv_results_"):
-        search = search_table(model)
+    search = search_table(model) if text.search is None and hasattr(model, "cv_results_") else text.search
     model = best_of(model)
     surrogate, resampling = taken_over(model, law, domain_of(samples), title, samples.X)
     low, high = samples.design["stretch_range"]
@@ -246,7 +223,7 @@ def store_bond_force(
         "name": name,
         "version": version,
         "kind": surrogate.kind,
-        "description": description,
+        "description": text.description,
         "material": {"law": law.name, "trained_with": law.describe(), "shape": law.shape},
         "weight_function": "any: the force learnt is dimensionless, t kappa / (w l mu); known are " + ", ".join(WEIGHT_FUNCTIONS),
         "features": {
@@ -266,9 +243,9 @@ def store_bond_force(
                 for key in ("n_iter_", "loss_", "validation_loss_", "test_score_")
                 if np.isscalar(value := getattr(regressor, key, None)) and np.isfinite(value)
             },
-            "cross_validation": cross_validation or [],
+            "cross_validation": text.cross_validation or [],
             "search": search or [],
-            **({"identification": identification} if identification else {}),
+            **({"identification": text.identification} if text.identification else {}),
             **({"resampling": resampling} if resampling else {}),
         },
         "domain": asdict(surrogate.domain),

@@ -11,33 +11,39 @@ from ..forces.agreement import isochoric_stresses
 from ..forces.learnt_energy import ISOCHORIC_FEATURES
 from ..materials import Law, solid
 from .energy_form import EnergyForm, EnergySamples, checked_derivatives, checked_invariants
+from .named import named
 
 STATES_OF_STABILITY, DIRECTIONS, STEP = 1000, 24, 1e-4
 """States and pairs of directions at which stiffness against shear waves is asked for, and the amount of shear of its differences."""
 
 
+@named()
 def log_isochoric_invariants(X) -> np.ndarray:
     """log(I1bar/3) and log(I2bar/3), shape (n, 2)."""
     return np.log(np.stack(checked_invariants(X, ISOCHORIC), axis=1) / 3)
 
 
+@named()
 def isochoric_energy_size(features) -> np.ndarray:
     """(I1bar + I2bar)/6 from the features: how a rubber's energy grows."""
     return np.exp(features).mean(axis=1)
 
 
+@named(("I1bar", "I2bar"), ("W", "dW/dI1bar", "dW/dI2bar"))
 def isochoric_derivatives_by_features(X, y) -> np.ndarray:
     """W and its derivatives by the logarithms of the invariants, from those by the invariants."""
     (I1, I2), (W, by_1, by_2) = checked_derivatives(X, y, ISOCHORIC)
     return np.stack([W, I1 * by_1, I2 * by_2], axis=1)
 
 
+@named()
 def isochoric_derivatives_by_invariants(X, z) -> np.ndarray:
     """The inverse of `isochoric_derivatives_by_features`."""
     I1, I2 = checked_invariants(X, ISOCHORIC)
     return np.stack([z[:, 0], z[:, 1] / I1, z[:, 2] / I2], axis=1)
 
 
+@named()
 def isochoric_feature_names(transformer, input_features):
     """Names of the features, as scikit-learn asks for them."""
     return np.asarray(ISOCHORIC_FEATURES, dtype=object)
@@ -45,8 +51,7 @@ def isochoric_feature_names(transformer, input_features):
 
 class _Isochoric(EnergyForm):
     name = "isochoric energy"
-    invariants = ("I1bar", "I2bar")
-    targets = ("W", "dW/dI1bar", "dW/dI2bar")
+    invariants, targets = isochoric_derivatives_by_features.columns, isochoric_derivatives_by_features.targets
     surrogate = IsochoricNetwork
     stretch_range = (0.25, 4.0)
     n_units = 8

@@ -7,7 +7,7 @@ from sklearn.compose import TransformedTargetRegressor
 from sklearn.pipeline import Pipeline
 
 from ..kernels.activations import ACTIVATIONS
-from ..kernels.network import MOST_HIDDEN
+from ..kernels.network import MOST_HIDDEN, network_outputs
 
 Layers = tuple[tuple[np.ndarray, np.ndarray], ...]
 
@@ -39,10 +39,7 @@ def network_of(estimator, features: np.ndarray) -> tuple[str, Layers] | None:
     activation, layers = found
     if activation not in ACTIVATIONS or not 1 <= len(layers) - 1 <= MOST_HIDDEN:
         return None
-    values = features
-    for weights, biases in layers[:-1]:
-        values = ACTIVATIONS[activation](values @ weights + biases)[0]
-    values = values @ layers[-1][0] + layers[-1][1]
+    values = network_outputs(features, layers, ACTIVATIONS[activation])
     expected = np.asarray(estimator.predict(features), dtype=float)
     if expected.shape != values.shape:
         return None

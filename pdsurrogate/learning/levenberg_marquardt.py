@@ -13,9 +13,11 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 from threadpoolctl import threadpool_limits
 
+from ..kernels.network import network_outputs
 from .activations import ACTIVATIONS
 from .listening import tell
 from .marquardt import improved
+from .repeated import distinct_samples
 
 
 class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
@@ -150,7 +152,9 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         Y = y.reshape(len(X), -1)
         if sample_weight is not None:
             sample_weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
-        X, Y, share = _distinct(X, Y, sample_weight)
+        kept, share = distinct_samples(X, Y, sample_weight)
+        if kept is not None:
+            X, Y = X[kept], Y[kept]
         random = check_random_state(self.random_state)
 
         order = random.permutation(len(X))
@@ -173,14 +177,14 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
             self.test_score_ = float(self.score(X[test], Y[test, 0] if self._single_output else Y[test], share))
         return self
 
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "coefs_")
+
     def predict(self, X):
         """Predict targets, shape (n_samples,) or (n_samples, n_outputs) as in training."""
         check_is_fitted(self)
         X = validate_data(self, X, dtype=np.float64, reset=False)
-        values = X
-        for W, b in zip(self.coefs_[:-1], self.intercepts_[:-1], strict=True):
-            values = ACTIVATIONS[self.activation](values @ W + b)[0]
-        Y = values @ self.coefs_[-1] + self.intercepts_[-1]
+        Y = network_outputs(X, zip(self.coefs_, self.intercepts_, strict=True), ACTIVATIONS[self.activation])
         return Y[:, 0] if self._single_output else Y
 
     def _train(self, network, weights, fitted, watched, number):
@@ -209,21 +213,6 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
                 if waited >= self.n_iter_no_change:
                     break
         return best, best_weights, iterations
-
-
-def _distinct(X, Y, weights):
-    """Samples without repetition, and their weights; None where all are alike.
-
-    They are as given, or sorted where anything repeats or weighs: what comes of copies and of weights is the same to the last bit.
-    """
-    rows, first, inverse = np.unique(np.hstack([X, Y]), axis=0, return_index=True, return_inverse=True)
-    if len(rows) == len(X) and (weights is None or (weights[0] > 0 and np.ptp(weights) == 0)):
-        return X, Y, None
-    weights = np.bincount(inverse.ravel(), weights, len(rows))
-    if not weights.any():
-        raise ValueError("all sample weights are zero")
-    kept = first[weights > 0]
-    return X[kept], Y[kept], weights[weights > 0]
 
 
 class _Part:
@@ -267,11 +256,7 @@ class _Network:
         return coefs, intercepts
 
     def outputs(self, weights, X):
-        values = X
-        coefs, intercepts = self.layers(weights)
-        for W, b in zip(coefs[:-1], intercepts[:-1], strict=True):
-            values = self.activation(values @ W + b)[0]
-        return values @ coefs[-1] + intercepts[-1]
+        return network_outputs(X, zip(*self.layers(weights), strict=True), self.activation)
 
     def normal_equations(self, weights, X, Y, root):
         """J^T J and J^T r of the residuals r = root (outputs - Y), summed over samples and outputs."""

@@ -15,15 +15,20 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.utils import get_tags
 
 from ..kernels.activations import ACTIVATIONS
+from ..kernels.bond_state import along_and_across
 from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.network import MOST_HIDDEN
 from .chebyshev import ChebyshevRegressor
 from .levenberg_marquardt import LevenbergMarquardtRegressor
+from .named import named
 from .sampling import COLUMNS, TARGETS, force_factor
 from .target import InputAwareTargetRegressor, check_targets, is_search
 
 ROUNDING = 1e-10
 """Spread, in parts of the greatest output, below which an output is taken for constant."""
+
+SHEARLESS = float(np.sqrt(np.finfo(float).eps))
+"""|U_nm|/U_nn up to which a bond counts as one without shear: T_nm/U_nm, which the outputs hold, has lost half of its digits there."""
 
 AT_REST = (1.0, 0.0, 1.0, 1.0, 1.0)
 """Bond quantities of an undeformed bond as long as the horizon."""
@@ -52,6 +57,8 @@ def bond_force_pipeline(
     Returns
     -------
     InputAwareTargetRegressor
+        Tables (pandas) with the names of the columns, in any order, are taken, and other names refused.  With "symmetric" and "isochoric"
+        features samples without shear (rotation 0) are left out with a warning: they do not tell how the force grows with shear.
 
     Raises
     ------
@@ -204,6 +211,7 @@ def feature_transformer(features: str, horizon: float = 1.0) -> FunctionTransfor
     )
 
 
+@named()
 def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.ndarray:
     """Values of a feature set, shape (n, n_features)."""
     a, b, U_mm, J, C33, length = _bond_state(X)
@@ -211,10 +219,12 @@ def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.n
     return np.stack(chosen.inputs(chosen.shared(a, b, J, C33), a, b, U_mm, J, C33, length / horizon), axis=1)
 
 
+@named(COLUMNS, TARGETS)
 def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
     """What the network is trained to give: the nondimensional force as the feature set's outputs.
 
     An output that only rounding moves is made constant: scaled to unit variance it would be noise that a regressor spends itself on.
+    A bond without shear does not say how its force grows with shear: where the outputs ask for that, they are NaN.
     """
     a, b, U_mm, J, C33, length = _bond_state(X)
     check_targets(y, TARGETS)
@@ -222,18 +232,26 @@ def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
     stretch = X[:, 0]
     T_nn, T_nm = ((force[:, 0] * a - force[:, 1] * b) / stretch, (force[:, 0] * b + force[:, 1] * a) / stretch)
     chosen = FEATURE_SETS[features]
-    outputs = np.stack(chosen.outputs(chosen.shared(a, b, J, C33), T_nn, T_nm, a, b, U_mm, J, C33), axis=1)
-    constant = np.ptp(outputs, axis=0) < ROUNDING * np.abs(outputs).max()
-    outputs[:, constant] = np.median(outputs[:, constant], axis=0)
+    without = np.abs(b) <= SHEARLESS * a
+    b = np.where(without, 0.0, b)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        outputs = np.stack(chosen.outputs(chosen.shared(a, b, J, C33), T_nn, T_nm, a, b, U_mm, J, C33), axis=1)
+    undetermined = without & ~np.isfinite(outputs).all(axis=1)
+    outputs[undetermined] = np.nan
+    if not undetermined.all():
+        told = outputs[~undetermined]
+        constant = np.ptp(told, axis=0) < ROUNDING * np.abs(told).max()
+        outputs[np.ix_(~undetermined, constant)] = np.median(told[:, constant], axis=0)
     return outputs
 
 
+@named()
 def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
     """The inverse of `outputs_of_force`."""
     a, b, U_mm, J, C33, length = _bond_state(X)
     chosen = FEATURE_SETS[features]
     T_nn, T_nm, _ = chosen.traction(chosen.shared(a, b, J, C33), z[:, 0], z[:, 1], a, b, U_mm, J, C33)
-    force = np.stack([T_nn * a + T_nm * b, T_nm * a - T_nn * b], axis=1) / X[:, :1]
+    force = along_and_across(T_nn, T_nm, a, b, X[:, 0])
     return force if factor is None else force * factor(length)[:, None]
 
 
@@ -251,5 +269,6 @@ def _bond_state(X):
     return a, b, (J + b * b) / a, J, C33, length
 
 
+@named()
 def _names(transformer, input_features, features):
     return np.asarray(FEATURE_SETS[features].names, dtype=object)

@@ -11,6 +11,7 @@ from ..arguments import check_seed, check_share, check_whole_number
 from ..body import WEIGHT_FUNCTIONS
 from ..materials import Law, plane_stress
 from ..materials.law import checked_law
+from .named import named
 
 COLUMNS = ("stretch", "rotation", "length", "C33", "J")
 """Columns of X: lambda_b, dtheta (radians), l_b, C33, det F in the plane."""
@@ -64,7 +65,7 @@ def wide_design(
     """The wider design (theory, section 5): even in log-stretch, with states near rest and states off the plane-stress surface.
 
     Off the surface lambda_b, dtheta and C33 are perturbed independently, by amounts that shrink with the strain, and
-    the force is the exact one of the perturbed values.
+    the force is the exact one of the perturbed values.  The samples are in random order.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def wide_design(
     stretch_range : tuple of float
         Of both principal stretches.
     near_rest : float
-        Share of states with strains from 0.1 % to 30 %, even in the logarithm of the strain.
+        Share of states with strains from 0.1 % to 30 % or as far as the range goes, even in the logarithm of the strain.
     off_surface : float
         Share of states that are perturbed.
     random_state : int
@@ -104,7 +105,8 @@ def wide_design(
     U_nn, U_nm, J, C33 = on_surface(law, *np.exp(logs).T, angle)
 
     perturbed = random.random(n_samples) < off_surface
-    U_nn, U_nm, C33 = perturb(U_nn, U_nm, C33, np.abs(logs).max(axis=1) * perturbed, random)
+    perturbation = perturbation_within(low, high)
+    U_nn, U_nm, C33 = perturb(U_nn, U_nm, C33, np.abs(logs).max(axis=1) * perturbed, random, perturbation)
     X, y = force_on_bonds(law, U_nn, U_nm, J, C33, 1 - length)
     if not np.isfinite(y).all():
         least, greatest = reachable_stretches(law, (low, high))
@@ -117,22 +119,31 @@ def wide_design(
         "stretch_range": [low, high],
         "near_rest": near_rest,
         "off_surface": off_surface,
-        "perturbation": PERTURBATION,
+        "perturbation": perturbation,
         "random_state": random_state,
         "nondimensional": True,
     }
-    return BondSamples(X, y, design)
+    order = random_order(n_samples, near_rest, random_state)
+    return BondSamples(X[order], y[order], design)
+
+
+def random_order(n_samples: int, near_rest: float, random_state: int) -> np.ndarray:
+    """Return the order that a design hands its samples out in: it draws a share near rest first, and folds of them would not be alike."""
+    return np.arange(n_samples) if near_rest == 0 else np.random.default_rng([random_state, 1]).permutation(n_samples)
 
 
 def log_stretches(random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
     """Logarithms of principal stretches, shape (n_samples, 2): even within their bounds, but for a share near rest.
 
-    That share has strains from 0.1 % to 30 %, even in the logarithm of the strain.
+    That share has strains from 0.1 % to 30 %, even in the logarithm of the strain; where the bounds are nearer, they end there, and
+    begin at a tenth of that if it is less than 0.1 %.
     """
     logs = random.uniform(np.log(low), np.log(high), (n_samples, 2))
     n_near = int(near_rest * n_samples)
     direction = random.standard_normal((n_near, 2))
-    size = np.exp(random.uniform(np.log(1e-3), np.log(0.3), n_near))
+    to_bounds = np.where(direction < 0, np.log(low), np.log(high)) * np.linalg.norm(direction, axis=1, keepdims=True) / direction
+    greatest = np.minimum(0.3, to_bounds.min(axis=1))
+    size = np.exp(random.uniform(np.log(np.minimum(1e-3, greatest / 10)), np.log(greatest)))
     logs[:n_near] = np.clip(size[:, None] * direction / np.linalg.norm(direction, axis=1, keepdims=True), np.log(low), np.log(high))
     return logs
 
@@ -141,12 +152,18 @@ PERTURBATION = {"log_stretch": 0.15, "rotation": 0.08, "log_C33": 0.35, "full_fr
 """Greatest perturbations of a bond off the surface, and the log-strain from which they have their full size."""
 
 
-def perturb(U_nn, U_nm, C33, strain, random):
+def perturbation_within(low: float, high: float) -> dict[str, float]:
+    """Return the perturbation of a range of stretches: as `PERTURBATION`, or as far as that gets at the greatest strain of the range."""
+    share = min(1.0, max(np.log(high), -np.log(low)) / PERTURBATION["full_from_strain"])
+    return {key: float(share * value) for key, value in PERTURBATION.items()}
+
+
+def perturb(U_nn, U_nm, C33, strain, random, perturbation):
     """Move bonds off the plane-stress surface; `strain` is their greatest log-strain, 0 for those that stay."""
-    scale = np.minimum(1, strain / PERTURBATION["full_from_strain"])
-    stretch = np.hypot(U_nn, U_nm) * np.exp(PERTURBATION["log_stretch"] * scale * random.uniform(-1, 1, scale.size))
-    rotation = np.arctan2(U_nm, U_nn) + PERTURBATION["rotation"] * scale * random.uniform(-1, 1, scale.size)
-    C33 = C33 * np.exp(PERTURBATION["log_C33"] * scale * random.uniform(-1, 1, scale.size))
+    scale = np.minimum(1, strain / perturbation["full_from_strain"])
+    stretch = np.hypot(U_nn, U_nm) * np.exp(perturbation["log_stretch"] * scale * random.uniform(-1, 1, scale.size))
+    rotation = np.arctan2(U_nm, U_nn) + perturbation["rotation"] * scale * random.uniform(-1, 1, scale.size)
+    C33 = C33 * np.exp(perturbation["log_C33"] * scale * random.uniform(-1, 1, scale.size))
     return stretch * np.cos(rotation), stretch * np.sin(rotation), C33
 
 
@@ -234,6 +251,7 @@ def stretches_of_strain(
     return first, random.uniform(np.maximum(1 - greatest, low), np.minimum(1 + greatest, high))
 
 
+@named()
 def force_factor(length, horizon: float, weight: str, shear_modulus: float):
     """W l mu/kappa: what a dimensionless bond force is multiplied by to give that of Eq. (2) on a full circular horizon."""
     function = WEIGHT_FUNCTIONS[weight]

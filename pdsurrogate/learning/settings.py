@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..materials import Law
+from .card_text import CardText
 from .chebyshev import ChebyshevRegressor
 from .energy import cross_validate_energy, energy_design, energy_pipeline
 from .energy_form import EnergySamples
@@ -153,7 +154,8 @@ class FitSettings:
     ) -> Path:
         """Write the artefact of a fitted pipeline; see `pdsurrogate.store` for the arguments and errors."""
         description = f"{'Isochoric energy' if self.energy else 'Bond force'} of {law.name}, {self.pipeline()[1]}"
-        return store(pipeline, design, law, folder, name, version, description, cross_validation, None, identification, members)
+        text = CardText(description, cross_validation, identification=identification)
+        return store(pipeline, design, law, folder, name, version, text, members)
 
     def committee(self, laws: Sequence[Law], progress: Callable[[int], None] = lambda member: None) -> list[tuple]:
         """Members of a committee for `store`: a fit to every law, each from a seed of its own; `progress` is told each, from 0."""

@@ -1,8 +1,7 @@
-"""Networks fitted to a function and its gradient together (Sobolev training), as scikit-learn regressors."""
+"""Networks fitted to a function and its gradient together (Sobolev training), as a scikit-learn regressor."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from numbers import Integral, Real
 from typing import ClassVar
 
@@ -10,113 +9,20 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state, column_or_1d
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 from threadpoolctl import threadpool_limits
 
 from ..kernels.activations import ACTIVATIONS, SMOOTH
 from .listening import tell
 from .marquardt import improved
+from .repeated import distinct_samples
 
 
-class SobolevNetwork(RegressorMixin, BaseEstimator):
-    """A network of one hidden layer for a scalar function and its gradient; subclasses say how it is trained.
+class SobolevRegressor(RegressorMixin, BaseEstimator):
+    """A small network of one hidden layer, trained by the Levenberg-Marquardt algorithm on a scalar function and its gradient together.
 
     With targets of shape (n,) it is fitted to values alone; with targets of shape (n, 1 + n_features), to the value in the first column and
     its derivatives by the features in the others, and it predicts the same.  The derivatives predicted are those of the value predicted.
-    """
-
-    _parameter_constraints: ClassVar = {
-        "n_units": [Interval(Integral, 1, None, closed="left")],
-        "activation": [StrOptions(set(SMOOTH))],
-        "gradient_weight": [Interval(Real, 0, None, closed="neither")],
-        "anchor": ["array-like", None],
-        "flat": ["array-like"],
-        "size": [callable, None],
-        "random_state": ["random_state"],
-    }
-
-    def fit(self, X, y):
-        """Fit the network.
-
-        Parameters
-        ----------
-        X : array-like, shape (n_samples, n_features)
-        y : array-like, shape (n_samples,) or (n_samples, 1 + n_features)
-
-        Returns
-        -------
-        self
-
-        Raises
-        ------
-        ValueError
-            For parameters out of range, or data that scikit-learn would not accept.
-        """
-        self._validate_params()
-        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
-        y = np.asarray(y, dtype=np.float64)
-        n, d = X.shape
-        self._with_gradient = y.ndim == 2 and y.shape[1] == 1 + d
-        if not self._with_gradient:
-            y = column_or_1d(y, warn=True)[:, None]
-        anchor = None if self.anchor is None else np.asarray(self.anchor, dtype=float).reshape(d)
-        flat = list(self.flat)
-        if flat and anchor is None:
-            raise ValueError("flat names derivatives that vanish at the anchor, and there is none")
-
-        mean, spread = X.mean(axis=0), X.std(axis=0)
-        spread[spread == 0] = 1.0
-        if anchor is not None:
-            mean = anchor  # the origin of the scaled features
-        scaled = (X - mean) / spread
-        target = y.copy()
-        target[:, 1:] *= spread if self._with_gradient else 1.0
-        weight = np.ones((n, 1)) if self.size is None else 1 / np.asarray(self.size(X), dtype=float).reshape(n, 1)
-        # Residuals over the spread of what is fitted: one scale for the value, one for all derivatives.
-        spreads = (weight * target).std(axis=0)
-        unit = spreads[0] if spreads[0] > 0 else 1.0
-        weights = np.repeat(weight / unit, target.shape[1], axis=1)
-        if self._with_gradient:
-            size = np.sqrt((spreads[1:] ** 2).mean())
-            weights[:, 1:] = self.gradient_weight * weight / (size if size > 0 else 1.0)
-        random = check_random_state(self.random_state)
-        network = _Function(d, self.n_units, self.activation, anchor is not None, flat)
-        with threadpool_limits(1, user_api="blas"):
-            theta = self._train(network, scaled, target / unit, weights * unit, random)
-        W, b, v, constant = network.parts(theta)
-        self.hidden_weights_ = W / spread[:, None]
-        self.hidden_biases_ = b - mean @ self.hidden_weights_
-        self.output_weights_ = v * unit
-        self.intercept_, self.slopes_ = 0.0, np.zeros(d)
-        self.anchor_ = mean if anchor is not None else np.zeros(d)
-        if anchor is None:
-            self.intercept_ = constant * unit
-        else:
-            at = self._outputs(anchor[None])[0]
-            self.intercept_ = -at[0]
-            self.slopes_[flat] = -at[1:][flat]
-        residual = (self._outputs(X)[:, : target.shape[1]] - y) * weight
-        self.loss_ = float((residual[:, 0] ** 2).mean() / unit**2)
-        return self
-
-    def predict(self, X):
-        """Predict values, shape (n_samples,), or values and derivatives, shape (n_samples, 1 + n_features), as in training."""
-        check_is_fitted(self)
-        outputs = self._outputs(validate_data(self, X, dtype=np.float64, reset=False))
-        return outputs if self._with_gradient else outputs[:, 0]
-
-    def _outputs(self, X):
-        value, slope, _ = ACTIVATIONS[self.activation](X @ self.hidden_weights_ + self.hidden_biases_)
-        gradient = (slope * self.output_weights_) @ self.hidden_weights_.T + self.slopes_
-        return np.column_stack([value @ self.output_weights_ + self.intercept_ + (X - self.anchor_) @ self.slopes_, gradient])
-
-    @abstractmethod
-    def _train(self, network, X, Y, weights, random):
-        """Parameters of the network (`_Function`) for features, targets and weights of residuals that are all of order one."""
-
-
-class SobolevRegressor(SobolevNetwork):
-    """A small network trained by the Levenberg-Marquardt algorithm on a function and its gradient together.
 
     Parameters
     ----------
@@ -169,7 +75,13 @@ class SobolevRegressor(SobolevNetwork):
     """
 
     _parameter_constraints: ClassVar = {
-        **SobolevNetwork._parameter_constraints,
+        "n_units": [Interval(Integral, 1, None, closed="left")],
+        "activation": [StrOptions(set(SMOOTH))],
+        "gradient_weight": [Interval(Real, 0, None, closed="neither")],
+        "anchor": ["array-like", None],
+        "flat": ["array-like"],
+        "size": [callable, None],
+        "random_state": ["random_state"],
         "max_iter": [Interval(Integral, 1, None, closed="left")],
         "alpha": [Interval(Real, 0, None, closed="left")],
         "tol": [Interval(Real, 0, None, closed="left")],
@@ -208,7 +120,95 @@ class SobolevRegressor(SobolevNetwork):
         self.initial_damping = initial_damping
         self.random_state = random_state
 
+    def fit(self, X, y, sample_weight=None):
+        """Fit the network.
+
+        Parameters
+        ----------
+        X : array-like, shape (n_samples, n_features)
+        y : array-like, shape (n_samples,) or (n_samples, 1 + n_features)
+        sample_weight : array-like, shape (n_samples,), optional
+            Of the squared residuals.  A whole number stands for as many samples, 0 for none.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            For parameters out of range, or data that scikit-learn would not accept.
+        """
+        self._validate_params()
+        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
+        y = np.asarray(y, dtype=np.float64)
+        d = X.shape[1]
+        self._with_gradient = y.ndim == 2 and y.shape[1] == 1 + d
+        if not self._with_gradient:
+            y = column_or_1d(y, warn=True)[:, None]
+        if sample_weight is not None:
+            sample_weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        kept, share = distinct_samples(X, y, sample_weight)
+        if kept is not None:
+            X, y = X[kept], y[kept]
+        anchor = None if self.anchor is None else np.asarray(self.anchor, dtype=float).reshape(d)
+        flat = list(self.flat)
+        if flat and anchor is None:
+            raise ValueError("flat names derivatives that vanish at the anchor, and there is none")
+
+        mean, spread = X.mean(axis=0), X.std(axis=0)
+        spread[spread == 0] = 1.0
+        if anchor is not None:
+            mean = anchor  # the origin of the scaled features
+        scaled = (X - mean) / spread
+        target = y.copy()
+        target[:, 1:] *= spread if self._with_gradient else 1.0
+        weight = np.ones((len(X), 1)) if self.size is None else 1 / np.asarray(self.size(X), dtype=float).reshape(len(X), 1)
+        # Residuals over the spread of what is fitted: one scale for the value, one for all derivatives.
+        spreads = (weight * target).std(axis=0)
+        unit = spreads[0] if spreads[0] > 0 else 1.0
+        weights = np.repeat(weight / unit, target.shape[1], axis=1)
+        if self._with_gradient:
+            size = np.sqrt((spreads[1:] ** 2).mean())
+            weights[:, 1:] = self.gradient_weight * weight / (size if size > 0 else 1.0)
+        if share is not None:
+            weights *= np.sqrt(share / share.mean())[:, None]
+        random = check_random_state(self.random_state)
+        network = _Function(d, self.n_units, self.activation, anchor is not None, flat)
+        with threadpool_limits(1, user_api="blas"):
+            theta = self._train(network, scaled, target / unit, weights * unit, random)
+        W, b, v, constant = network.parts(theta)
+        self.hidden_weights_ = W / spread[:, None]
+        self.hidden_biases_ = b - mean @ self.hidden_weights_
+        self.output_weights_ = v * unit
+        self.intercept_, self.slopes_ = 0.0, np.zeros(d)
+        self.anchor_ = mean if anchor is not None else np.zeros(d)
+        if anchor is None:
+            self.intercept_ = constant * unit
+        else:
+            at = self._outputs(anchor[None])[0]
+            self.intercept_ = -at[0]
+            self.slopes_[flat] = -at[1:][flat]
+        residual = (self._outputs(X)[:, 0] - y[:, 0]) * weight[:, 0]
+        self.loss_ = float(np.average(residual**2, weights=share) / unit**2)
+        return self
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "hidden_weights_")
+
+    def predict(self, X):
+        """Predict values, shape (n_samples,), or values and derivatives, shape (n_samples, 1 + n_features), as in training."""
+        check_is_fitted(self)
+        outputs = self._outputs(validate_data(self, X, dtype=np.float64, reset=False))
+        return outputs if self._with_gradient else outputs[:, 0]
+
+    def _outputs(self, X):
+        value, slope, _ = ACTIVATIONS[self.activation](X @ self.hidden_weights_ + self.hidden_biases_)
+        gradient = (slope * self.output_weights_) @ self.hidden_weights_.T + self.slopes_
+        return np.column_stack([value @ self.output_weights_ + self.intercept_ + (X - self.anchor_) @ self.slopes_, gradient])
+
     def _train(self, network, X, Y, weights, random):
+        """Return parameters of the network for features, targets and weights of residuals that are all of order one."""
         trainings = [self._descend(network, network.first(random), X, Y, weights, number) for number in range(self.n_init)]
         _, theta, self.n_iter_ = min(trainings, key=lambda training: training[0])
         return theta
@@ -239,68 +239,6 @@ class SobolevRegressor(SobolevNetwork):
             if iterations > self.n_iter_no_change and loss > (1 - self.tol) * losses[-1 - self.n_iter_no_change]:
                 break
         return loss, theta, iterations
-
-
-class TorchSobolevRegressor(SobolevNetwork):
-    """The same network trained by L-BFGS with torch and skorch, for more units than `SobolevRegressor` has the memory for.
-
-    Needs the ``torch`` extra to fit; a fitted regressor holds plain arrays and needs it no more.
-
-    Parameters
-    ----------
-    n_units, activation, gradient_weight, anchor, flat, size
-        As for `SobolevRegressor`.
-    max_epochs : int, default=50
-        Each of up to 20 steps on all samples.
-    random_state : int, RandomState instance or None, default=None
-
-    Attributes
-    ----------
-    hidden_weights_, hidden_biases_, output_weights_, intercept_, slopes_, loss_, n_iter_, n_features_in_
-        As for `SobolevRegressor`.
-
-    Examples
-    --------
-    >>> import pdsurrogate as pd
-    >>> type(pd.TorchSobolevRegressor(8)).__name__
-    'TorchSobolevRegressor'
-    """
-
-    _parameter_constraints: ClassVar = {
-        **SobolevNetwork._parameter_constraints,
-        "max_epochs": [Interval(Integral, 1, None, closed="left")],
-    }
-
-    def __init__(
-        self,
-        n_units=32,
-        activation="tanh",
-        gradient_weight=1.0,
-        anchor=None,
-        flat=(),
-        size=None,
-        max_epochs=50,
-        random_state=None,
-    ):
-        self.n_units = n_units
-        self.activation = activation
-        self.gradient_weight = gradient_weight
-        self.anchor = anchor
-        self.flat = flat
-        self.size = size
-        self.max_epochs = max_epochs
-        self.random_state = random_state
-
-    def _train(self, network, X, Y, weights, random):
-        try:
-            from .torch_sobolev import train
-        except ImportError as error:
-            raise ImportError(
-                f"fitting a TorchSobolevRegressor needs torch and skorch: pip install 'pdsurrogate[torch]' ({error})"
-            ) from None
-        first = network.first(random)
-        theta, self.n_iter_ = train(network, first, X, Y, weights, self.max_epochs)
-        return theta
 
 
 class _Function:

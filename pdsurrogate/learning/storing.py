@@ -8,6 +8,7 @@ from pathlib import Path
 from ..arguments import kind_of
 from ..artifacts import next_version, own_folder
 from ..materials import Law
+from .card_text import CardText
 from .energy import store_energy
 from .energy_form import EnergySamples
 from .fitting import store_bond_force
@@ -21,10 +22,7 @@ def store(
     folder: str | Path | None,
     name: str,
     version: str | None,
-    description: str,
-    cross_validation: list[dict] | None = None,
-    search: list[dict] | None = None,
-    identification: dict | None = None,
+    text: str | CardText,
     members: Sequence[tuple] = (),
 ) -> Path:
     """Write the artefact of a fitted model with a full card.
@@ -39,17 +37,14 @@ def store(
         Nondimensional; their design says where the model holds.
     law : Law
     folder : str, path or None
-        That holds artefacts; this one becomes ``folder/NAME/VERSION``.  None for `pdsurrogate.artifacts.own_folder`, where artefacts are
-        found by name.
+        That holds artefacts; this one becomes ``folder/NAME/VERSION``.  None for ``artifacts`` in the working folder, where artefacts are
+        found by name, or for ``own-artifacts`` where that is a checkout of this package, whose ``artifacts`` holds the shipped ones
+        (`pdsurrogate.artifacts.own_folder`).
     name : str
     version : str or None
         None for the next one: versions never change once written.
-    description : str
-        What it is for, in a sentence.
-    cross_validation, search : list of dict, optional
-        Tables for the card; by default that of the search, if the model is one.
-    identification : dict, optional
-        How the law's parameters were found, for the card (`pdsurrogate.identification.report`).
+    text : str or CardText
+        What the artefact is for, in a sentence; or that with tables and the identification of the law for the card.
     members : sequence of tuple, optional
         Of a committee in the same artefact: of each a fitted model, the samples that it was fitted to, and its law.  What runs is `model`;
         ``NAME#3`` is the third member, and ``NAME#all`` what runs with the members' deviation told beside it.
@@ -84,4 +79,4 @@ def store(
     folder = own_folder() if folder is None else folder
     version = next_version(folder, name) if version is None else version
     keep = store_energy if isinstance(samples, EnergySamples) else store_bond_force
-    return keep(model, samples, law, folder, name, version, description, cross_validation, search, identification, members)
+    return keep(model, samples, law, folder, name, version, CardText.of(text), members)

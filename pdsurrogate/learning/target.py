@@ -2,22 +2,43 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
-from sklearn import get_config
+from sklearn import config_context, get_config
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
 from sklearn.compose import TransformedTargetRegressor
 from sklearn.linear_model import LinearRegression
 from sklearn.multioutput import MultiOutputRegressor
 from sklearn.pipeline import Pipeline
 from sklearn.utils import get_tags
-from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, get_routing_for_object
+from sklearn.utils.validation import _check_sample_weight, _get_feature_names, check_is_fitted, has_fit_parameter, validate_data
+
+from .named import columns_read
+from .repeated import distinct_samples
 
 
 def check_targets(y, names) -> None:
     """Raise ValueError if a target has other columns than those named."""
     if np.shape(y)[1:] != (len(names),):
         raise ValueError(f"y must have the {len(names)} columns {', '.join(names)}, not shape {np.shape(y)}")
+
+
+def in_order(table, columns: tuple[str, ...] | None, title: str):
+    """Return a table with its named columns in the order of `columns`; arrays, and tables without names, as they are.
+
+    Raises
+    ------
+    ValueError
+        If the table has other names.
+    """
+    names = None if columns is None else _get_feature_names(table)
+    if names is None or list(names) == list(columns):
+        return table
+    if sorted(names) != sorted(columns):
+        raise ValueError(f"{title} must have the columns {', '.join(columns)}, in any order, not {', '.join(names)}")
+    return table[list(columns)]
 
 
 def is_search(model) -> bool:
@@ -37,6 +58,17 @@ def weight_parameter(estimator) -> str:
     return "sample_weight"
 
 
+def _takes_weights(estimator) -> bool:
+    """Whether the regressor that weights are for, as `weight_parameter` finds it, takes any."""
+    if isinstance(estimator, Pipeline):
+        return _takes_weights(estimator.steps[-1][1])
+    if isinstance(estimator, TransformedTargetRegressor):
+        return estimator.regressor is None or _takes_weights(estimator.regressor)
+    if isinstance(estimator, MultiOutputRegressor) or is_search(estimator):
+        return _takes_weights(estimator.estimator)
+    return has_fit_parameter(estimator, "sample_weight")
+
+
 class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     """Fit a regressor to ``func(X, y)`` and predict with ``inverse_func(X, ...)``.
 
@@ -49,7 +81,9 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
     regressor : estimator, default=None
         Any regressor; LinearRegression if None.
     func, inverse_func : callable, default=None
-        ``func(X, y)`` and its inverse ``inverse_func(X, z)``; the identity if None.
+        ``func(X, y)`` and its inverse ``inverse_func(X, z)``; the identity if None.  `func` gives NaN for a sample that does not determine
+        its target, which is left out of the training.  Where `func` names the columns that it reads (`pdsurrogate.learning.named`), tables
+        are put in that order, and tables with other names are refused.
     anchor : array-like, shape (n_features,), default=None
         Input at which the transformed outputs named in `anchored_outputs` are zero.
     anchored_outputs : tuple of int, default=()
@@ -95,8 +129,10 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
         sample_weight : array-like, shape (n_samples,), optional
-            For the regressor, or the last step of a pipeline, whatever that is nested in; the scalings before it take none.  With
-            scikit-learn's metadata routing it goes where it is requested.
+            For the regressor, or the last step of a pipeline, whatever that is nested in.  A whole number stands for as many copies of a
+            sample, 0 for none: repeated samples are merged into weights where the regressor takes weights, so that both are the same
+            training.  Scalings are those of the distinct samples.  With scikit-learn's metadata routing the weights go where a part of
+            `regressor` requests them, and to the regressor where none does.
 
         Returns
         -------
@@ -105,36 +141,68 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         Raises
         ------
         ValueError
-            If only one of `func` and `inverse_func` is given, or the transformed target is not finite.
+            If only one of `func` and `inverse_func` is given, the columns of a table have other names than `func` reads, or the transformed
+            target is not finite.
         """
         if (self.func is None) != (self.inverse_func is None):
             raise ValueError("func and inverse_func are given together or not at all")
-        X, y = validate_data(self, X, y, multi_output=True, y_numeric=True)
-        self.training_inputs_ = np.array(X, dtype=float)
+        for key in ("regressor_", "offsets_", "training_inputs_"):
+            vars(self).pop(key, None)  # those of an earlier training, which this one replaces
+        columns, targets = columns_read(self.func)
+        X, y = validate_data(self, in_order(X, columns, "X"), in_order(y, targets, "y"), multi_output=True, y_numeric=True)
+        regressor = clone(self.regressor) if self.regressor is not None else LinearRegression()
+        rows = np.arange(len(X))
+        if sample_weight is not None:
+            sample_weight = _check_sample_weight(sample_weight, X, ensure_non_negative=True)
+        if _takes_weights(regressor):
+            kept, sample_weight = distinct_samples(X, y, sample_weight)
+            if kept is not None:
+                X, y, rows = X[kept], y[kept], kept
         z = y if self.func is None else np.asarray(self.func(X, y))
+        undetermined = np.isnan(z).reshape(len(X), -1).any(axis=1)
+        if undetermined.any():
+            first = rows[undetermined].min()
+            which = f"{undetermined.sum()} of {len(X)} samples do not determine the transformed target, such as sample {first}"
+            if undetermined.all():
+                raise ValueError(f"{which}, and nothing is left to train on")
+            warnings.warn(f"{which}, {X[rows == first][0]}: they are left out", stacklevel=2)
+            X, z, rows = X[~undetermined], z[~undetermined], rows[~undetermined]
+            sample_weight = None if sample_weight is None else sample_weight[~undetermined]
         if not np.isfinite(z).all():
             first = np.flatnonzero(~np.isfinite(z).reshape(len(X), -1).all(axis=1))[0]
-            raise ValueError(f"the transformed target of sample {first} is not finite: the transformation has no value at {X[first]}")
-        self.regressor_ = clone(self.regressor) if self.regressor is not None else LinearRegression()
-        weights = {}
-        if sample_weight is not None:
-            sample_weight = _check_sample_weight(sample_weight, X)
-            if get_config()["enable_metadata_routing"]:
-                weights = process_routing(self, "fit", sample_weight=sample_weight).regressor.fit
-            else:
-                weights = {weight_parameter(self.regressor_): sample_weight}
-        self.regressor_.fit(X, z, **weights)
-        self.offsets_ = np.zeros(z.shape[1] if z.ndim == 2 else 1)
+            raise ValueError(f"the transformed target of sample {rows[first]} is not finite: the transformation has no value at {X[first]}")
+        self._fit_weighted(regressor, X, z, sample_weight)
+        offsets = np.zeros(z.shape[1] if z.ndim == 2 else 1)
         if self.anchor is not None:
-            at_anchor = np.ravel(self.regressor_.predict(np.asarray(self.anchor, dtype=float).reshape(1, -1)))
+            at_anchor = np.ravel(regressor.predict(np.asarray(self.anchor, dtype=float).reshape(1, -1)))
             chosen = list(self.anchored_outputs)
-            self.offsets_[chosen] = at_anchor[chosen]
+            offsets[chosen] = at_anchor[chosen]
+        self.regressor_, self.offsets_, self.training_inputs_ = regressor, offsets, np.array(X, dtype=float)
         return self
 
+    def _fit_weighted(self, regressor, X, z, weights) -> None:
+        """Fit the regressor, with weights where they belong."""
+        if weights is None:
+            regressor.fit(X, z)
+        elif get_config()["enable_metadata_routing"] and self._routes_weights():
+            regressor.fit(X, z, sample_weight=weights)
+        else:
+            with config_context(enable_metadata_routing=False):
+                regressor.fit(X, z, **{weight_parameter(regressor): weights})
+
+    def _routes_weights(self) -> bool:
+        """Whether a part of the regressor requests weights by scikit-learn's metadata routing."""
+        return self.regressor is not None and get_routing_for_object(self.regressor).consumes("fit", ["sample_weight"])
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "offsets_")
+
     def get_metadata_routing(self):
-        """Where metadata go, as scikit-learn asks: to the regressor."""
-        regressor = self.regressor if self.regressor is not None else LinearRegression()
-        return MetadataRouter(owner=self).add(regressor=regressor, method_mapping=MethodMapping().add(caller="fit", callee="fit"))
+        """Return where metadata go, as scikit-learn asks: here, or to the parts of the regressor where these request them."""
+        own = super().get_metadata_routing()
+        if own.consumes("fit", ["sample_weight"]) or not self._routes_weights():
+            return own
+        return MetadataRouter(owner=self).add(regressor=self.regressor, method_mapping=MethodMapping().add(caller="fit", callee="fit"))
 
     def __getstate__(self):
         # The inputs tell where a fitted model holds (`force_model_of`) as long as it is in memory; a file of it comes with a card.
@@ -143,7 +211,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
     def predict(self, X):
         """Predict the target, shape as in training."""
         check_is_fitted(self)
-        X = validate_data(self, X, reset=False)
+        X = validate_data(self, in_order(X, columns_read(self.func)[0], "X"), reset=False)
         z = self.regressor_.predict(X)
         z = z - (self.offsets_ if z.ndim == 2 else self.offsets_[0])
         return z if self.inverse_func is None else np.asarray(self.inverse_func(X, z))

@@ -12,9 +12,11 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
+from ..kernels.network import network_outputs
 from .activations import ACTIVATIONS
+from .repeated import distinct_samples
 
 
 class TorchMLPRegressor(RegressorMixin, BaseEstimator):
@@ -89,13 +91,15 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
         tags.target_tags.multi_output = True
         return tags
 
-    def fit(self, X, y):
+    def fit(self, X, y, sample_weight=None):
         """Train the network.
 
         Parameters
         ----------
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
+        sample_weight : array-like, shape (n_samples,), optional
+            Of the squared errors, in training and validation.  A whole number stands for as many samples, 0 for none.
 
         Returns
         -------
@@ -111,6 +115,11 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
         y = np.asarray(y, dtype=np.float64)
         self._single_output = y.ndim == 1
         Y = y.reshape(len(X), -1)
+        if sample_weight is not None:
+            sample_weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        kept, share = distinct_samples(X, Y, sample_weight)
+        if kept is not None:
+            X, Y = X[kept], Y[kept]
         try:
             from .torch_training import train
         except ImportError as error:
@@ -121,6 +130,7 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
         trained = train(
             X,
             Y,
+            share,
             widths,
             self.activation,
             self.learning_rate,
@@ -131,8 +141,11 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
             seed,
         )
         self.coefs_, self.intercepts_, self.n_iter_, self.validation_loss_ = trained
-        self.loss_ = float(((self._outputs(X) - Y) ** 2).mean())
+        self.loss_ = float(np.average(((self._outputs(X) - Y) ** 2).mean(axis=1), weights=share))
         return self
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "coefs_")
 
     def predict(self, X):
         """Predict targets, shape (n_samples,) or (n_samples, n_outputs) as in training."""
@@ -141,7 +154,4 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
         return Y[:, 0] if self._single_output else Y
 
     def _outputs(self, X):
-        values = X
-        for W, b in zip(self.coefs_[:-1], self.intercepts_[:-1], strict=True):
-            values = ACTIVATIONS[self.activation](values @ W + b)[0]
-        return values @ self.coefs_[-1] + self.intercepts_[-1]
+        return network_outputs(X, zip(self.coefs_, self.intercepts_, strict=True), ACTIVATIONS[self.activation])

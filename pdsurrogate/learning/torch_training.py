@@ -43,8 +43,18 @@ class Perceptron(torch.nn.Module):
         return self.layers(X)
 
 
-def train(X, Y, widths, activation, learning_rate, max_epochs, batch_size, validation_fraction, patience, seed):
+class WeightedSquares(torch.nn.Module):
+    """Mean squared error with weights, which are the last column of the targets."""
+
+    def forward(self, outputs, targets):
+        """Evaluate."""
+        return (targets[:, -1:] * (outputs - targets[:, :-1]) ** 2).mean()
+
+
+def train(X, Y, weights, widths, activation, learning_rate, max_epochs, batch_size, validation_fraction, patience, seed):
     """Train a network; returns its weights, its biases, the epochs it took, and its validation loss (NaN if there was no such part)."""
+    if weights is not None:
+        Y = np.column_stack([Y, weights / weights.mean()])
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         split, callbacks = None, []
@@ -58,7 +68,7 @@ def train(X, Y, widths, activation, learning_rate, max_epochs, batch_size, valid
         callbacks.append(("rate", LRScheduler(schedule, T_max=max_epochs, eta_min=learning_rate / 100)))
         net = NeuralNetRegressor(
             Perceptron(widths, activation),
-            criterion=torch.nn.MSELoss,
+            criterion=torch.nn.MSELoss if weights is None else WeightedSquares,
             optimizer=torch.optim.Adam,
             lr=learning_rate,
             max_epochs=max_epochs,

@@ -87,7 +87,7 @@ def force_report(
 def strain_bins(low: float, high: float) -> list[tuple[float, float]]:
     """Those bins of greatest principal strain that a range of stretches reaches into, the last one as far as it goes."""
     reach = max(high - 1, 1 - low)
-    return [(least, min(greatest, reach)) for least, greatest in pairwise(STRAIN_BINS) if least < reach]
+    return [(least, min(greatest, reach)) for least, greatest in pairwise(STRAIN_BINS) if least < reach * (1 - 1e-9)]
 
 
 def stiffness_slopes(force: Callable, states: np.ndarray) -> np.ndarray:

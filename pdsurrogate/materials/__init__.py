@@ -1,4 +1,4 @@
-"""Material laws, their relations in the plane and in space, and exact homogeneous solutions."""
+"""Material laws, their stresses in plane stress, plane strain and three dimensions, and exact homogeneous solutions."""
 
 from .arruda_boyce import ArrudaBoyce
 from .full_network import FullNetwork
@@ -8,9 +8,10 @@ from .mooney_rivlin import MooneyRivlin
 from .neo_hookean import NeoHookean
 from .ogden import Ogden
 from .planes import PLANES, SHEETS, dimension_of
+from .polyconvex import Polyconvex
 from .yeoh import Yeoh
 
-LAWS: dict[str, type[Law]] = {law.name: law for law in (NeoHookean, MooneyRivlin, Yeoh, Gent, ArrudaBoyce, Ogden, FullNetwork)}
+LAWS: dict[str, type[Law]] = {law.name: law for law in (NeoHookean, MooneyRivlin, Yeoh, Gent, ArrudaBoyce, Ogden, FullNetwork, Polyconvex)}
 
 __all__ = [
     "LAWS",
@@ -24,6 +25,7 @@ __all__ = [
     "MooneyRivlin",
     "NeoHookean",
     "Ogden",
+    "Polyconvex",
     "PrincipalStretchLaw",
     "Yeoh",
     "dimension_of",

@@ -11,9 +11,9 @@ from .law import InvariantLaw
 
 @dataclass(frozen=True)
 class ArrudaBoyce(InvariantLaw):
-    """Psi = n kT N [y beta + log(beta/sinh(beta))] + U(J3), y = sqrt(I1bar/(3 N)), beta = L^-1(y).
+    """Eight-chain law, Psi = n kT N [y beta + log(beta/sinh(beta))] + U(J3), y = sqrt(I1bar/(3 N)), beta = L^-1(y).
 
-    The law ends where the chains are straight, at I1bar = 3 N: there and past it every response is NaN.
+    The law ends where the chains are straight, at I1bar = 3 N: there and beyond every response is NaN.
 
     Parameters
     ----------

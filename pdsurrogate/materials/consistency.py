@@ -1,47 +1,45 @@
-"""Whether the derivatives that a law states are those of its energy, and whether it is at rest undeformed with the moduli that it names.
+"""Checks that the derivatives stated by a law are those of its energy, and that it has its moduli and no stress when undeformed.
 
-Learnt forces, stresses and tangents are built from the stated derivatives alone, so a mistake in one of them shows nowhere else.
+Learnt forces, stresses and tangents use the stated derivatives alone, so a mistake in one of them shows nowhere else.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.keys import code_digest
+from ..engine.keys import code_digest
 from .law import InvariantLaw, Law
 
 STEPS = 1e-3 * np.array([1.0, 0.5, 0.25])
 """Steps of the central differences, relative to the size of the argument."""
 
 RELATIVE = 1e-4
-"""Part of a derivative by which it may differ from the differences.
+"""Relative deviation allowed between a derivative and its differences.
 
-The differences are exact to some 1e-6 where `STEPS` resolve the law (their error is the step squared) and a mistake in a formula is a
-factor or a term, so any number between does.  Where they do not resolve it, near a limit, or where rounding of the energy is felt, the
-three steps disagree, and ten times their disagreement is allowed on top.
+The differences are accurate to some 1e-6 where `STEPS` resolve the law (their error is the step squared), and a mistake in a formula is a
+factor or a term, so any number between would do. Where the steps do not resolve the law, near a limit or at the level of rounding, the
+results of the three steps disagree, and ten times their disagreement is allowed in addition.
 """
 
 AT_REST = 1e-6
-"""Relative difference of the moduli at rest from those that the law names: they are formulas, exact but for rounding."""
+"""Relative deviation allowed between the moduli at rest and those that the law states: they are formulas, exact but for rounding."""
 
 LOG_STRETCHES = np.array([[0.0, 0.0], [1e-3, 0.0], [0.04, -0.01], [0.2, 0.1], [0.7, -0.3], [1.2, -0.7]])
-"""Isochoric states by two principal log-stretches: rest, near it, and up to large strains; those past a law's limit are left out."""
+"""Isochoric states by two principal log-stretches: undeformed, nearly so, and up to large strains; those beyond a law's limit are skipped.
+"""
 
 VOLUME_RATIOS = np.array([1.0, 0.9, 0.98, 1.001, 1.03, 1.15])
-"""Rest first here as well."""
+"""Volume ratios at which U is checked; the undeformed state comes first, as in `LOG_STRETCHES`."""
 
 _consistent: set = set()
-"""Laws that passed, by their expressions and parameters."""
+"""Laws that have passed, by their expressions and parameters."""
 
 
 def check_consistency(law: Law) -> None:
     """Check a law against itself, once in a process for each class and each set of parameters.
 
-    Raises
-    ------
-    ValueError
-        If a derivative is not that of the energy, or the law at rest is not free of stress or has other moduli; names the derivative, what
-        the law gives and what would be right.
+    Raise ValueError if a derivative is not that of the energy, or if the undeformed law has a stress or other moduli; the message names the
+    derivative, the law's value and the right one.
     """
     key = (type(law), *_expressions(law), np.asarray(law.parameters, dtype=float).tobytes())
     if key in _consistent:
@@ -54,12 +52,9 @@ def check_consistency(law: Law) -> None:
 
 
 def law_digest(law: Law) -> str:
-    """Digest of all that the answers of a law depend on: its expressions with what they use, and its dimensionless parameters.
+    """Return a digest of the law's expressions, with all that they use, and of its dimensionless parameters.
 
-    Raises
-    ------
-    NotKeyable
-        If an expression uses what cannot be told by its value.
+    Raise NotKeyable if an expression uses something that cannot be identified by its value.
     """
     return code_digest(*_expressions(law), np.asarray(law.parameters, dtype=float))
 
@@ -108,15 +103,15 @@ def _check_stretches(law, parameters) -> None:
 
 
 def _rows(values, like) -> np.ndarray:
-    """Values of an expression as rows of one length, whichever of them are plain numbers."""
+    """Return the values of an expression as rows of one length, also where they are plain numbers."""
     return np.stack([np.broadcast_to(np.asarray(value, dtype=float), like.shape) for value in values])
 
 
 def _compare(law, expression, values, states, arguments, derivatives, modulus) -> np.ndarray:
-    """Compare rows of `values` with central differences of others, and return those of the first state.
+    """Compare rows of `values` with central differences of other rows, and return the rows of the first state.
 
-    A derivative is its name, its row, the weights of the rows that it is the derivative of, and the direction of change.  All states are
-    evaluated at once: a law may be a sum of many terms.
+    A derivative is given by its name, its row, the weights of the rows that it differentiates, and the direction of change. All states are
+    evaluated at once, since a law may be a sum of many terms.
     """
     sizes = [STEPS[:, None] * np.maximum(np.abs(np.asarray(way) @ states), 1.0) for *_, way in derivatives]
     moves = [np.asarray(way)[:, None, None] * size for (*_, way), size in zip(derivatives, sizes, strict=True)]
@@ -134,7 +129,7 @@ def _compare(law, expression, values, states, arguments, derivatives, modulus) -
             where = ", ".join(f"{label} = {value:.4g}" for label, value in zip(arguments, states[:, first], strict=True))
             raise ValueError(
                 f"{law.name}: {name} is {given[row, first]:.6g} at {where}, but differences make it {right[first]:.6g}: "
-                f"mend {name} in the law's `{expression}`, or what it is the derivative of"
+                f"correct {name} in the law's `{expression}`, or the function of which it is the derivative"
             )
     return given[:, 0]
 

@@ -1,4 +1,4 @@
-"""The full-network law of rubber: a chain in every direction, summed by quadrature on the sphere."""
+"""The full-network law of rubber: chains in all directions, summed by quadrature on the sphere."""
 
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -16,10 +16,10 @@ DEGREE = 29
 
 @cache
 def directions() -> np.ndarray:
-    """Lebedev's quadrature in the frame of the principal stretches: rows (weight, r1^2, r2^2, r3^2), weights adding up to 1.
+    """Return Lebedev's quadrature in the frame of the principal stretches: rows (weight, r1^2, r2^2, r3^2), weights summing to 1.
 
-    The stretch of a chain sees squares only, so directions that differ by signs are one; what is left is symmetric in the three axes,
-    and the law isotropic.
+    The stretch of a chain depends on squares only, so directions that differ by signs are merged; the rest is symmetric in the three axes,
+    which makes the law isotropic.
     """
     points, weights = lebedev_rule(DEGREE)
     squares, place = np.unique(np.round(points.T**2, 14), axis=0, return_inverse=True)
@@ -29,10 +29,10 @@ def directions() -> np.ndarray:
 
 @dataclass(frozen=True)
 class FullNetwork(PrincipalStretchLaw):
-    """Psi = n kT N <y beta + log(beta/sinh(beta))> + U(J3), y = l(r)/sqrt(N), beta = L^-1(y), averaged over all directions r.
+    """Full-network law, Psi = n kT N <y beta + log(beta/sinh(beta))> + U(J3), averaged over all directions r of a chain.
 
-    Every chain is stretched as its direction is, l(r)^2 = r . Cbar r.  The law ends where the most stretched chain is straight, at a
-    greatest isochoric stretch of sqrt(N): there and past it every response is NaN.
+    Here y = l(r)/sqrt(N) and beta = L^-1(y), with l(r)^2 = r . Cbar r the squared stretch in the direction of the chain. The law ends where
+    the most stretched chain is straight, at a greatest isochoric stretch of sqrt(N): there and beyond every response is NaN.
 
     Parameters
     ----------

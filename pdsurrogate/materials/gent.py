@@ -1,4 +1,4 @@
-"""Gent's law of rubber whose chains have a greatest extension; the paper's Eq. (32)."""
+"""Gent's law of rubber whose chains have a limited extension; the paper's Eq. (32)."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -11,7 +11,7 @@ from .law import InvariantLaw
 
 @dataclass(frozen=True)
 class Gent(InvariantLaw):
-    """Psi = -mu Jm/2 log(1 - (I1bar - 3)/Jm) + K/2 ((J3^2 - 1)/2 - log J3).
+    """Gent's law, Psi = -mu Jm/2 log(1 - (I1bar - 3)/Jm) + K/2 ((J3^2 - 1)/2 - log J3).
 
     The law ends at I1bar - 3 = Jm: there and past it every response is NaN, which the plane-stress solution reports as an error.
 
@@ -67,7 +67,7 @@ class Gent(InvariantLaw):
         gap = 1 - (I1 - 3) / limit
         gap = select(gap > 0, gap, np.nan)
         zero = 0 * I1
-        # 0 * gap carries the NaN, which the kernels' logarithm does not.
+        # 0 * gap passes NaN on, which the kernels' logarithm does not.
         return 0 * gap - limit / 2 * logarithm(gap), 1 / (2 * gap), zero, 1 / (2 * limit * gap * gap), zero, zero
 
     @staticmethod

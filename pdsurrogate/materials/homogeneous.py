@@ -1,6 +1,6 @@
-"""Exact homogeneous solutions of slightly compressible laws, under plane stress or in plane strain: what simulations are compared with.
+"""Exact homogeneous solutions of slightly compressible laws, in plane stress or plane strain, as references for simulations.
 
-The textbook formulas of the paper's Table 1 are the incompressible limit, off by about 1 % in stress at K = 100 mu.
+The textbook formulas of the paper's Table 1 hold in the incompressible limit and are off by about 1 % in stress at K = 100 mu.
 """
 
 from __future__ import annotations
@@ -10,9 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from ..kernels.node_state import SWELLING
 from .law import Law
-from .plane_stress import invariants, stretch_squares
+from .plane_stress import invariants, response, stretch_squares
 from .planes import PLANES, SHEETS
+
+STEP = 1e-7
+"""Of the difference that gives Newton's iteration for J3 its slope, relative to J3."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +45,9 @@ class HomogeneousState:
 
 
 def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stress") -> HomogeneousState:
-    """State at two given in-plane stretches of a sheet; `plane` is one of `SHEETS`."""
+    """Return the state of a sheet at two given in-plane stretches; `plane` is one of `SHEETS`."""
     if plane not in SHEETS:
-        raise ValueError(f"plane: two stretches say what a sheet does; it must be {' or '.join(SHEETS)}, not {plane}")
+        raise ValueError(f"plane must be {' or '.join(SHEETS)} for two given stretches of a sheet, not {plane}")
     for value in (stretch, lateral_stretch):
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"a stretch must be positive and finite, not {value}")
@@ -68,25 +72,25 @@ def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stre
 
 
 def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousState:
-    """Tension or compression along x1 with sides that nothing holds: P22 = 0, and P33 = 0 under plane stress and in space.
+    """Return the state in tension or compression along x1 with free sides: P22 = 0, and P33 = 0 in plane stress and three dimensions.
 
     `plane` is a name of `PLANES`.
     """
     if plane == "space":
-        # The same state: nothing holds the thickness either.
+        # The state is that of plane stress, since the thickness is free as well.
         plane = "stress"
 
     def lateral_stress(lateral_stretch):
         return biaxial(law, stretch, lateral_stretch, plane).lateral_stress
 
-    # From the incompressible lateral stretch outwards, but not past the law's limit, which may be near.
+    # The search starts at the incompressible lateral stretch and stops at the law's limit, which may be near.
     middle = stretch**-0.5 if plane == "stress" else 1 / stretch
     low, high = (_enclosing(lateral_stress, middle, sign) for sign in (-1, 1))
     return biaxial(law, stretch, brentq(lateral_stress, low, high, xtol=1e-15, rtol=1e-15), plane)
 
 
 def _enclosing(function, middle: float, sign: int) -> float:
-    """Where a rising function has the given sign, beyond `middle` on that side; ValueError if it ends before."""
+    """Return a place, beyond `middle` on one side, where an increasing function has the given sign; raise ValueError if there is none."""
     near, far, step = 0.0, np.inf, 1e-3
     for _ in range(60):
         place = middle * np.exp(sign * step)
@@ -102,10 +106,56 @@ def _enclosing(function, middle: float, sign: int) -> float:
 
 
 def equibiaxial(law: Law, stretch: float) -> HomogeneousState:
-    """Equal stretches along x1 and x2."""
+    """Return the state at equal stretches along x1 and x2."""
     return biaxial(law, stretch, stretch)
 
 
 def pure_shear(law: Law, stretch: float) -> HomogeneousState:
-    """Stretch along x1 at a held width (lateral stretch 1)."""
+    """Return the state at a stretch along x1 and a fixed width (lateral stretch 1)."""
     return biaxial(law, stretch, 1.0)
+
+
+def sheet_states(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nominal stress and volume ratio of many homogeneous states under plane stress at once, as a fit asks for them.
+
+    Parameters
+    ----------
+    law : Law
+    stretch : ndarray, shape (n,)
+        Along the stress.
+    lateral_stretch : ndarray, shape (n,)
+        Across it, in the plane; NaN where nothing holds the sides, which then have no stress, nor has the thickness.
+
+    Returns
+    -------
+    nominal_stress, volume_ratio : ndarray, shape (n,)
+        P11, in the unit of the shear modulus, and J3; NaN where the law has no state, past its limit.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> stress, volume = sheet_states(pd.NeoHookean(), np.array([1.5, 1.5]), np.array([np.nan, 1.0]))
+    >>> bool(np.isclose(stress[0], uniaxial(pd.NeoHookean(), 1.5).nominal_stress))
+    True
+    """
+    free = np.isnan(lateral_stretch)
+
+    def at(J3):
+        # Sides and thickness that nothing holds have one stretch, by symmetry.
+        lateral = np.where(free, np.sqrt(J3 / stretch), lateral_stretch)
+        return response(law, stretch**2 + lateral**2, stretch * lateral, J3)
+
+    J3 = np.ones_like(stretch)
+    bulk = law.bulk_modulus / law.shear_modulus
+    with np.errstate(all="ignore"):
+        for _ in range(60):
+            residual, ahead = at(J3)[2], at((1 + STEP) * J3)[2]
+            step = np.clip(STEP * J3 * residual / (ahead - residual), -J3, 0.5 * J3)
+            # Past the law's limit, where the residual is NaN, the state swells: with more volume it may keep the limit.
+            J3 = J3 - np.where(np.isnan(step), -SWELLING * J3, step)
+            # The iteration squares the error: after this step it is at rounding.
+            if np.all(np.abs(step) <= 1e-8 * J3):
+                break
+        p, q, residual, *_ = at(J3)
+    reached = np.abs(residual) <= 1e-9 * bulk
+    return np.where(reached, law.shear_modulus * (p * stretch + q / stretch), np.nan), np.where(reached, J3, np.nan)

@@ -1,4 +1,4 @@
-"""The law of Mooney and Rivlin: linear in both invariants."""
+"""The law of Mooney and Rivlin, linear in both invariants."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,7 +10,7 @@ from .law import InvariantLaw
 
 @dataclass(frozen=True)
 class MooneyRivlin(InvariantLaw):
-    """Psi = C10 (I1bar - 3) + C01 (I2bar - 3) + U(J3), with mu = 2 (C10 + C01).
+    """Mooney-Rivlin law, Psi = C10 (I1bar - 3) + C01 (I2bar - 3) + U(J3), with mu = 2 (C10 + C01).
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from .law import InvariantLaw
 
 @dataclass(frozen=True)
 class NeoHookean(InvariantLaw):
-    """Psi = mu/2 (I1bar - 3) + K/8 (J3 - 1/J3)^2.
+    """Neo-Hookean law, Psi = mu/2 (I1bar - 3) + K/8 (J3 - 1/J3)^2.
 
     Parameters
     ----------

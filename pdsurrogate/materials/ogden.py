@@ -13,7 +13,7 @@ MOST_TERMS = 8
 
 @dataclass(frozen=True)
 class Ogden(PrincipalStretchLaw):
-    """Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + U(J3), with the isochoric principal stretches l.
+    """Ogden's law, Psi = sum_k mu_k/alpha_k (l1^alpha_k + l2^alpha_k + l3^alpha_k - 3) + U(J3), with the isochoric principal stretches l.
 
     Parameters
     ----------
@@ -43,6 +43,8 @@ class Ogden(PrincipalStretchLaw):
     name: ClassVar[str] = "ogden"
     reference: ClassVar[str] = "Ogden 1972"
     costly: ClassVar[bool] = True
+    lists: ClassVar[tuple[str, ...]] = ("moduli", "exponents")
+    """Parameters that are several numbers."""
 
     shear_modulus: float | None = None
     bulk_modulus: float | None = None
@@ -50,21 +52,19 @@ class Ogden(PrincipalStretchLaw):
     exponents: tuple[float, ...] = (1.3, 5.0, -2.0)
 
     def __post_init__(self) -> None:
-        for key in ("moduli", "exponents"):
-            values = getattr(self, key)
-            values = np.atleast_1d(values)
+        for key in self.lists:
+            values = np.atleast_1d(getattr(self, key))
             if values.ndim != 1 or values.dtype.kind not in "iuf":
                 raise TypeError(f"{self.name}: {key} must be numbers, not {getattr(self, key)!r}")
             object.__setattr__(self, key, tuple(float(value) for value in values))
         self._check_terms()
-        modulus = sum(self._products()) / 2
+        modulus = self._stiffness()
         given = self.shear_modulus
         if given is not None:
             check_number(given, f"{self.name}: shear_modulus")
         if given is not None and not (np.isfinite(given) and abs(given - modulus) <= 1e-6 * modulus):
             raise ValueError(
-                f"{self.name}: the moduli and exponents make the shear_modulus {modulus:g}, not {given:g}; "
-                "leave it out, or scale the moduli: it must be half the sum of moduli times exponents"
+                f"{self.name}: {' and '.join(self.lists)} make the shear_modulus {modulus:g}, not {given:g}; leave it out, or scale them"
             )
         object.__setattr__(self, "shear_modulus", modulus if given is None else float(given))
         if self.bulk_modulus is None:
@@ -73,7 +73,7 @@ class Ogden(PrincipalStretchLaw):
 
     def _check_terms(self) -> None:
         if len(self.moduli) != len(self.exponents) or not 1 <= len(self.moduli) <= MOST_TERMS:
-            raise ValueError(f"{self.name}: moduli and exponents must be equally many, from 1 to {MOST_TERMS}")
+            raise ValueError(f"{self.name}: moduli and exponents must be lists of equal length, from 1 to {MOST_TERMS}")
         if not np.isfinite([*self.moduli, *self.exponents]).all():
             raise ValueError(f"{self.name}: moduli and exponents must be finite")
         for number, product in enumerate(self._products()):
@@ -82,6 +82,10 @@ class Ogden(PrincipalStretchLaw):
                     f"{self.name}: modulus times exponent of term {number + 1} must be positive, not {product:g}: "
                     "moduli have the signs of their exponents"
                 )
+
+    def _stiffness(self) -> float:
+        """Shear modulus at rest."""
+        return sum(self._products()) / 2
 
     def _products(self) -> list[float]:
         return [modulus * exponent for modulus, exponent in zip(self.moduli, self.exponents, strict=True)]

@@ -1,13 +1,13 @@
 """Plane strain of any law: the expressions of `plane_stress` at J3 = J, with the stress across the plane that holds C33 = 1.
 
-In-plane tensors have shape (..., 2, 2).  Stresses and energies carry the unit of the law's shear modulus.
+In-plane tensors have shape (..., 2, 2). Stresses and energies have the unit of the law's shear modulus.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.compile import inlined
+from ..engine.compile import inlined
 from . import plane_stress
 from .consistency import check_consistency
 from .law import Law
@@ -16,7 +16,7 @@ from .response import Response
 
 @inlined
 def _held(state):
-    """The state with C33 = 1."""
+    """Return the state with C33 = 1."""
     return state[0], state[1], state[1]
 
 
@@ -32,7 +32,7 @@ def _stretches(state):
 
 @inlined
 def _result(state, found):
-    """Under plane stress q is short of the stress across the plane, which is zero there; here it is the residual J3 dPsi/dJ3."""
+    """Return the rows of `response`: q needs the stress across the plane, here the residual J3 dPsi/dJ3, which vanishes in plane stress."""
     p, q, across, _, energy = found
     return p, q + across, state[2] / state[1] - 1, 1 / state[1], energy
 
@@ -48,10 +48,10 @@ def _of_stretches(state, stretches, sums, volumetric):
 
 
 response = Response(5, 1, _invariants, _of_invariants, _stretches, _of_stretches, curvature=False)
-"""``response(law, trace, J, J3)``: rows as under plane stress, so that kernels take one for the other.
+"""Response ``response(law, trace, J, J3)`` with the rows of the plane-stress one, so that kernels can use either.
 
-p, q and the energy are those at J3 = J, whatever J3 is given; in the place of the condition P33 = 0 stands J3/J - 1 = 0, with its
-derivative by J3.
+p, q and the energy are those at J3 = J, whatever J3 is passed; the condition P33 = 0 is replaced by J3/J - 1 = 0, with its derivative by
+J3.
 """
 
 
@@ -72,25 +72,25 @@ def _isochoric_of_stretches(state, stretches, sums, volumetric):
 
 
 isochoric_response = Response(4, 1, _invariants, _isochoric_of_invariants, _stretches, _isochoric_of_stretches, curvature=False)
-"""``isochoric_response(law, trace, J, J3)``: p, q, the Kirchhoff stress across the plane, and the energy, all of W alone.
+"""Response ``isochoric_response(law, trace, J, J3)``: p, q, the Kirchhoff stress across the plane, and the energy, all from W alone.
 
-U adds J U' to q and to the stress across: its stress is U' times the cofactor of F.
+U adds J U' to q and to the stress across the plane, since its stress is U' times the cofactor of F.
 """
 
 
 def isochoric_state(F):
-    """What `isochoric_response` is asked with, from F."""
+    """Return the arguments of `isochoric_response` from F."""
     trace, J = plane_stress.invariants(F)
     return trace, J, J
 
 
 def volume_ratio(law: Law, trace, area_ratio):
-    """J3, which is det F in the plane."""
+    """Return J3, which is det F in the plane."""
     return np.broadcast_arrays(np.asarray(trace, float), np.asarray(area_ratio, float))[1]
 
 
 def first_piola_stress(law: Law, F):
-    """In-plane first Piola-Kirchhoff stress P, shape (..., 2, 2), in the unit of the shear modulus."""
+    """Return the in-plane first Piola-Kirchhoff stress P, shape (..., 2, 2), in the unit of the shear modulus."""
     check_consistency(law)
     trace, J = plane_stress.invariants(F)
     p, q, *_ = response(law, trace, J, J)
@@ -98,37 +98,23 @@ def first_piola_stress(law: Law, F):
 
 
 def energy_density(law: Law, F):
-    """Strain energy density, shape (...), in the unit of the shear modulus."""
+    """Return the strain energy density, shape (...), in the unit of the shear modulus."""
     check_consistency(law)
     trace, J = plane_stress.invariants(F)
     return law.shear_modulus * response(law, trace, J, J)[4]
 
 
 def energy_at(law: Law, F, volume_ratio):
-    """Energy density in units of mu, shape (n,): W at F, and U at the volume ratio (n,), of a selective energy not det F."""
+    """Return the energy density in units of mu, shape (n,): W at F plus U at the given volume ratio, which may differ from det F."""
     trace, J = plane_stress.invariants(F)
     return isochoric_response(law, trace, J, J)[3] + law.volumetric(volume_ratio, law.parameters)[0]
 
 
 def stress_and_energy(law: Law, F, volume_ratio, bulk_stress, isochoric=None):
-    """First Piola-Kirchhoff stress with the one across the plane, and energy density, of points.
+    """Return the first Piola-Kirchhoff stress (n, 3, 3) and the energy density (n,) of points, in the unit of the shear modulus.
 
-    Parameters
-    ----------
-    law : Law
-    F : ndarray, shape (n, 2, 2)
-    volume_ratio : ndarray, shape (n,)
-        Where U is taken: det F, or what a selective energy has in its place.
-    bulk_stress : ndarray, shape (n,)
-        U', in units of mu: at the volume ratio, or what the bonds feel of it (theory (51)).
-    isochoric : tuple, optional
-        Taken in the place of the law's own `isochoric_response`.
-
-    Returns
-    -------
-    stress : ndarray, shape (n, 3, 3)
-    energy : ndarray, shape (n,)
-        Both in the unit of the shear modulus.
+    U is evaluated at `volume_ratio` (n,): det F, or the smoothed ratio of a selective energy. `bulk_stress` (n,) is U' in units of mu at
+    that ratio, or as the bonds use it (theory (51)). `isochoric` replaces the law's own `isochoric_response`.
     """
     check_consistency(law)
     trace, J = plane_stress.invariants(F)

@@ -1,13 +1,13 @@
-"""Plane stress of any law: the sheet's response, and in NumPy the checked, readable side of what the kernels compute with it.
+"""Plane stress of any law: the response of a sheet, and the NumPy functions that check the kernels.
 
-In-plane tensors have shape (..., 2, 2).  Stresses and energies carry the unit of the law's shear modulus; `bond_traction` is dimensionless.
+In-plane tensors have shape (..., 2, 2). Stresses and energies have the unit of the law's shear modulus; `bond_traction` is dimensionless.
 
 With F = R U in the plane, the first Piola-Kirchhoff stress of an isotropic law under plane stress is coaxial with U,
 
-    R^T P = p U + q U^-1,
+    R^T P = p U + q U^-1.
 
-and two coefficients (p, q) say everything.  They are functions of the trace of C in the plane, of J = det F in the plane, and of the
-three-dimensional volume ratio J3 = J sqrt(C33), with the pressure already eliminated by P33 = 0.
+The coefficients (p, q) are functions of the trace of C in the plane, of J = det F in the plane, and of the three-dimensional volume ratio
+J3 = J sqrt(C33), with the pressure already eliminated by P33 = 0.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 from numba import carray
 from numba.core.ccallback import CFunc
 
-from ..kernels.block_arrays import BLOCK
+from ..engine.block_arrays import BLOCK
+from ..engine.compile import STRESS_RESPONSE, block_function_of, inlined, widest_vectors
 from ..kernels.bond_state import lateral_stretch
-from ..kernels.compile import STRESS_RESPONSE, block_function_of, inlined, widest_vectors
 from ..kernels.elementary import exponential, inverse_cube_root, logarithm, select
 from ..kernels.node_state import SWELLING
 from .consistency import check_consistency
@@ -26,15 +26,15 @@ from .law import InvariantLaw, Law
 from .response import MOST_PARAMETERS, STATE_NUMBERS, Response
 
 LEAST_SEPARATION = 3e-6
-"""Two equal in-plane stretches are set apart by this much of their logarithm.
+"""Difference of the logarithms to which two equal in-plane stretches are separated.
 
-Everything asked of them is even in the difference, so this changes it by some 1e-11, as much as rounding does there.
+All results are even in the difference, so they change by some 1e-11, which is the size of rounding there.
 """
 
 
 @inlined
 def isochoric_invariants(state):
-    """I1bar and I2bar from tr C in the plane, J in the plane and J3, with C33 = (J3/J)**2."""
+    """Return I1bar and I2bar from tr C in the plane, J in the plane and J3, with C33 = (J3/J)**2."""
     trace, J, J3 = state
     c = inverse_cube_root(J3 * J3)
     C33 = (J3 / J) * (J3 / J)
@@ -43,10 +43,10 @@ def isochoric_invariants(state):
 
 @inlined
 def of_invariants(state, isochoric, volumetric):
-    """The response from the derivatives of W(I1bar, I2bar) + U(J3); theory (7) with U^3 reduced by Cayley-Hamilton.
+    """Return the response from the derivatives of W(I1bar, I2bar) + U(J3); theory (7) with U^3 reduced by Cayley-Hamilton.
 
-    ``d1`` and ``d2`` are J3/2 times the derivatives of the two invariants by J3 at fixed F in the plane, which makes the residual
-    J3 dPsi/dJ3, the plane-stress condition (paper, Eq. (9), with the exponent of its first term corrected to +2/3).
+    ``d1`` and ``d2`` are J3/2 times the derivatives of the two invariants by J3 at fixed F in the plane, which makes the residual J3
+    dPsi/dJ3, the plane-stress condition (paper, Eq. (9), with the exponent of its first term corrected to +2/3).
     """
     trace, J, J3 = state
     W, W1, W2, W11, W12, W22 = isochoric
@@ -73,10 +73,10 @@ def of_invariants(state, isochoric, volumetric):
 
 @inlined
 def principal_stretches(state):
-    """Logarithms and squares of the isochoric principal stretches, those in the plane first, from tr C and J in the plane and J3."""
+    """Return logarithms and squares of the isochoric principal stretches, those in the plane first, from tr C, J in the plane and J3."""
     trace, J, J3 = state
     half = trace / 2
-    # cosh and sinh of the difference of the logarithms; a trace below 2 J belongs to no stretch tensor, and is a rounding error.
+    # cosh and sinh of the difference of the logarithms; a trace below 2 J can only be a rounding error.
     excess = (half - J) * (half + J) / (J * J)
     least = LEAST_SEPARATION * LEAST_SEPARATION
     excess = select(excess < least, least, excess)
@@ -90,7 +90,7 @@ def principal_stretches(state):
 
 @inlined
 def of_stretches(state, stretches, sums, volumetric):
-    """The response from the derivatives of W(x1, x2, x3) + U(J3).
+    """Return the response from the derivatives of W(x1, x2, x3) + U(J3).
 
     The principal stresses are P_a = (g_a - g_3)/lambda_a, the pressure eliminated by P33 = 0; p lambda_a^2 + q = g_a - g_3 for both.
     """
@@ -107,11 +107,13 @@ def of_stretches(state, stretches, sums, volumetric):
 
 
 response = Response(5, 2, isochoric_invariants, of_invariants, principal_stretches, of_stretches, curvature=True)
-"""``response(law, trace, J, J3)``: p, q, the residual J3 dPsi/dJ3 of P33 = 0 at fixed F in the plane, its derivative by J3, and Psi."""
+"""Response ``response(law, trace, J, J3)``: p, q, the residual J3 dPsi/dJ3 of P33 = 0 at fixed F in the plane, its derivative by J3, and
+Psi.
+"""
 
 
 def volumetric_block(law: Law) -> CFunc:
-    """Block function of J3 U' and its derivative alone, in the rows that the whole response has for the residual and its slope."""
+    """Return the block function of J3 U' and its derivative, in the rows that the full response has for the residual and its slope."""
     return block_function_of(_volumetric_block, STRESS_RESPONSE, law.volumetric)
 
 
@@ -131,36 +133,23 @@ def _volumetric_block(volumetric):
 
 
 def invariants(F):
-    """Tr C and det F of in-plane deformation gradients, each of shape (...)."""
+    """Return tr C and det F of in-plane deformation gradients, each of shape (...)."""
     F = np.asarray(F, dtype=float)
     return (F * F).sum(axis=(-2, -1)), F[..., 0, 0] * F[..., 1, 1] - F[..., 0, 1] * F[..., 1, 0]
 
 
 def stretch_squares(trace: float, area_ratio: float) -> np.ndarray:
-    """Squares of the principal stretches at tr C and det F in the plane and constant volume, shape (3,)."""
+    """Return the squares of the principal stretches at tr C and det F in the plane and constant volume, shape (3,)."""
     half = trace / 2
     root = np.sqrt(max(half**2 - area_ratio**2, 0.0))
     return np.array([half - root, half + root, area_ratio**-2])
 
 
 def volume_ratio(law: Law, trace, area_ratio):
-    """J3 that makes P33 = 0 (paper, Eq. (9)), by Newton's iteration from 1.
+    """Return the J3 that makes P33 = 0 (paper, Eq. (9)), shape (...), by Newton's method from 1; then C33 = (J3/J)**2.
 
-    Parameters
-    ----------
-    law : Law
-    trace, area_ratio : array_like, shape (...)
-        tr C and J = det F > 0 in the plane.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        J3; then C33 = (J3/J)**2.
-
-    Raises
-    ------
-    ValueError
-        Where J is not positive, or the law has no such state (past its limit); or if the law's derivatives are not those of its energy.
+    Raise ValueError where J = det F is not positive or the law has no such state (beyond its limit), and if the law's derivatives are not
+    those of its energy.
     """
     check_consistency(law)
     trace, J = np.broadcast_arrays(np.asarray(trace, float), np.asarray(area_ratio, float))
@@ -171,13 +160,13 @@ def volume_ratio(law: Law, trace, area_ratio):
         for _ in range(60):
             _, _, residual, slope, _ = response(law, trace, J, J3)
             step = np.where(slope > 0, residual / slope, np.sign(residual) * J3)
-            # J3 halves or doubles at the most in one step, so it stays positive from any start.
-            # Past the law's limit, where the residual is NaN, it swells: a state with more volume may keep the limit.
+            # J3 at most halves or doubles in one step, so it stays positive from any start.
+            # Beyond the law's limit the residual is NaN, and J3 grows: a state with a larger volume may lie within the limit.
             J3 = J3 - np.where(np.isnan(residual), -SWELLING * J3, np.clip(step, -J3, 0.5 * J3))
             if np.all(np.abs(step) <= 1e-15 * J3):
                 break
         residual = response(law, trace, J, J3)[2]
-    # NaN and a residual that did not vanish both mean that the law ends before this state.
+    # NaN, and a residual that does not vanish, both mean that the state is beyond the law's limit.
     scale = law.bulk_modulus / law.shear_modulus
     failed = ~(np.abs(residual) <= 1e-9 * scale)
     if np.any(failed):
@@ -190,19 +179,19 @@ def volume_ratio(law: Law, trace, area_ratio):
 
 
 def thickness_stretch_squared(law: Law, trace, area_ratio):
-    """C33 of the plane-stress state."""
+    """Return C33 of the plane-stress state."""
     return (volume_ratio(law, trace, area_ratio) / area_ratio) ** 2
 
 
 def first_piola_stress(law: Law, F):
-    """In-plane first Piola-Kirchhoff stress P (paper, Eq. (8)), shape (..., 2, 2), in the unit of the shear modulus."""
+    """Return the in-plane first Piola-Kirchhoff stress P (paper, Eq. (8)), shape (..., 2, 2), in the unit of the shear modulus."""
     trace, J = invariants(F)
     p, q, *_ = response(law, trace, J, volume_ratio(law, trace, J))
     return law.shear_modulus * in_plane_stress(F, p, q)
 
 
 def in_plane_stress(F, p, q):
-    """P = p F + q F^-T in the plane, shape (..., 2, 2)."""
+    """Return P = p F + q F^-T in the plane, shape (..., 2, 2)."""
     F = np.asarray(F, dtype=float)
     cofactor = np.empty_like(F)
     cofactor[..., 0, 0], cofactor[..., 0, 1] = F[..., 1, 1], -F[..., 1, 0]
@@ -211,32 +200,20 @@ def in_plane_stress(F, p, q):
 
 
 def energy_density(law: Law, F):
-    """Strain energy density of the plane-stress state, shape (...), in the unit of the shear modulus."""
+    """Return the strain energy density of the plane-stress state, shape (...), in the unit of the shear modulus."""
     trace, J = invariants(F)
     return law.shear_modulus * response(law, trace, J, volume_ratio(law, trace, J))[4]
 
 
 def energy_at(law: Law, F, volume_ratio):
-    """Energy density in units of mu, shape (n,), at the volume ratio J3 (n,) of the points."""
+    """Return the energy density in units of mu, shape (n,), at the volume ratio J3 (n,) of the points."""
     return response(law, *invariants(F), volume_ratio)[4]
 
 
 def stress_and_energy(law: Law, F, volume_ratio, bulk_stress=None):
-    """First Piola-Kirchhoff stress, zero across the plane, and energy density of points at their J3.
+    """Return the first Piola-Kirchhoff stress (n, 3, 3) and the energy density (n,) of points at their J3, in the unit of mu.
 
-    Parameters
-    ----------
-    law : Law
-    F : ndarray, shape (n, 2, 2)
-    volume_ratio : ndarray, shape (n,)
-    bulk_stress
-        Of no use here: J3 says all.
-
-    Returns
-    -------
-    stress : ndarray, shape (n, 3, 3)
-    energy : ndarray, shape (n,)
-        Both in the unit of the shear modulus.
+    `bulk_stress` is unused: under plane stress J3 determines the stress.
     """
     p, q, _, _, energy = response(law, *invariants(F), volume_ratio)
     stress = np.zeros((len(F), 3, 3))
@@ -245,26 +222,12 @@ def stress_and_energy(law: Law, F, volume_ratio, bulk_stress=None):
 
 
 def energy_derivatives(law: Law, trace, area_ratio):
-    """The energy under plane stress as a function of tr C and J in the plane alone, and its derivatives, dimensionless.
+    """Return psi, psi_I, psi_J, psi_II, psi_IJ, psi_JJ of the plane-stress energy as a function of I = tr C and J, dimensionless.
 
     At fixed J3 the energy has the derivatives of the law; J3 follows from dPsi/dJ3 = 0, so the first derivatives are those at fixed J3, and
-    the second ones are psi_ab = Psi_ab - Psi_ax Psi_bx/Psi_xx, x = J3.
-
-    Parameters
-    ----------
-    law : Law
-        The second derivatives of one that is no `InvariantLaw` are fourth-order differences of the first ones, good to some ten digits.
-    trace, area_ratio : array_like, shape (n,)
-        tr C and J = det F > 0 in the plane.
-
-    Returns
-    -------
-    psi, psi_I, psi_J, psi_II, psi_IJ, psi_JJ : ndarray, shape (n,)
-
-    Raises
-    ------
-    ValueError
-        Where J is not positive, or the law has no plane-stress state.
+    the second ones are psi_ab = Psi_ab - Psi_ax Psi_bx/Psi_xx, x = J3. For a law that is no `InvariantLaw` the second derivatives are
+    fourth-order differences of the first, accurate to some ten digits. All arrays have shape (n,). Raise ValueError where J is not positive
+    or the law has no plane-stress state.
     """
     trace, J = (np.asarray(value, dtype=float) for value in (trace, area_ratio))
     x = volume_ratio(law, trace, J)
@@ -275,7 +238,7 @@ def energy_derivatives(law: Law, trace, area_ratio):
     c = x ** (-2 / 3)
     I1, I2 = c * (trace + C33), c * c * (J * J + C33 * trace)
     _, W1, W2, W11, W12, W22 = law.isochoric(I1, I2, law.parameters)
-    # Derivatives of the two isochoric invariants by I = tr C, J and x = J3.
+    # These are the derivatives of the two isochoric invariants by I = tr C, J and x = J3.
     first = {
         "I": (c, c * c * C33),
         "J": (-2 * c * C33 / J, c * c * (2 * J - 2 * C33 * trace / J)),
@@ -307,7 +270,7 @@ def energy_derivatives(law: Law, trace, area_ratio):
 
 
 def _differences(law: Law, trace, J):
-    """psi_II, psi_IJ and psi_JJ by differences towards larger tr C and smaller J: away from tr C = 2 J, past which no state lies."""
+    """Return psi_II, psi_IJ and psi_JJ by differences towards larger tr C and smaller J, since no states exist below tr C = 2 J."""
     weights = np.array([-25, 48, -36, 16, -3]) / 12
     step_trace, step_J = 2e-3 * trace, 2e-3 * J
     by_trace, by_J = np.zeros((2, *np.shape(J))), np.zeros((2, *np.shape(J)))
@@ -319,20 +282,9 @@ def _differences(law: Law, trace, J):
 
 
 def bond_traction(law: Law, normal_stretch, shear_stretch, area_ratio, C33):
-    """The exact bond force in the corotated frame (theory (7), (11)).
+    """Return (T_nn, T_nm, T_mm) of the exact bond force in the corotated frame, R^T P / mu (theory (7), (11)).
 
-    Parameters
-    ----------
-    law : Law
-    normal_stretch, shear_stretch : array_like
-        a = U_nn = lambda_b cos(dtheta) and b = U_nm = lambda_b sin(dtheta).
-    area_ratio, C33 : array_like
-        J and C33 given to the bond; not tied to (a, b) by plane stress.
-
-    Returns
-    -------
-    T_nn, T_nm, T_mm : ndarray
-        Components of R^T P / mu along and across the reference bond.
+    The bond is given by a = U_nn = lambda_b cos(dtheta), b = U_nm = lambda_b sin(dtheta), J and C33; these need not satisfy plane stress.
     """
     a, b, J, C33 = (np.asarray(value, dtype=float) for value in (normal_stretch, shear_stretch, area_ratio, C33))
     U_mm = lateral_stretch(a, b, J)

@@ -1,4 +1,4 @@
-"""What a body may be: a sheet whose thickness is free or held, or a solid; one interface, so that who knows the name need not know more."""
+"""States of a body by name, with one module for each: a sheet in plane stress or plane strain, or a solid."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from types import ModuleType
 
 
 class _Planes(Mapping):
-    """Modules by the names that scenes and settings know, each imported when it is asked for: a sheet needs nothing of space."""
+    """Mapping from names to modules, each imported on first use; a sheet loads nothing for three dimensions."""
 
     def __init__(self, modules: Mapping[str, str]) -> None:
         self._modules = modules
@@ -24,13 +24,14 @@ class _Planes(Mapping):
 
 
 PLANES = _Planes({"stress": "plane_stress", "strain": "plane_strain", "space": "solid"})
-"""By the name that scenes and settings know: modules with `response`, `first_piola_stress`, `energy_density`,
-and, of points whose volume ratio has been found otherwise, `energy_at` and `stress_and_energy`."""
+"""Modules by the names that scenes and settings use. Each has `response`, `first_piola_stress`, `energy_density`, and, for points whose
+volume ratio was computed by a force, `energy_at` and `stress_and_energy`.
+"""
 
 SHEETS = ("stress", "strain")
-"""Those of bodies in the plane."""
+"""Names of the states of two-dimensional bodies."""
 
 
 def dimension_of(plane: str) -> int:
-    """Dimension of the bodies that are in a state of this name."""
+    """Return the dimension, 2 or 3, of bodies in the named state."""
     return 2 if plane in SHEETS else 3

@@ -1,7 +1,7 @@
-"""From the energy of a law to what is asked of it in one kind of state: under plane stress, in plane strain, or in space.
+"""Responses: stress and energy of a law from the derivatives of its energy, for one kind of state.
 
-A kind of state is a `Response`: in which numbers a state is given, at which invariants or principal stretches W is taken there, and what
-is made of the derivatives of W and U.  Evaluating a law, in NumPy or compiled over a block of states, is written here once for all of them.
+A `Response` defines the numbers that describe a state, the invariants or principal stretches at which W is evaluated there, and the result
+computed from the derivatives of W and U. This module evaluates any law with any response, in NumPy or compiled over a block of states.
 """
 
 from __future__ import annotations
@@ -13,38 +13,39 @@ import numpy as np
 from numba import carray
 from numba.core.ccallback import CFunc
 
-from ..kernels.block_arrays import BLOCK, block_rows, put_column, stack_rows
-from ..kernels.compile import STRESS_RESPONSE, block_function_of, widest_vectors
+from ..engine.block_arrays import BLOCK, block_rows, put_column, stack_rows
+from ..engine.compile import STRESS_RESPONSE, block_function_of, widest_vectors
 from .consistency import check_consistency
 from .law import InvariantLaw, Law
 
 STATE_NUMBERS = 3
-"""Numbers that give a state."""
+"""Count of numbers that describe a state."""
 
 MOST_PARAMETERS = 4096
-"""More than the parameters of any law; an expression reads those that its law has."""
+"""Length of the array view of a law's parameters, an upper bound for all laws; an expression reads those of its own law."""
 
 
 @dataclass(frozen=True)
 class Response:
-    """What a law answers in one kind of state; the functions are plain elementwise expressions of tuples.
+    """Stress and energy of a law in one kind of state; the functions are plain elementwise expressions of tuples.
 
     Attributes
     ----------
     rows : int
-        Numbers in a result.
+        Count of numbers in a result.
     volume : int
-        Which number of a state is the volume ratio that U is taken at.
+        Index, within a state, of the volume ratio at which U is evaluated.
     invariants : callable
-        ``invariants(state)``: I1bar and I2bar.
+        ``invariants(state)`` returns I1bar and I2bar.
     of_invariants : callable
-        ``of_invariants(state, isochoric, volumetric)``: the result, from (W, W1, W2, W11, W12, W22) and (U, U', U'').
+        ``of_invariants(state, isochoric, volumetric)`` returns the result from (W, W1, W2, W11, W12, W22) and (U, U', U'').
     stretches : callable
-        ``stretches(state)``: logarithms and squares (x1, x2, x3, s1, s2, s3) of the isochoric principal stretches, no two of them equal.
+        ``stretches(state)`` returns logarithms and squares (x1, x2, x3, s1, s2, s3) of the isochoric principal stretches, no two of them
+        equal.
     of_stretches : callable
-        ``of_stretches(state, stretches, sums, volumetric)``: the result, from the sums (W, g1, g2, g3, h) over the terms.
+        ``of_stretches(state, stretches, sums, volumetric)`` returns the result from the sums (W, g1, g2, g3, h) over the terms.
     curvature : bool
-        Whether it needs h, which is 0 otherwise.
+        Whether `of_stretches` uses h, which is 0 otherwise.
     """
 
     rows: int
@@ -56,7 +57,7 @@ class Response:
     curvature: bool
 
     def __call__(self, law: Law, *state) -> tuple:
-        """The result on NumPy arrays, dimensionless."""
+        """Evaluate a law on NumPy arrays; the result is dimensionless."""
         state, parameters = tuple(np.asarray(value, dtype=float) for value in state), law.parameters
         volumetric = law.volumetric(state[self.volume], parameters)
         if isinstance(law, InvariantLaw):
@@ -66,12 +67,9 @@ class Response:
         return self.of_stretches(state, stretches, [sum(parts) for parts in zip(*terms, strict=True)], volumetric)
 
     def block(self, law: Law) -> CFunc:
-        """The same compiled as a block function (`pdsurrogate.kernels.compile.STRESS_RESPONSE`).
+        """Return the response of a law compiled as a block function (`pdsurrogate.engine.compile.STRESS_RESPONSE`).
 
-        Raises
-        ------
-        ValueError
-            If the law's derivatives are not those of its energy (`check_consistency`).
+        Raise ValueError if the law's derivatives are not those of its energy (`check_consistency`).
         """
         check_consistency(law)
         shared = law.volumetric, self.rows, self.volume
@@ -83,13 +81,13 @@ class Response:
 
 
 def volume_energy_block(law: Law) -> CFunc:
-    """Block function of a law's energy of the volume: U and U' from the volume ratio in the first row of the states."""
+    """Return the block function of a law's U and U' from the volume ratio in the first row of the states."""
     check_consistency(law)
     return block_function_of(_volume_block, STRESS_RESPONSE, law.volumetric)
 
 
 def _volume_block(volumetric):
-    """Builder of the block functions of U."""
+    """Build the block function of U."""
 
     def response(states, parameters, result):
         widest_vectors()
@@ -105,7 +103,7 @@ def _volume_block(volumetric):
 
 
 def _invariant_block(isochoric, invariants, of_invariants, n_parameters, volumetric, n_rows, volume):
-    """Builder of the block functions of an `InvariantLaw`."""
+    """Build the block function of an `InvariantLaw`."""
 
     def response(states, parameters, result):
         widest_vectors()
@@ -122,19 +120,19 @@ def _invariant_block(isochoric, invariants, of_invariants, n_parameters, volumet
 
 
 def _principal_block(coefficients, term, stretches, of_stretches, curvature, volumetric, n_rows, volume):
-    """Builder of the block functions of a `PrincipalStretchLaw`."""
+    """Build the block function of a `PrincipalStretchLaw`."""
 
     def response(states, parameters, result):
         widest_vectors()
         states = carray(states, (STATE_NUMBERS, BLOCK))
         result = carray(result, (n_rows, BLOCK))
         n_terms = np.int64(carray(parameters, (2,))[1])
-        # How long they are is for the law to know; it reads no further than its last term.
+        # The law knows how many there are; it reads none after its last term.
         parameters = carray(parameters, (MOST_PARAMETERS,))
         rows = block_rows(stack_rows(6, 1.0))
         for k in range(BLOCK):
             put_column(rows, k, stretches((states[0, k], states[1, k], states[2, k])))
-        # On its own: a loop within the one above would split rounds off it.
+        # This loop stands alone: within the one above it would split iterations off that one.
         for row in range(n_rows):
             for k in range(BLOCK):
                 result[row, k] = 0.0

@@ -1,19 +1,19 @@
-"""Space: the stress of any law from the invariants of a full deformation gradient.
+"""Three-dimensional stress of any law from the invariants of the deformation gradient.
 
-Tensors have shape (..., 3, 3).  Stresses and energies carry the unit of the law's shear modulus.
+Tensors have shape (..., 3, 3). Stresses and energies have the unit of the law's shear modulus.
 
-The derivatives of the invariants by F make the first Piola-Kirchhoff stress of an isotropic law
+The first Piola-Kirchhoff stress of an isotropic law is
 
     P = p F + q cof F + r F C,
 
-and the three coefficients, functions of tr C, tr cof C and J = det F, say everything.
+with three coefficients that are functions of tr C, tr cof C and J = det F.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..kernels.compile import inlined
+from ..engine.compile import inlined
 from ..kernels.elementary import inverse_cube_root, select
 from ..kernels.feature_sets import like
 from . import plane_stress
@@ -24,7 +24,7 @@ from .response import Response
 
 @inlined
 def isochoric_invariants(state):
-    """I1bar and I2bar."""
+    """Return I1bar and I2bar."""
     trace, cofactor_trace, J = state
     c = inverse_cube_root(J * J)
     return c * trace, c * c * cofactor_trace
@@ -32,7 +32,7 @@ def isochoric_invariants(state):
 
 @inlined
 def of_invariants(state, isochoric, volumetric):
-    """(p, q, r, energy) from the derivatives of W(I1bar, I2bar) + U(J)."""
+    """Return (p, q, r, energy) from the derivatives of W(I1bar, I2bar) + U(J)."""
     trace, cofactor_trace, J = state
     W, W1, W2, _, _, _ = isochoric
     U, dU, _ = volumetric
@@ -46,21 +46,21 @@ def of_invariants(state, isochoric, volumetric):
 
 @inlined
 def principal_stretches(state):
-    """Logarithms and squares of the isochoric principal stretches, that last which stands most apart.
+    """Return logarithms and squares of the isochoric principal stretches, the one farthest from the others last.
 
-    The eigenvalues of C are mean + 2 sqrt(spread) cos(phi + 2 pi k/3) with cos(3 phi) = c.  The greatest, for c > 0, or the least is the
-    mean with the root y = cos(arccos(abs(c))/3) of 4 y^3 - 3 y = abs(c): between sqrt(3)/2 and 1, where Newton's iteration is at rounding
-    in three steps.  The other two, from the invariants without cancellation, are principal stretches of a plane.
+    The eigenvalues of C are mean + 2 sqrt(spread) cos(phi + 2 pi k/3) with cos(3 phi) = c. The greatest, for c > 0, or else the least is
+    given by the root y = cos(arccos(abs(c))/3) of 4 y^3 - 3 y = abs(c): between sqrt(3)/2 and 1, where Newton's method reaches rounding in
+    three steps. The other two follow from the invariants without cancellation, as the principal stretches of a plane.
 
-    Nearly equal stretches are known to some 6e-6 only, as roots of a cubic are, and are set apart by as much.  But they belong to
-    invariants within 1e-11 of those given, of which energy and stress are smooth functions: these are right to 2e-11, and at distinct
-    stretches to rounding (``tests/test_responses.py``).  The coefficients p, q and r by themselves are not; of three equal stretches r is
-    off by some 1e-5, which p and q make up for.
+    Nearly equal stretches, as roots of a cubic, are only known to some 6e-6 and are separated by as much. But they belong to invariants
+    within 1e-11 of the given ones, of which energy and stress are smooth functions: these are accurate to 2e-11, and to rounding at
+    distinct stretches (``tests/test_responses.py``). The single coefficients are less accurate: at three equal stretches r is off by some
+    1e-5, which p and q compensate.
     """
     trace, cofactor_trace, J = state
     mean = trace / 3
     spread = mean * mean - cofactor_trace / 3
-    # Three equal stretches are set apart as two are in a plane, by as much of their logarithm.
+    # Three equal stretches are separated by the same difference of logarithms as two in a plane.
     least = plane_stress.LEAST_SEPARATION * mean
     spread = select(spread < least * least, least * least, spread)
     root = np.sqrt(spread)
@@ -71,7 +71,7 @@ def principal_stretches(state):
     for _ in range(3):
         y = y - (y * (4 * y * y - 3) - c) / (12 * y * y - 3)
     apart = mean + 2 * root * y * select(skew < 0, -1.0, 1.0)
-    # Sum and product of the other two: of a greatest one from the product first, of a least one from the sum.
+    # Sum and product of the other two: the product is computed first beside a greatest one, the sum first beside a least one.
     rest = trace - apart
     product = select(skew < 0, cofactor_trace - apart * rest, J * J / apart)
     rest = select(skew < 0, rest, (cofactor_trace - product) / apart)
@@ -80,10 +80,10 @@ def principal_stretches(state):
 
 @inlined
 def of_stretches(state, stretches, sums, volumetric):
-    """(p, q, r, energy) from the derivatives of W(x1, x2, x3) + U(J).
+    """Return (p, q, r, energy) from the derivatives of W(x1, x2, x3) + U(J).
 
-    The principal Kirchhoff stresses are g_a - (g_1 + g_2 + g_3)/3 + J U'; the polynomial in the squares of the stretches that passes
-    through them, by divided differences, has p, q J and r as coefficients.
+    The principal Kirchhoff stresses are g_a - (g_1 + g_2 + g_3)/3 + J U'; the polynomial in the squared stretches through them, by divided
+    differences, has p, q J and r as coefficients.
     """
     J = state[2]
     _, _, _, s1, s2, s3 = stretches
@@ -97,7 +97,7 @@ def of_stretches(state, stretches, sums, volumetric):
 
 
 response = Response(4, 2, isochoric_invariants, of_invariants, principal_stretches, of_stretches, curvature=False)
-"""``response(law, trace, cofactor_trace, J)``: p, q, r and the energy, dimensionless, from tr C, tr cof C and J = det F > 0."""
+"""Response ``response(law, trace, cofactor_trace, J)``: p, q, r and the energy, dimensionless, from tr C, tr cof C and J = det F > 0."""
 
 
 @inlined
@@ -113,36 +113,36 @@ def _isochoric_of_stretches(state, stretches, sums, volumetric):
 isochoric_response = Response(
     4, 2, isochoric_invariants, _isochoric_of_invariants, principal_stretches, _isochoric_of_stretches, curvature=False
 )
-"""``isochoric_response(law, trace, cofactor_trace, J)``: p, q, r and the energy, all of W alone; U adds U' to q."""
+"""Response ``isochoric_response(law, trace, cofactor_trace, J)``: p, q, r and the energy, all from W alone; U adds U' to q."""
 
 
 def invariants(F):
-    """Tr C, tr cof C and det F, each of shape (...)."""
+    """Return tr C, tr cof C and det F, each of shape (...)."""
     F = np.asarray(F, dtype=float)
     cofactor = _cofactor(F)
     return (F * F).sum(axis=(-2, -1)), (cofactor * cofactor).sum(axis=(-2, -1)), (F[..., 0] * cofactor[..., 0]).sum(axis=-1)
 
 
 isochoric_state = invariants
-"""What `isochoric_response` is asked with, from F."""
+"""Function that returns the arguments of `isochoric_response` from F."""
 
 
 def stretch_squares(F):
-    """Squares of the isochoric principal stretches, shape (..., 3)."""
+    """Return the squares of the isochoric principal stretches, shape (..., 3)."""
     return np.linalg.svd(F, compute_uv=False) ** 2 / np.abs(np.linalg.det(F))[..., None] ** (2 / 3)
 
 
 def why_no_energy(law: Law, F) -> str | None:
-    """Why a law has no energy at one deformation gradient, 2 by 2 of plane strain or 3 by 3; None where it has one."""
+    """Explain why a law has no energy at one deformation gradient (3 by 3, or 2 by 2 in plane strain); return None where it has one."""
     full, d = np.eye(3), len(F)
     full[:d, :d] = F
-    with np.errstate(all="ignore"):  # what is not finite is looked for
+    with np.errstate(all="ignore"):  # non-finite values are tested below
         found = isochoric_response(law, *invariants(full))[3]
     return None if np.isfinite(found) else law.limit(stretch_squares(full))
 
 
 def first_piola_stress(law: Law, F):
-    """First Piola-Kirchhoff stress P, shape (..., 3, 3), in the unit of the shear modulus."""
+    """Return the first Piola-Kirchhoff stress P, shape (..., 3, 3), in the unit of the shear modulus."""
     check_consistency(law)
     F = np.asarray(F, dtype=float)
     p, q, r = (value[..., None, None] for value in response(law, *invariants(F))[:3])
@@ -150,18 +150,18 @@ def first_piola_stress(law: Law, F):
 
 
 def energy_density(law: Law, F):
-    """Strain energy density, shape (...), in the unit of the shear modulus."""
+    """Return the strain energy density, shape (...), in the unit of the shear modulus."""
     check_consistency(law)
     return law.shear_modulus * response(law, *invariants(F))[3]
 
 
 def energy_at(law: Law, F, volume_ratio):
-    """Energy density in units of mu, shape (n,): W at F, and U at the volume ratio (n,), of a selective energy not det F."""
+    """Return the energy density in units of mu, shape (n,): W at F plus U at the given volume ratio, which may differ from det F."""
     return isochoric_response(law, *invariants(F))[3] + law.volumetric(volume_ratio, law.parameters)[0]
 
 
 def stress_and_energy(law: Law, F, volume_ratio, bulk_stress, isochoric=None):
-    """First Piola-Kirchhoff stress and energy density of points; see `plane_strain.stress_and_energy`, with F of shape (n, 3, 3)."""
+    """Return stress and energy density of points like `plane_strain.stress_and_energy`, from F of shape (n, 3, 3)."""
     check_consistency(law)
     F = np.asarray(F, dtype=float)
     p, q, r, energy = isochoric_response(law, *invariants(F)) if isochoric is None else isochoric
@@ -171,5 +171,5 @@ def stress_and_energy(law: Law, F, volume_ratio, bulk_stress, isochoric=None):
 
 
 def _cofactor(F):
-    """Det F times F^-T: its columns are cross products of those of F."""
+    """Return det F times F^-T, whose columns are cross products of those of F."""
     return np.stack([np.cross(F[..., (k + 1) % 3], F[..., (k + 2) % 3]) for k in range(3)], axis=-1)

@@ -1,4 +1,4 @@
-"""Principal stretches of deformation gradients."""
+"""Principal stretches of deformation gradients in two and three dimensions."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def principal_stretches(F: np.ndarray) -> np.ndarray:
-    """Square roots of the eigenvalues of F^T F, the greatest first.
+    """Return the principal stretches, the square roots of the eigenvalues of F^T F, the greatest first.
 
     Parameters
     ----------

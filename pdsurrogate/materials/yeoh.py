@@ -10,7 +10,7 @@ from .law import InvariantLaw
 
 @dataclass(frozen=True)
 class Yeoh(InvariantLaw):
-    """Psi = C10 [(I1bar - 3) + a (I1bar - 3)^2 + b (I1bar - 3)^3] + U(J3), with mu = 2 C10, a = C20/C10 and b = C30/C10.
+    """Yeoh's law, Psi = C10 [(I1bar - 3) + a (I1bar - 3)^2 + b (I1bar - 3)^3] + U(J3), with mu = 2 C10, a = C20/C10 and b = C30/C10.
 
     Parameters
     ----------

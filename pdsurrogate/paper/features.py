@@ -1,15 +1,15 @@
-"""The paper's five features of a bond, and its components of the force along and across the deformed bond."""
+"""The paper's five features of a bond, with the components of the force along and across the deformed bond as outputs."""
 
 import numpy as np
 from numba import types
 from numba.extending import overload
 
-from ..kernels.compile import INLINE_OPTIONS
+from ..engine.compile import INLINE_OPTIONS
 from ..kernels.feature_sets import FEATURE_SETS, FeatureSet, like
 
 
 def arctangent(y, x):
-    """atan2(y, x) for x > 0 (a bond turned by less than a right angle).  Absolute error below 4e-7 (float32) and 1e-15 (float64)."""
+    """Return atan2(y, x) for x > 0 (a bond turned by less than a right angle). Absolute error below 4e-7 (float32) and 1e-15 (float64)."""
     return np.arctan2(y, x)
 
 
@@ -53,24 +53,24 @@ def _arctangent(y, x):
 
 
 def shared(a, b, J, C33):
-    """lambda_b and its inverse."""
+    """Return lambda_b and its inverse."""
     stretch = np.sqrt(a * a + b * b)
     return stretch, like(a, 1.0) / stretch
 
 
 def inputs(shared, a, b, U_mm, J, C33, length):
-    """lambda_b, dtheta, l_b/delta, C33, det F."""
+    """Return lambda_b, dtheta, l_b/delta, C33, det F."""
     return shared[0], arctangent(b, a), length, C33, J
 
 
 def traction(shared, o1, o2, a, b, U_mm, J, C33):
-    """T_nn, T_nm from t_n and t_tau, the components along and across the deformed bond; T_mm is not known and given as 0."""
+    """Return T_nn and T_nm from t_n and t_tau, along and across the deformed bond; T_mm is unknown and set to 0."""
     inverse = shared[1]
     return (o1 * a - o2 * b) * inverse, (o1 * b + o2 * a) * inverse, like(a, 0.0) * o1
 
 
 def outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
-    """Inverse of `traction`."""
+    """Return t_n and t_tau, the inverse of `traction`."""
     inverse = shared[1]
     return (T_nn * a + T_nm * b) * inverse, (T_nm * a - T_nn * b) * inverse
 

@@ -1,1 +1,1 @@
-"""Reports: they run the rest and tabulate."""
+"""Speed and error of every force model, measured and tabulated."""

@@ -1,10 +1,10 @@
-"""Vector arithmetic within the first-level cache: what threads gain where nothing but the processor limits them."""
+"""Vector arithmetic within the first-level cache, which measures the gain from threads where only the processor limits it."""
 
 import numpy as np
 
-from ..kernels.block_arrays import block_rows
-from ..kernels.compile import widest_vectors
-from ..kernels.passes import Pass
+from ..engine.block_arrays import block_rows
+from ..engine.compile import widest_vectors
+from ..engine.passes import Pass
 
 ROWS = 2
 """Rows of the buffer: arguments and values."""
@@ -12,13 +12,13 @@ ROWS = 2
 
 @Pass
 def arithmetic(thread, chunk, chunks, rounds, buffers):
-    """Evaluate a polynomial on a block of single-precision numbers, `rounds` times over, shared among the chunks of `buffers`."""
+    """Evaluate a polynomial on a block of single-precision numbers, `rounds` times, shared among the chunks of `buffers`."""
     widest_vectors()
     rows = block_rows(buffers[thread])
     for _ in range(chunk * rounds // chunks, (chunk + 1) * rounds // chunks):
         for k in range(rows.shape[1]):
             x = rows[0, k]
-            # Two chains that need each other, so that no part of them can be left out.
+            # Two chains depend on each other, so that the compiler cannot remove a part of them.
             even = x * x
             odd = even * x
             for _ in range(8):

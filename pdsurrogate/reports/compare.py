@@ -1,4 +1,4 @@
-"""Speed against error: every force model in one interleaved run."""
+"""Speed against error of every force model, measured in one interleaved run."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from functools import partial
 import numba
 
 from ..artifacts import load_surrogate
+from ..engine.threads import at_most, most_threads
 from ..forces import (
     AnalyticBondForce,
     BANOSBForce,
@@ -19,7 +20,6 @@ from ..forces import (
     NOSBForce,
 )
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
-from ..kernels.threads import at_most, most_threads
 from ..learning import (
     ChebyshevRegressor,
     LevenbergMarquardtRegressor,
@@ -36,23 +36,23 @@ from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
 from ..results.provenance import processor
 from ..run.run import Silent
-from ..run.simulate import SimulationFailed, simulate
+from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import load_scene
 from .speed import TimedModel, measure_speed, sheet
 
 Progress = Callable[[str, float, int, str], None]
-"""Is told the stage, how much of it is done (a part of a model counts), of how much, and what is being done."""
+"""Function that receives the stage, how much of it is done (fractions of a model count), the total, and a description."""
 
 FITTING, TIMING, ERRORS, SCENE = "Fitting", "Timing", "Errors", "Section 6.2"
 """Stages of a comparison."""
 
 RIVAL, REFERENCE = "BA-NOSB", "NOSB"
-"""Titles of the models to whose cost the others' is compared."""
+"""Titles of the models to whose cost that of the others is compared."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A force model in a precision, and how its scene is run."""
+    """Force model in one precision, with the changes to the scene that it needs."""
 
     title: str
     model: ForceModel
@@ -62,7 +62,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Plan:
-    """A force model that is there or has to be fitted, in the precisions in which it takes part; ``{size}`` in the title is its own."""
+    """Force model to be loaded or fitted, and its precisions; ``{size}`` in the title is replaced by the model's size."""
 
     title: str
     made: Callable[[], ForceModel]
@@ -71,9 +71,9 @@ class Plan:
 
 
 def plans(law: Law, quick: bool) -> list[Plan]:
-    """Force models of a material: the exact ones, BA-NOSB, and surrogates of several sizes to be fitted on the spot.
+    """Return the force models of a material: the exact ones, BA-NOSB, and surrogates of several sizes to be fitted now.
 
-    For the default Neo-Hookean law the shipped networks take part as they are.
+    For the default Neo-Hookean law the shipped networks are used as they are.
     """
     samples = wide_design(law, 3000 if quick else 8000, reachable_stretches(law), random_state=0)
 
@@ -97,7 +97,7 @@ def plans(law: Law, quick: bool) -> list[Plan]:
         Plan("analytic bond force", partial(AnalyticBondForce, law), double),
     ]
     if shipped:
-        # Its box is too small for the scene (theory, section 5): it is used wherever it is asked, as in the paper.
+        # Its domain is too small for the scene (theory, section 5): as in the paper, it is also evaluated outside.
         paper = partial(load_surrogate, "neo-hookean-paper")
         found.append(Plan("network, paper's features, 20 units", paper, changes=("outside=extrapolate",)))
     for units in (12, 20) if quick else (8, 12, 20, 40):
@@ -110,14 +110,14 @@ def plans(law: Law, quick: bool) -> list[Plan]:
         as_it_is = shipped and units == 4
         made = partial(load_surrogate, "neo-hookean@2") if as_it_is else partial(fitted, "isochoric", network(units))
         found.append(Plan(f"network, isochoric, {units} units", made))
-    # The response of Neo-Hookean rubber is a constant of the isochoric features; other laws need more.
+    # The response of Neo-Hookean rubber does not depend on the isochoric features; other laws need higher degrees.
     for degree in (4,) if shipped else (((10, 4),) if quick else ((8, 4), (10, 4), (12, 6))):
         found.append(Plan("polynomial, isochoric, {size}", partial(fitted, "isochoric", ChebyshevRegressor(degree))))
     return found
 
 
 def candidates(law: Law, quick: bool, progress: Progress) -> list[Candidate]:
-    """The models of all plans, fitted where they have to be, each in its precisions."""
+    """Return the planned models in each of their precisions, fitted where necessary."""
     planned, found = plans(law, quick), []
     for number, plan in enumerate(planned):
         what = plan.title.format(size="").removesuffix(", ")
@@ -134,9 +134,12 @@ def candidates(law: Law, quick: bool, progress: Progress) -> list[Candidate]:
 
 
 def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
-    """Force error of the kernel in its own precision, on and off the surface, and the least stiffness slope; empty where there is none."""
+    """Return the force errors of the kernel in its own precision, on and off the plane-stress surface, and the least stiffness slope.
+
+    The result is empty if the model has no bond force.
+    """
     if isinstance(entry.model, EnergySurrogate):
-        # Its stress, which is that of the surface: C33 is not among its inputs.
+        # An energy gives the stress on the surface only, since C33 is not among its inputs.
         samples = energy_design(law, n_samples, reachable_stretches(law), 0.25, 1_000_003)
         errors = energy_errors(kernel_energy(entry.model, law, entry.precision, *samples.X.T), samples)
         return {"rms_on_surface": errors["rms"], "max_on_surface": errors["max"]}
@@ -144,7 +147,7 @@ def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
         return {}
     reach = reachable_stretches(law)
     report = evaluate(kernel_bond_force(entry.model, law, entry.precision), law, reach, n_samples=n_samples)
-    # A slope by differences of single-precision forces would be noise: it is that of the same model in double.
+    # Differences of single-precision forces would be noise: the slope is that of the same model in double precision.
     slope = report if entry.precision == "float64" else evaluate(entry.model.bond_force, law, reach, n_samples=n_samples)
     return {
         "rms_on_surface": report["on_surface"]["rms"],
@@ -156,7 +159,7 @@ def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
 
 
 class _Levels(Silent):
-    """Tells of a run how many of its levels are done, and the residual of the next."""
+    """Progress of a run: reports the number of finished levels, and the residual of the current one."""
 
     def __init__(self, levels: int, told: Callable[[float, str], None]) -> None:
         self._levels, self._told, self._done = levels, told, 0
@@ -169,11 +172,13 @@ class _Levels(Silent):
 
 
 def measure_scene(entry: Candidate, law: Law, spacing: float, told: Callable[[float, str], None] = lambda share, text: None) -> dict:
-    """Greatest errors at the levels of the paper's section 6.2, and the evaluations and seconds that it took."""
+    """Return the greatest errors at the levels of the paper's section 6.2, with the number of evaluations and the seconds."""
     changes = [f"spacing={spacing}", f"precision={entry.precision}", *entry.changes]
     scene = load_scene("uniaxial", changes, material=law.describe())
     try:
         result = simulate(scene, entry.model, progress=_Levels(len(scene.stretches), told))
+    except SimulationInterrupted:
+        raise KeyboardInterrupt from None
     except SimulationFailed as error:
         return {"scene_failure": str(error)}
     return {
@@ -191,18 +196,18 @@ def compare(
     progress: Progress = lambda stage, done, of, text: None,
     threads: int | None = None,
 ) -> dict:
-    """Measure every force model.
+    """Measure the speed and the error of every force model.
 
     Parameters
     ----------
     law : Law, optional
         Neo-Hookean with K = 100 mu by default.
     quick : bool
-        Coarser scene, smaller fits, less patience: for a look, not for quoting.
+        Coarser scene, smaller fits and shorter timings: for a first look, not for quoting.
     progress : callable
         See `Progress`.
     threads : int, optional
-        Most that are measured; by default all.
+        Greatest number of threads that is measured; by default all.
 
     Returns
     -------
@@ -212,7 +217,7 @@ def compare(
     Raises
     ------
     ValueError
-        If there are not so many threads.
+        If there are fewer threads.
     """
     with at_most(threads):
         return _compare(law or NeoHookean(), quick, progress)

@@ -1,4 +1,4 @@
-"""Reports as tables and figures."""
+"""Tables and figures of the comparison."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..results.figures import STYLE
 from .speed import UNDISTURBED
 
 NOTHING = "-"
-"""Where a model has no such figure."""
+"""Entry for a figure that a model does not have."""
 
 
 def _pair(row: dict, first: str, second: str) -> str:
@@ -43,24 +43,24 @@ COLUMNS = (
     ("6.2: stress / displ. error (%)", lambda row: _scene(row, "{scene_stress_error:.2g} / {scene_displacement_error:.2g}")),
     ("6.2: evaluations, s", lambda row: _scene(row, "{scene_evaluations}, {scene_seconds:.2f}")),
 )
-"""Title of each column of the comparison, and its text for a row."""
+"""Title of each column of the comparison, and the function that formats its entry."""
 
 
 def table(report: dict) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of the comparison."""
+    """Return the header and the rows of the comparison."""
     return [title for title, _ in COLUMNS], [[cell(row) for _, cell in COLUMNS] for row in report["models"]]
 
 
 def caution(rows: list[dict]) -> str:
-    """What a busy machine did to measured costs; empty if nothing."""
+    """Return a warning if other work on the machine disturbed the timings; empty if not."""
     most = max(max(row["disturbance_1"], row["disturbance_all"]) for row in rows)
     if most <= UNDISTURBED:
         return ""
-    return f"The cores were shared: arithmetic took up to {most:.2f} times as long beside some timings as at best; read no ratio closer."
+    return f"Other work used the cores: the reference arithmetic took up to {most:.2f} times its best; ratios are no more accurate."
 
 
 def as_csv(report: dict) -> str:
-    """All measured figures, one line a model."""
+    """Return all measured figures as CSV, one line for each model."""
     keys = list(dict.fromkeys(key for row in report["models"] for key in row))
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=keys, lineterminator="\n")
@@ -70,7 +70,7 @@ def as_csv(report: dict) -> str:
 
 
 def pareto_figure(report: dict) -> Figure:
-    """Force error against cost; models without a bond force of their own are lines of cost."""
+    """Draw force error against cost; models without a bond force are drawn as vertical lines."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(8.6, 4.4), layout="constrained")
         axis = figure.subplots()

@@ -1,4 +1,4 @@
-"""Cost of force evaluations, on a machine whose cores others use as well."""
+"""Cost of force evaluations, measured on a machine whose cores may be shared."""
 
 from __future__ import annotations
 
@@ -11,35 +11,35 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..body import Body
+from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.threads import most_threads, thread_count
 from ..forces import ForceModel, ForceSettings
-from ..kernels.block_arrays import BLOCK, aligned_rows
-from ..kernels.threads import most_threads, thread_count
 from ..materials import Law, homogeneous
 from .calibration import ROWS, arithmetic
 
 ENOUGH = 12
-"""Undisturbed timings wanted of every model."""
+"""Number of undisturbed timings required for every model."""
 
 UNDISTURBED = 1.1
-"""Arithmetic beside a timing may take so many times as long as at its best."""
+"""Ratio of the reference arithmetic's time beside a timing to its best, up to which the timing counts as undisturbed."""
 
 TIMINGS = 4
 """Timings in each turn of a model."""
 
 WARM_UP = 8e-3
-"""Seconds for which a model runs before it is timed: the caches are another model's, and it takes some calls until they are its own."""
+"""Seconds for which a model runs before it is timed, since the caches first hold another model's data."""
 
 PIECE = 5e-4
-"""Seconds of arithmetic, on one thread of an undisturbed core, by which a turn is judged."""
+"""Seconds of reference arithmetic, on one thread of an undisturbed core, beside each timing."""
 
 
 def sheet() -> Body:
-    """The body on which models are compared: that of the paper's section 6.2, of 7,500 points."""
+    """Return the body on which models are compared, that of the paper's section 6.2, with 7,500 points."""
     return Body.rectangle(3.0, 1.0, 0.02, 0.063)
 
 
 def bench_positions(body: Body, law: Law) -> np.ndarray:
-    """Positions of a body at uniaxial stretch 2 with a smooth wave on top: every bond in a state of its own."""
+    """Return positions at uniaxial stretch 2 with a smooth wave added, so that every bond has its own state."""
     state = homogeneous.uniaxial(law, 2.0)
     x1, x2 = body.points.T
     wave = 0.2 * body.horizon
@@ -49,7 +49,7 @@ def bench_positions(body: Body, law: Law) -> np.ndarray:
 
 @dataclass(frozen=True)
 class TimedModel:
-    """A force model in a precision on a body."""
+    """Force model in one precision on a body."""
 
     model: ForceModel
     precision: str
@@ -59,28 +59,28 @@ class TimedModel:
 def measure_speed(
     cases: list[TimedModel], law: Law, patience: float, progress: Callable[[float, int, str], None] = lambda done, of, text: None
 ) -> list[dict]:
-    """Nanoseconds per directed bond of the whole evaluation and of the bond pass, on one thread and on all.
+    """Measure the nanoseconds per directed bond of the whole evaluation and of the bond pass, on one thread and on all.
 
-    All cases take turns of some milliseconds, on one thread and on all.  A core may be shared with others, whose work comes and goes: a
-    processor that runs two threads on a core then takes half as long again.  So arithmetic that needs no memory is timed just before and
-    after every timing, on as many threads, and those timings count beside which it was as fast as ever; of them medians are given.  The
-    models' own times count for nothing in it.
+    All cases are timed in turns of some milliseconds. A core may be shared with other work, which comes and goes; a processor that runs two
+    threads on a core then takes half as long again. Therefore reference arithmetic that needs no memory is timed just before and after
+    every timing, on as many threads. Only timings beside which it ran at full speed are used, and their medians are returned; the models'
+    own times play no part in the selection.
 
     Parameters
     ----------
     cases : list of TimedModel
     law : Law
     patience : float
-        Seconds after which the least disturbed timings must do.
+        Seconds after which the least disturbed timings are used.
     progress : callable
-        Told how many timings are done, or how much of the patience as so many, of how many, and what is being done.
+        Called with the progress (timings done, or the share of the patience that has passed), the total, and a description.
 
     Returns
     -------
     list of dict
         For each case ``ns_per_directed_bond_1`` and ``ns_per_directed_bond_all``, ``ns_bond_pass_1`` and ``ns_bond_pass_all``,
-        ``thread_speedup``, ``arithmetic_speedup`` (what arithmetic gained from the threads beside the same timings), ``disturbance_1`` and
-        ``disturbance_all`` (how many times as long as at its best arithmetic took there), and the medians of all timings,
+        ``thread_speedup``, ``arithmetic_speedup`` (gain of the arithmetic from threads beside the same timings), ``disturbance_1`` and
+        ``disturbance_all`` (time of the arithmetic there over its best), and the medians of all timings,
         ``ns_per_directed_bond_1_at_any_time`` and ``ns_per_directed_bond_all_at_any_time``.
     """
     threads = sorted({1, most_threads()})
@@ -99,7 +99,7 @@ def measure_speed(
     rounds = _rounds_in(PIECE, yardsticks[1])
 
     def take_turn(number: int, count: int) -> list[tuple[float, float, float]]:
-        """Times of the whole evaluation, of the bond pass, and of the slower arithmetic beside them."""
+        """Return times of the whole evaluation, of the bond pass, and of the slower reference arithmetic beside them."""
         key, found = (number, count), []
         with thread_count(count):
             for _ in range(calls[key]):
@@ -143,7 +143,7 @@ def measure_speed(
 
 
 def _arithmetic_on(count: int) -> Callable[[int], float]:
-    """A function that times rounds of arithmetic on a number of threads, in which it is called."""
+    """Return a function that times rounds of arithmetic on a number of threads; it must be called with that number in use."""
     buffer = aligned_rows((count, ROWS, BLOCK), np.float32, 0.5)
 
     def seconds(rounds: int) -> float:
@@ -154,7 +154,7 @@ def _arithmetic_on(count: int) -> Callable[[int], float]:
 
 
 def _rounds_in(seconds: float, yardstick: Callable[[int], float]) -> int:
-    """Rounds of arithmetic that take the given seconds on an undisturbed core."""
+    """Return the number of rounds of arithmetic that take the given seconds on an undisturbed core."""
     trial = 1000
     with thread_count(1):
         return max(1, int(trial * seconds / min(yardstick(trial) for _ in range(50))))

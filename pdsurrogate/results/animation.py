@@ -10,12 +10,20 @@ from matplotlib.animation import PillowWriter
 from matplotlib.figure import Figure
 
 from .figures import STYLE, draw_cells, polygons_of
-from .files import write_with
+from .files import MARK, write_with
 
 if TYPE_CHECKING:
     from .result import Result
 
 FRAMES_PER_SECOND = 8
+
+
+class _Marking(PillowWriter):
+    """Writes the mark of the package into the file, which the base leaves no place for."""
+
+    def finish(self) -> None:
+        first, *others = self._frames
+        first.save(self.outfile, save_all=True, append_images=others, duration=int(1000 / self.fps), loop=0, comment=MARK)
 
 
 def save(result: Result, path: Path) -> None:
@@ -38,7 +46,7 @@ def save(result: Result, path: Path) -> None:
         figure.colorbar(drawn, ax=axis, label=quantity, fraction=0.05, pad=0.01)
 
         def write(temporary: Path) -> None:
-            writer = PillowWriter(fps=FRAMES_PER_SECOND)
+            writer = _Marking(fps=FRAMES_PER_SECOND)
             with writer.saving(figure, str(temporary), dpi=100):
                 for number in frames:
                     drawn.set_verts(polygons_of(*result.cells(number)))

@@ -12,7 +12,7 @@ from ..array_files import read_arrays
 from .contents import Contents
 from .files import write_with
 
-FORMAT = 6
+FORMAT = 7
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
 ANEW = "begin anew by --overwrite in the place of --resume"
@@ -42,7 +42,8 @@ class Checkpoint:
     def write(self, folder: Path) -> None:
         """Write to a folder, whole or not at all."""
         text = json.dumps({"format": FORMAT, "identity": self.identity, "progress": self.progress}, allow_nan=False)
-        arrays = {**self.arrays, _DESCRIPTION: np.frombuffer(text.encode(), dtype=np.uint8)}
+        # First, so that what the file is stands in its head.
+        arrays = {_DESCRIPTION: np.frombuffer(text.encode(), dtype=np.uint8), **self.arrays}
 
         def write_arrays(path: Path) -> None:
             with path.open("wb") as file:

@@ -10,7 +10,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from ..body import CellMesh
-from .files import write_with
+from ..scenes import Units
+from .files import MARK, write_with
 
 STYLE = {
     "font.size": 9,
@@ -35,7 +36,7 @@ MOST_TICKS = 6
 
 def save(figure: Figure, path: Path) -> None:
     """Write a figure as PNG, whole."""
-    write_with(path, lambda temporary: figure.savefig(temporary, format="png"))
+    write_with(path, lambda temporary: figure.savefig(temporary, format="png", metadata={"Software": MARK}))
 
 
 def polygons_of(cells: CellMesh, displacement: np.ndarray) -> np.ndarray:
@@ -60,7 +61,7 @@ def draw_cells(axis, cells: np.ndarray, values: np.ndarray, **limits):
     return drawn
 
 
-def loading_figure(stretches: list[float], stresses: list[float], references: list[tuple[float, float]], unit: str) -> Figure:
+def loading_figure(stretches: list[float], stresses: list[float], references: list[tuple[float, float]], units: Units) -> Figure:
     """Nominal stress against stretch, with reference values as circles."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(4.8, 3.2), layout="constrained")
@@ -69,12 +70,12 @@ def loading_figure(stretches: list[float], stresses: list[float], references: li
         if references:
             axis.plot(*zip(*references, strict=True), "o", mfc="none", color="black", label="reference")
             axis.legend(frameon=False)
-        axis.set(xlabel="stretch", ylabel=f"nominal stress ({unit})")
+        axis.set(xlabel="stretch", ylabel=units.label("nominal stress", "stress"))
         axis.locator_params(axis="x", nbins=MOST_TICKS)
         return figure
 
 
-def forces_figure(t: list[float], forces: dict[str, list[float]], unit: str) -> Figure:
+def forces_figure(t: list[float], forces: dict[str, list[float]], units: Units) -> Figure:
     """Components of forces, by name and component, against the loading parameter."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(4.8, 3.2), layout="constrained")
@@ -83,12 +84,12 @@ def forces_figure(t: list[float], forces: dict[str, list[float]], unit: str) -> 
             axis.plot(t, values, ".-", lw=1.2, ms=4, label=name)
         if forces:
             axis.legend(frameon=False)
-        axis.set(xlabel="t", ylabel=f"force on the body ({unit})")
+        axis.set(xlabel="t", ylabel=units.label("force on the body", "force"))
         axis.locator_params(axis="x", nbins=MOST_TICKS)
         return figure
 
 
-def energies_figure(label: str, places: list[float], energies: dict[str, list[float]], unit: str) -> Figure | None:
+def energies_figure(label: str, places: list[float], energies: dict[str, list[float]], units: Units) -> Figure | None:
     """Energies by name over time or the loading parameter; None where there are none."""
     if not energies:
         return None
@@ -99,7 +100,7 @@ def energies_figure(label: str, places: list[float], energies: dict[str, list[fl
             axis.plot(places, values, ".-" if len(places) < 30 else "-", lw=1.2, ms=4, label=name.replace("_", " "))
         # Above: within the curves, which may go anywhere, it would lie over one.
         figure.legend(loc="outside upper center", ncols=3, frameon=False)
-        axis.set(xlabel=label, ylabel=f"energy ({unit})")
+        axis.set(xlabel=label, ylabel=units.label("energy", "energy"))
         axis.locator_params(axis="x", nbins=MOST_TICKS)
         return figure
 

@@ -10,12 +10,20 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+TEMPORARY = ".pdsurrogate-tmp-"
+"""How the names of files begin that are not whole yet."""
+
+MARK = "pdsurrogate run"
+"""Among the first `HEAD` bytes of every file of states and of every picture that this package writes, by which it knows them again."""
+
+HEAD = 2048
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Context that yields a temporary path beside `path`, moved into place on success and removed on failure."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+    handle, name = tempfile.mkstemp(prefix=f"{TEMPORARY}{path.stem}-", suffix=path.suffix, dir=path.parent)
     os.close(handle)
     temporary = Path(name)
     try:
@@ -48,6 +56,21 @@ def write_with(path: Path, writer: Callable[[Path], None]) -> None:
         writer(temporary)
 
 
+def remove_leftovers(folder: Path) -> None:
+    """Remove the files that a process which was killed left in a folder before they were whole."""
+    for path in folder.glob(f"{TEMPORARY}*"):
+        path.unlink(missing_ok=True)
+
+
+def head_of(path: Path) -> bytes:
+    """First bytes of a file; of one that cannot be read, none that anything begins with."""
+    try:
+        with path.open("rb") as file:
+            return file.read(HEAD)
+    except OSError:
+        return b"?"
+
+
 @contextmanager
 def made(folder: Path) -> Iterator[None]:
     """Context in which a folder is there; of the folders that were made for it those go again that are empty at the end."""
@@ -72,5 +95,9 @@ def check_writable(folder: Path) -> None:
     place = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not place.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "a folder is needed, and this is a file", str(place))
-    with tempfile.NamedTemporaryFile(dir=place):
-        pass
+    try:
+        with tempfile.NamedTemporaryFile(dir=place):
+            pass
+    except OSError as error:
+        where = "" if place == folder else f", as no file can be made in {place}"
+        raise type(error)(error.errno, f"files cannot be made there{where}: {error.strerror}", str(folder)) from None

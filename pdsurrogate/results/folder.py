@@ -2,7 +2,8 @@
 
 A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (in pieces ``NAME-000.pvtu``, ``NAME-000.piece0.vtu`` and so on),
 ``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name, and ``summary.json``, ``history.csv``, ``convergence.csv`` and
-``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A folder holds a run of a scene if its summary or, where
+``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A file of such a name is a run's own if what it begins
+with says so, as `MARK` does; any other is left alone, and refused by its name.  A folder holds a run of a scene if its summary or, where
 there is none, its checkpoint names the scene, or a PVD index lists states of that name.  What else than its name the run was of, its
 `Contents`, is in the same files.
 """
@@ -22,9 +23,12 @@ from xml.etree import ElementTree
 from .checkpoint import NAME as CHECKPOINT
 from .checkpoint import identity_in
 from .contents import Contents, differences_of, told
-from .files import made
+from .files import MARK, head_of, made, remove_leftovers
 
 SUMMARY, HISTORY, CONVERGENCE = "summary.json", "history.csv", "convergence.csv"
+
+RUNNING, INTERRUPTED, FAILED, DONE = "running", "interrupted", "failed", "done"
+"""What a summary says of its run under ``status``; of one that was killed the first."""
 
 
 class FolderTaken(ValueError):
@@ -130,9 +134,7 @@ def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> Non
     FolderTaken
         If the folder holds another run, or the same one that was interrupted, or a file called like a run's that no run wrote.
     """
-    for kind, ours in _SIGNATURES.items():
-        if (folder / kind).exists() and not ours(folder / kind):
-            raise FolderTaken(f"{folder / kind} was not written by a run and would be replaced; give another folder")
+    check_names(folder, contents.scene["name"])
     names, name = _scenes_in(folder), contents.scene["name"]
     if overwrite or not names:
         return
@@ -144,19 +146,30 @@ def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> Non
         raise FolderTaken(f"{folder} holds results of {name} that do not tell their scene; {WAY_OUT}")
     if differences := found.differences(contents):
         raise FolderTaken(f"{folder} holds the results of another run of {name}: {differences}; {WAY_OUT}")
-    if summary is None or summary.get("interrupted"):
+    ended = summary is not None and summary.get("status") not in (RUNNING, INTERRUPTED)
+    if not ended and (folder / CHECKPOINT).exists():  # without one nothing can go on from there
         raise FolderTaken(
             f"{folder} holds this run, ended before its time: go on with it by --resume, or begin it anew by --overwrite (resume=True or "
             "overwrite=True in Python)"
         )
 
 
+def check_names(folder: Path, name: str, resumed: bool = False) -> None:
+    """Raise FolderTaken if a folder holds a file named like a result of a scene that no run wrote, but for a checkpoint to resume from."""
+    for path in (*(folder / kind for kind in _SIGNATURES), *_files_of(folder, name)):
+        if path.name == CHECKPOINT and resumed:
+            continue
+        if path.exists() and not _is_ours(path):
+            raise FolderTaken(f"{path} was not written by a run and would be replaced; give another folder")
+
+
 def make_room(folder: Path, contents: Contents, overwrite: bool = False) -> None:
     """Remove the files of earlier runs from a folder, and nothing else; see `check_room`."""
     check_room(folder, contents, overwrite)
     name = contents.scene["name"]
-    for scene in _scenes_in(folder) | ({name} if state_files(folder, name) else set()):
-        for path in _files_of(folder, scene):
+    remove_leftovers(folder)
+    for scene in _scenes_in(folder) | {name}:
+        for path in filter(_is_ours, _files_of(folder, scene)):
             path.unlink()
     for kind in _SIGNATURES:
         (folder / kind).unlink(missing_ok=True)
@@ -199,7 +212,17 @@ def state_files(folder: Path, name: str) -> list[tuple[int, Path]]:
 
 def _files_of(folder: Path, name: str) -> list[Path]:
     others = (folder / f"{name}{ending}" for ending in (".pvd", ".png", "-loading.png", ".gif"))
-    return [*(path for _, path in state_files(folder, name)), *(path for path in others if path.is_file())]
+    return [*(path for _, path in state_files(folder, name)), *(path for path in others if path.exists())]
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether a run wrote a file that has the name of one of its own."""
+    return _SIGNATURES[path.name](path) if path.name in _SIGNATURES else is_marked(path)
+
+
+def is_marked(path: Path) -> bool:
+    """Whether this package wrote a file of a state, an index of them, or a picture."""
+    return MARK.encode() in head_of(path)
 
 
 def _scenes_in(folder: Path) -> set[str]:
@@ -214,6 +237,8 @@ def _scenes_in(folder: Path) -> set[str]:
 
 def _is_index(path: Path) -> bool:
     """Whether a PVD lists states of a run, called like itself."""
+    if not is_marked(path):
+        return False
     try:
         listed = [entry.get("file", "") for entry in ElementTree.parse(path).iter("DataSet")]
     except (OSError, ElementTree.ParseError):
@@ -239,25 +264,17 @@ def _summary(path: Path) -> dict | None:
     return read if isinstance(scene, str) and scene and scene == Path(scene).name else None  # no path: files are named after it
 
 
-def _head(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            return file.read(200)
-    except OSError:
-        return b"?"
-
-
-def _is_table(path: Path) -> bool:
-    """Whether a table begins with a column that a run's begin with."""
-    head = _head(path)
-    return head == b"" or head.startswith((b"step,", b"stretch,", b"time [", b"t,"))
+def _is_table(path: Path, *columns: str) -> bool:
+    """Whether a table begins with columns that only a run's begins with, or is empty."""
+    head = head_of(path)
+    return head == b"" or head.startswith(tuple(",".join(columns).replace("PARAMETER", name).encode() for name in ("stretch", "t")))
 
 
 _SIGNATURES = {
     SUMMARY: lambda path: _summary(path) is not None,
-    HISTORY: lambda path: _is_table(path),
-    CONVERGENCE: lambda path: _is_table(path),
+    HISTORY: lambda path: _is_table(path, "step", "PARAMETER", "evaluations"),
+    CONVERGENCE: lambda path: _is_table(path, "PARAMETER", "increment", "evaluation"),
     # The head alone, so that a damaged checkpoint is one.
-    CHECKPOINT: lambda path: (head := _head(path)) == b"" or b"positions.npy" in head,
+    CHECKPOINT: lambda path: (head := head_of(path)) == b"" or (b"description.npy" in head and b'{"format": ' in head),
 }
 """The files that every run calls alike, and how one that a run wrote is told from any other."""

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..html_tables import html_facts, html_table
+from ..scenes import Units
 from . import figures
 from .result import Result, column_title, scalars_of
 
@@ -119,14 +120,15 @@ def _as_image(figure, what: str) -> str:
     return f'<img alt="{what}" src="{_uri(_png(figure))}">'
 
 
-def _energies(result: Result) -> tuple[str, list[float], dict[str, list[float]], str]:
+def _energies(result: Result) -> tuple[str, list[float], dict[str, list[float]], Units]:
     """Loading parameter or time, and the energies of the history by their names."""
     rows = [row for row in result.history if "strain_energy" in row]
     timed = [row for row in rows if "time" in row]
     rows, key = (timed, "time") if timed else (rows, "stretch" if result.scene.stretched else "t")
     names = [column for column in dict.fromkeys(key for row in rows for key in row) if column == "work" or column.endswith("_energy")]
     label = column_title(key, result.scene.units)
-    return label, [row[key] for row in rows], {name: [row.get(name, 0.0) for row in rows] for name in names}, result.scene.units.energy
+    energies = {name: [row.get(name, 0.0) for row in rows] for name in names}
+    return label, [row[key] for row in rows], energies, result.scene.units
 
 
 def _summary(result: Result) -> str:
@@ -135,7 +137,7 @@ def _summary(result: Result) -> str:
         "force": summary["force"],
         "material": ", ".join(f"{key} {value}" for key, value in summary["material"].items()),
         "points, bonds": f"{summary['n_points']:,}, {summary['n_bonds']:,}",
-        "spacing, horizon": f"{summary['spacing']:g}, {summary['horizon']:g} {summary['units']['length']}",
+        "spacing, horizon": f"{summary['spacing']:g}, {result.scene.units.amount(summary['horizon'], 'length', 'g')}",
         "evaluations": f"{summary['n_force_evaluations']:,}",
         "ended": "as asked" if summary["converged"] else summary["failure"],
     }

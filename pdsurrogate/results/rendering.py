@@ -61,6 +61,6 @@ def save(
     drawn.subplot(0, 0)
     drawn.add_text(title, font_size=12)
     drawn.subplot(0, 1)
-    drawn.add_text(f"cut at x{axis + 1} = {middle:.4g}, undeformed", font_size=12)
+    drawn.add_text(f"deformed section, at rest at x{axis + 1} = {middle:.4g}", font_size=12)
     write_with(path, lambda temporary: drawn.screenshot(str(temporary)))
     drawn.close()

@@ -19,7 +19,7 @@ from ..scenes import Scene, Units
 from .contents import Contents
 from .deformed import deformed_cells
 from .files import write_json, write_text
-from .folder import CONVERGENCE, HISTORY, SUMMARY, make_room, occupied, saved_scene
+from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occupied, saved_scene
 from .measures import POINT_FIELDS
 from .states import SavedStates, States, StatesInFiles, StatesInMemory, StatesInPieces
 
@@ -70,6 +70,11 @@ class Result:
         return self.summary["levels"]
 
     @property
+    def status(self) -> str:
+        """How the run ended: "done", "failed" or "interrupted"; "running" of one that is under way, or was killed."""
+        return self.summary.get("status", DONE if self.summary.get("converged", True) else FAILED)
+
+    @property
     def in_pieces(self) -> bool:
         """Whether each of several ranks has written the fields of its own points; `save` draws no pictures of them then."""
         return isinstance(self.states, StatesInPieces)
@@ -81,8 +86,8 @@ class Result:
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
         """Write ``summary.json``, ``history.csv``, ``convergence.csv``, a VTU series with its PVD index and a figure of the deformed body.
 
-        Every file is written whole; the summary last, so that a folder with a summary is complete.  Results of the same run in the
-        folder, of this scene with this force, are removed before.
+        Every file is written whole; the summary last, whose ``status`` says how the run ended.  Results of the same run in the folder, of
+        this scene with this force, are removed before.  A run that was given the folder has all there but the figures.
 
         Parameters
         ----------
@@ -110,9 +115,6 @@ class Result:
             raise ValueError(f"the result was read from files, and those are what it would write: copy them to {folder}")
         if not streamed:
             make_room(folder, Contents.read(self.summary), overwrite)
-        write_text(folder / HISTORY, _as_csv(self.history, self.scene.units))
-        if self.convergence:
-            write_text(folder / CONVERGENCE, _as_csv(self.convergence, self.scene.units))
         if self.states:
             if not streamed:
                 written = StatesInFiles(folder, self.body, self.scene.name)
@@ -125,7 +127,7 @@ class Result:
                 figures.save(self.figure(), folder / f"{self.scene.name}.png")
                 if moves:
                     animation.save(self, folder / f"{self.scene.name}.gif")
-        write_json(folder / SUMMARY, self.summary)
+        write_tables(folder, self.summary, self.history, self.convergence, self.scene.units)
 
     def figure(self):
         """The deformed body at every level, coloured by the displacement across the loaded direction (Fig. 6).
@@ -231,7 +233,7 @@ class Result:
         """What is written beside a field or a component of one: its name and its unit."""
         kind = unit_of(field)
         name = f"|{field}|" if field in ("displacement", "position") else field
-        return f"{name} ({getattr(self.scene.units, kind)})" if kind else name
+        return self.scene.units.label(name, kind) if kind else name
 
     def table(self):
         """The history as a table: step, loading parameter, forces and displacements of all that holds or loads the body, energies.
@@ -252,7 +254,7 @@ class Result:
     def __repr__(self) -> str:
         summary = self.summary
         states = f"{len(self.states)} state{'' if len(self.states) == 1 else 's'}"
-        end = "" if summary.get("converged", True) else ", failed"
+        end = "" if self.status == DONE else f", {self.status}"
         return f"<Result of {summary['scene']} with {summary['force']}: {summary['n_points']} points, {states}{end}>"
 
     def _repr_html_(self) -> str:
@@ -331,7 +333,7 @@ class Result:
             at = f"stretch {moment.stretch:.3f}" if moving else f"stretch {moment.stretch:g}"
         else:
             at = f"t = {moment.t:.3g}"
-        return f"{at}, {moment.time:.4g} {self.scene.units.time}" if moving else at
+        return f"{at}, {self.scene.units.amount(moment.time, 'time', '.4g')}" if moving else at
 
     def loading_figure(self):
         """Over levels and dynamics: nominal stress against stretch, or, of a general programme, forces against t."""
@@ -343,15 +345,23 @@ class Result:
             forces = {column.removeprefix("force_"): [row.get(column, 0.0) for row in rows] for column in columns}
             greatest = max((max(map(abs, values)) for values in forces.values()), default=0.0)
             shown = {name: values for name, values in forces.items() if max(map(abs, values)) > 1e-3 * greatest}
-            return figures.forces_figure([row["t"] for row in rows], shown, self.summary["units"]["force"])
+            return figures.forces_figure([row["t"] for row in rows], shown, self.scene.units)
         rows = [*self.levels, *(row for row in self.history if "time" in row)]
         references = [(level["stretch"], level["nominal_stress_reference"]) for level in self.levels if "nominal_stress_reference" in level]
         stress = [row["nominal_stress"] for row in rows]
-        return figures.loading_figure([row["stretch"] for row in rows], stress, references, self.scene.units.stress)
+        return figures.loading_figure([row["stretch"] for row in rows], stress, references, self.scene.units)
+
+
+def write_tables(folder: Path, summary: dict, history: list[dict], convergence: list[dict], units: Units) -> None:
+    """Write the tables of a run, and its summary last."""
+    write_text(folder / HISTORY, _as_csv(history, units))
+    if convergence:
+        write_text(folder / CONVERGENCE, _as_csv(convergence, units))
+    write_json(folder / SUMMARY, summary)
 
 
 def load_result(folder: str | Path) -> Result:
-    """The result of a run from the folder that it was saved to.
+    """The result of a run from the folder that it was saved to; of one under way, or killed, what it has reached.
 
     Parameters
     ----------
@@ -388,7 +398,7 @@ def load_result(folder: str | Path) -> Result:
         raise ValueError(f"{folder / SUMMARY}: the scene as run is not in it, as earlier versions left it out: run the scene again")
     try:
         scene = Scene.model_validate(summary["scene_as_run"])
-        states = SavedStates(folder, name) if (folder / f"{name}.pvd").exists() else StatesInMemory()
+        states = SavedStates(folder, name, summary.get("states")) if (folder / f"{name}.pvd").exists() else StatesInMemory()
         history, convergence = (_from_csv(folder / table) for table in (HISTORY, CONVERGENCE))
     except (ValueError, KeyError, OSError, ElementTree.ParseError) as error:
         raise ValueError(f"{folder}: the result cannot be read: {' '.join(str(error).split())}") from None

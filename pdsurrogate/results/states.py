@@ -12,7 +12,7 @@ import numpy as np
 
 from ..body import Body, CellMesh
 from .deformed import deformed_cells
-from .folder import state_files
+from .folder import is_marked, state_files
 
 Fields = dict[str, np.ndarray]
 
@@ -103,9 +103,9 @@ def write_index_of(folder: Path, name: str, moments: list[Moment]) -> None:
 
 
 def remove_later(folder: Path, name: str, count: int) -> None:
-    """Remove the files of states beyond the first `count`."""
+    """Remove the files of states beyond the first `count` that a run wrote."""
     for number, path in state_files(folder, name):
-        if number >= count:
+        if number >= count and is_marked(path):
             path.unlink()
 
 
@@ -229,13 +229,15 @@ def _for_all(part) -> Iterator[None]:
 
 
 class SavedStates:
-    """States of a run that has ended, read from its files when asked for.
+    """States of a run that has ended, or was killed, read from its files when asked for.
 
     Parameters
     ----------
     folder : Path
     name : str
         Stem of the file names.
+    most : int, optional
+        States that the run told of; a later one was not told of yet when it was killed.
 
     Raises
     ------
@@ -243,12 +245,12 @@ class SavedStates:
         If the index is not there or cannot be read.
     """
 
-    def __init__(self, folder: Path, name: str) -> None:
+    def __init__(self, folder: Path, name: str, most: int | None = None) -> None:
         from . import vtk
 
         self.folder = folder
         self._paths, self.moments = [], []
-        for run_time, path in vtk.read_index(folder / f"{name}.pvd"):
+        for run_time, path in vtk.read_index(folder / f"{name}.pvd")[:most]:
             values = vtk.read_values(path)
             self._paths.append(path)
             self.moments.append(Moment(run_time, values.get("stretch"), values.get("time", 0.0), values.get("t")))

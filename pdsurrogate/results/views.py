@@ -67,7 +67,7 @@ def contour_figure(
             cut.add_collection(drawn)
             cut.set(aspect="equal", xlim=(low[across[0]], high[across[0]]), ylim=(low[across[1]], high[across[1]]))
             cut.set_axis_off()
-            cut.set_title(f"cut at x{axis + 1} = {middle:.4g}, undeformed", pad=2)
+            cut.set_title(f"deformed section, at rest at x{axis + 1} = {middle:.4g}", pad=2)
             figure.colorbar(drawn, ax=cut, label=label, fraction=0.05, pad=0.05, shrink=0.8)
         return figure
 
@@ -75,7 +75,8 @@ def contour_figure(
 def cut_of(cells: CellMesh) -> tuple[int, float]:
     """The plane that a body of such cells is cut by for a picture: the axis that it is normal to, and where on it."""
     # The last of directions alike, so that a cube is cut along x1, in which bodies are pulled.
-    axis = 2 - int(np.argmin(np.ptp(cells.nodes, axis=0)[::-1].round(9)))
+    sides = np.ptp(cells.nodes, axis=0)[::-1]
+    axis = 2 - int(np.argmin((sides / sides.max()).round(9)))
     return axis, float(cells.nodes[:, axis].min() + cells.nodes[:, axis].max()) / 2
 
 

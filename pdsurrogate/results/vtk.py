@@ -10,7 +10,7 @@ import meshio
 import numpy as np
 
 from ..body import CellMesh
-from .files import write_text, write_with
+from .files import MARK, write_text, write_with
 
 CELL_TYPES = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexahedron"}
 """Names of cells by the dimension and the number of their corners."""
@@ -56,7 +56,7 @@ def write_state(path: Path, cells: CellMesh, nodes: np.ndarray, fields: dict[str
             f'<DataArray type="Float64" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{value:.17g}</DataArray>'
             for name, value in values.items()
         )
-        temporary.write_text(f"{head}{grid}<FieldData>{arrays}</FieldData>{rest}", encoding="utf-8")
+        temporary.write_text(f"{head}<!--{MARK}-->{grid}<FieldData>{arrays}</FieldData>{rest}", encoding="utf-8")
 
     write_with(path, write)
 
@@ -86,7 +86,7 @@ def write_pieces(path: Path, pieces: list[str], fields: dict[str, int]) -> None:
         "    <PCellData>" + "".join(array(name, _kind(name), components) for name, components in fields.items()) + "</PCellData>",
         *(f"    <Piece Source={quoteattr(piece)}/>" for piece in pieces),
     ]
-    head = '<?xml version="1.0"?>\n<VTKFile type="PUnstructuredGrid" version="0.1" byte_order="LittleEndian">\n'
+    head = f'<?xml version="1.0"?>\n<!--{MARK}-->\n<VTKFile type="PUnstructuredGrid" version="0.1" byte_order="LittleEndian">\n'
     write_text(path, head + '  <PUnstructuredGrid GhostLevel="0">\n' + "\n".join(lines) + "\n  </PUnstructuredGrid>\n</VTKFile>\n")
 
 
@@ -145,5 +145,5 @@ def read_values(path: Path) -> dict[str, float]:
 def write_index(path: Path, entries: list[tuple[float, str]]) -> None:
     """Write a PVD that lists VTU files with their times."""
     lines = [f'    <DataSet timestep="{time:.17g}" part="0" file={quoteattr(file)}/>' for time, file in entries]
-    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>\n'
+    head = f'<?xml version="1.0"?>\n<!--{MARK}-->\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>\n'
     write_text(path, head + "\n".join(lines) + "\n  </Collection>\n</VTKFile>\n")

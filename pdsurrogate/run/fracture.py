@@ -8,13 +8,13 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ..body import Body
-from ..kernels.block_arrays import BLOCK
+from ..engine.block_arrays import BLOCK
+from ..engine.threads import chunks_of
 from ..kernels.damage import find_overstretched
-from ..kernels.threads import chunks_of
 from ..materials import Law, homogeneous
 from ..materials.law import check_number, checked_law
 from ..scenes import Scene
-from ..scenes.model import TIP_DIAMETERS_IN_SPACE
+from ..scenes.model import TIP_DIAMETER, tip_diameter
 
 
 class Damage:
@@ -103,12 +103,6 @@ def _cut_weights(body: Body) -> np.ndarray:
     return total[:n]
 
 
-TIP_DIAMETER = 1.15
-"""Effective diameter of a crack tip in horizons, of sheets: energy release rate at which a crack runs, over the uniaxial energy density
-at the critical stretch.  Measured in the tear scene at spacings of 0.02 to 0.05 cm, between 1.11 and 1.22
-(`pipelines/reproduce_paper.py`).  Of bodies in space see `pdsurrogate.scenes.model.TIP_DIAMETERS_IN_SPACE`."""
-
-
 def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_diameter: float = TIP_DIAMETER) -> float:
     """Critical bond stretch at which a crack runs once its energy release rate reaches the fracture energy.
 
@@ -126,7 +120,8 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
         Energy per unit area of crack in the undeformed state, in units of stress times length.
     horizon : float
     tip_diameter : float
-        In horizons; by default that of sheets.  In space it is 1.2 with a horizon of 1.75 spacings, and 0.83 with one of 2.2.
+        In horizons; by default that of sheets whose bonds have forces and no energy.  By `bond-energy` in space it is 1.2 with a
+        horizon of 1.75 spacings, and 0.83 with one of 2.2.
 
     Returns
     -------
@@ -160,13 +155,12 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
     return float(brentq(excess, 1.0, _first_above(excess, law, "that fracture energy"), xtol=1e-12))
 
 
-def critical_stretch_in(scene: Scene, law: Law, horizon: float) -> float:
+def critical_stretch_in(scene: Scene, law: Law, horizon: float, family: str) -> float:
     """Where the bonds of a scene break: the stretch that it gives, or that of its fracture energy."""
     spec = scene.fracture
     if spec.critical_stretch is not None:
         return spec.critical_stretch
-    diameter = TIP_DIAMETERS_IN_SPACE[scene.horizon_ratio] if scene.dimension == 3 else TIP_DIAMETER
-    return critical_stretch_of(law, spec.energy, horizon, diameter)
+    return critical_stretch_of(law, spec.energy, horizon, tip_diameter(scene.plane, scene.horizon_ratio, family))
 
 
 def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:

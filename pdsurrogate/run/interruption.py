@@ -1,9 +1,15 @@
-"""Ctrl-C during a run: it ends at the next place where its state is whole."""
+"""Ctrl-C during a run, and the end of its time: it ends at the next place where its state is whole, and soon."""
 
 from __future__ import annotations
 
+import _thread
+import math
 import signal
 import threading
+import time
+
+SECONDS_TO_HEAR = 1.0
+"""After an interrupt within which a run is to come to such a place; else it ends where it is, with what was saved before."""
 
 
 class Interrupted(RuntimeError):
@@ -14,19 +20,38 @@ class Interrupted(RuntimeError):
 
 
 class Interruption:
-    """Context in which the first interrupt asks, and the second one stops at once.
+    """Context in which an interrupt asks for the end of a run, and insists on it when nobody heard; a second one ends it at once.
 
     Only the main thread is interrupted, and only where nobody else has laid claim to the signal.
 
-    Attributes
+    Parameters
     ----------
-    asked : bool
-        Whether the run is to stop at the next place where its state is whole.
+    until : float
+        When the time of the run is over, by `time.perf_counter`.
+    insists : bool
+        Whether to end where it is a run that does not hear: a set-up of a preconditioner, or compilation, may take minutes.  One of several
+        ranks would leave the others waiting.
     """
 
-    def __init__(self) -> None:
-        self.asked = False
-        self._before = None
+    def __init__(self, until: float = math.inf, insists: bool = True) -> None:
+        self.told, self._until, self._insists = False, until, insists
+        self._before, self._timer = None, None
+
+    @property
+    def out_of_time(self) -> bool:
+        """Whether the time of the run is over."""
+        return time.perf_counter() >= self._until
+
+    @property
+    def asked(self) -> bool:
+        """Whether the run is to stop; to be read where its state is whole, since who reads it has heard."""
+        if self.told:
+            self._hear()
+        return self.told or self.out_of_time
+
+    @asked.setter
+    def asked(self, told: bool) -> None:
+        self.told = told
 
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -34,9 +59,32 @@ class Interruption:
         return self
 
     def __exit__(self, *exception) -> None:
+        if self.told:
+            self._hear()
         if self._before is not None:
             signal.signal(signal.SIGINT, self._before)
 
     def _ask(self, number, frame) -> None:
-        self.asked = True
+        self.told = True
         signal.signal(signal.SIGINT, self._before)
+        if self._insists:
+            self._timer = threading.Timer(SECONDS_TO_HEAR, _insist)
+            self._timer.daemon = True
+            self._timer.start()
+
+    def _hear(self) -> None:
+        heard.set()
+        if self._timer is not None:
+            self._timer.cancel()
+
+
+def _insist() -> None:
+    """Interrupt the main thread, also where it waits; on Windows at its next step."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+    else:
+        _thread.interrupt_main()
+
+
+heard = threading.Event()
+"""Set once a run that was interrupted ends by itself, so that nobody else need end it."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import logging
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..forces import InvalidState
+from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
 from ..solvers import (
     SOLVERS,
@@ -18,14 +20,17 @@ from ..solvers import (
     NotConverged,
     RanAway,
     TooFar,
+    TooSmall,
+    Unbalanced,
     Unstable,
     told_of_zero_energy_modes,
 )
 from ..solvers.branch import Branch
+from ..solvers.equilibrium import is_rigid, strain_of, strain_rounding
 from .interruption import Interrupted
 from .programme import Stage
 from .rows import compare, equilibrium_columns, level_row
-from .run import Run
+from .run import ACCEPTED, Run
 
 logger = logging.getLogger(__name__)
 
@@ -37,13 +42,27 @@ FARTHEST = 0.5
 solver goes that far within some ten evaluations, and then takes thousands to fail; what comes to rest beyond is found with shorter
 increments too."""
 
-PATIENCE, LEAST_PATIENCE = 100, 2000
-"""Evaluations for all increments that follow one in which the body ran away, until one succeeds, over the mean of those that succeeded
-before; and at least.  Close below a greatest load the stiffness vanishes and solvers wander."""
+PATIENCE, LEAST_PATIENCE = 30, 2000
+"""Evaluations for all increments that follow one that failed, until one succeeds, over the mean of those that succeeded before; and at
+least.  Close below a greatest load the stiffness vanishes and solvers wander."""
+
+MOST_WASTED = 5000
+"""Evaluations of all increments of a run that fail, beyond which the next failure ends it: good runs take tens to some hundreds."""
 
 FINE, COARSE = 1e-3, 1e-2
 """Residuals of states on the way to an output, which only bring the next start near; the second of nearly incompressible bodies, whose
 preconditioner puts right what is left (a fifth fewer evaluations of bonded blocks)."""
+
+PRECISION_NAMES = {"float32": "single", "float64": "double"}
+
+RESOLVED = 1000
+"""Least strain of the body's most strained bond, over that which rounding leaves: smaller ones would be off by more than 0.1 %."""
+
+FORCE_ROUNDING = {"float32": 1e-7, "float64": 0.0}
+"""Strain whose stress is what rounding of the forces leaves, by precision.  In single at a strain of 1e-4 forces were 0.03 % off."""
+
+MOST_OFF = 1e-3
+"""Sum of all loads and reactions of an equilibrium, over what drives the body."""
 
 FAILURES = (NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable)
 """What a shorter increment may mend."""
@@ -75,13 +94,15 @@ def go_through(run: Run, solver: EquilibriumSolver, stage: Stage) -> bool:
     stage ends, and the body is put back to the last output: what follows is not in equilibrium.
     """
     branch = Branch(run.loading, run.loaded, solver)
-    values, evaluations = np.linspace(run.begin, stage.to, stage.outputs + 1), []
+    values, evaluations = np.linspace(run.begin, stage.to, stage.outputs + 1), [] if run.way is None else run.way.evaluations
     while run.outputs < stage.outputs:
         value = float(values[run.outputs + 1])
         run.progress.level(run.stage, value)
         run.target = value
-        last_output = run.positions.copy(), run.parameter
-        equilibrium = _go_to(run, solver, branch, stage, evaluations)
+        last_output = (run.positions.copy(), run.parameter) if run.way is None else run.way.last_output
+        way = run.way or Way.begun(run, stage, evaluations, last_output)
+        equilibrium = _go_to(run, solver, branch, way)
+        run.way = None
         if equilibrium is None:
             run.positions[:], run.parameter = last_output
             run.loading.apply(run.parameter, run.loaded, run.positions)
@@ -92,22 +113,76 @@ def go_through(run: Run, solver: EquilibriumSolver, stage: Stage) -> bool:
     return True
 
 
-def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, stage: Stage, evaluations: list[int]):
+@dataclass
+class Way:
+    """The way to an output, as far as it has been gone: a checkpoint on it holds all of this.
+
+    Attributes
+    ----------
+    increments : Increments
+    evaluations : list of int
+        Of every increment of the stage that succeeded.
+    last_output : tuple of ndarray, shape (n, d), and float
+        Positions and parameter at the output before.
+    accepted : _Accepted or None
+        The last equilibrium; None before the first increment.
+    iterate : ndarray, shape (n, d), or None
+        What the solver had come to on the way to the next one, of a run that is resumed.
+    """
+
+    increments: Increments
+    evaluations: list[int]
+    last_output: tuple[np.ndarray, float]
+    accepted: _Accepted | None = None
+    iterate: np.ndarray | None = None
+
+    @classmethod
+    def begun(cls, run: Run, stage: Stage, evaluations: list[int], last_output: tuple[np.ndarray, float]) -> Way:
+        largest = run.loading.largest_increment(run.positions, run.parameter, run.target, stage.largest_increment)
+        return cls(Increments(run.parameter, run.target, largest), evaluations, last_output)
+
+    def checkpoint(self, run: Run, solver: EquilibriumSolver) -> None:
+        """Write a checkpoint of what the solver has come to."""
+        kept = {"increments": self.increments.describe(), "evaluations": self.evaluations, "last_output": self.last_output[1]}
+        arrays = {ACCEPTED + key: array for key, array in self.accepted.arrays.items()}
+        arrays |= {f"{ACCEPTED}positions": self.accepted.positions, "last_output": self.last_output[0]}
+        run.checkpoint({"phase": "equilibrium", "gave_up": solver.gave_up, "way": kept}, arrays)
+
+    @classmethod
+    def resumed(cls, run: Run, checkpoint: Checkpoint) -> Way | None:
+        """The way that a checkpoint was written on, with the run at its last equilibrium; None where it was written at an output."""
+        kept, arrays = checkpoint.progress.get("way"), checkpoint.arrays
+        if kept is None:
+            return None
+        stage, iterate = run.stages[run.stage], run.positions.copy()
+        run.positions[:] = arrays[f"{ACCEPTED}positions"]
+        for key, array in run.force.state_arrays().items():
+            array[:] = arrays[ACCEPTED + key]
+        end = float(np.linspace(run.begin, stage.to, stage.outputs + 1)[run.outputs + 1])
+        increments, last_output = kept["increments"], (arrays["last_output"].copy(), kept["last_output"])
+        way = Increments(increments["start"], end, increments["largest"], increments["done"], increments["share"])
+        return cls(way, list(kept["evaluations"]), last_output, iterate=iterate)
+
+
+def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, way: Way):
     """Follow the equilibrium to the run's target; None where a bond would break on the way."""
-    largest = run.loading.largest_increment(run.positions, run.parameter, run.target, stage.largest_increment)
-    increments, wasted = Increments(run.parameter, run.target, largest), 0
+    increments, evaluations = way.increments, way.evaluations
     ran_away, patience = None, np.inf
     while not increments.finished:
         accepted, began = _Accepted(run, solver), run.force.evaluations
+        way.accepted = accepted
         try:
-            equilibrium = _follow(run, solver, branch, increments, patience)
+            equilibrium = _follow(run, solver, branch, way, patience)
+        except TooSmall:
+            accepted.restore(run, solver)
+            raise
         except FAILURES as error:
             taken = run.force.evaluations - began
-            wasted, patience = wasted + taken, patience - taken
+            run.wasted += taken
+            patience = min(patience - taken, max(LEAST_PATIENCE, PATIENCE * np.mean(evaluations or 0)))
             if isinstance(error, RanAway) and ran_away is None:
-                # With short increments from close below a greatest load solvers fail in other ways.
-                ran_away, patience = error, max(LEAST_PATIENCE, PATIENCE * np.mean(evaluations or 0))
-            spent = min(run.scene.solver.most_evaluations - wasted, patience) <= 0
+                ran_away = error  # with short increments from close below a greatest load solvers fail in other ways
+            spent = patience <= 0 or run.wasted >= min(MOST_WASTED, run.scene.solver.most_evaluations)
             _take_back(run, solver, accepted, increments, error, ran_away or error, spent)
             continue
         ran_away, patience = None, np.inf
@@ -136,28 +211,57 @@ class _Accepted:
 
     def __init__(self, run: Run, solver: EquilibriumSolver) -> None:
         self.parameter, self.positions, self.gave_up = run.parameter, run.positions.copy(), solver.gave_up
-        self._arrays = {key: array.copy() for key, array in run.force.state_arrays().items()}
+        self.arrays = {key: array.copy() for key, array in run.force.state_arrays().items()}
 
     def restore(self, run: Run, solver: EquilibriumSolver) -> None:
         run.parameter, solver.gave_up = self.parameter, self.gave_up
         run.positions[:] = self.positions
         for key, array in run.force.state_arrays().items():
-            array[:] = self._arrays[key]
+            array[:] = self.arrays[key]
         run.loading.apply(run.parameter, run.loaded, run.positions)
 
 
-def _follow(run: Run, solver: EquilibriumSolver, branch: Branch, increments: Increments, patience: float) -> Equilibrium:
+def _follow(run: Run, solver: EquilibriumSolver, branch: Branch, way: Way, patience: float) -> Equilibrium:
     """Bring the run to equilibrium at the end of the present increment, within so many evaluations."""
+    increments = way.increments
     target, spec = increments.target, run.scene.solver
     guess = _best(run, run.loading.guesses(run.positions, run.parameter, target, run.earlier), target)
     on_the_way = COARSE if run.loaded.nearly_incompressible else FINE
     tolerance = spec.tolerance if increments.ends else max(spec.tolerance, on_the_way)
-    run.loading.apply(target, run.loaded, guess)
-    run.positions[:] = guess
-    equilibrium = _solve(run, solver, target, tolerance, guess, patience)
+    start, way.iterate = guess if way.iterate is None else _best(run, [guess, way.iterate], target), None
+    run.loading.apply(target, run.loaded, start)
+    run.positions[:] = start
+    equilibrium = _solve(run, solver, target, tolerance, guess, patience, way)
     branch.check(run.parameter, target, guess, run.positions)
+    if increments.ends:
+        _check_resolved(run, target)
     run.parameter = target
     return equilibrium
+
+
+def _check_resolved(run: Run, target: float) -> None:
+    """Raise `TooSmall` where the strains of an equilibrium are so small that rounding is more than a thousandth of them."""
+    if not _is_driven(run, target):
+        return
+    moduli = [law.shear_modulus for law, _ in run.force.laws]
+    rounding = max(FORCE_ROUNDING[run.force.precision], strain_rounding(run.body, run.reductions)) * max(moduli) / min(moduli)
+    strain = strain_of(run.loaded, run.reductions)
+    if strain < RESOLVED * rounding:
+        contrast = f" with moduli {max(moduli) / min(moduli):.3g} apart" if max(moduli) > min(moduli) else ""
+        raise TooSmall(
+            f"the greatest strain, {strain:.2g}, is too small for {PRECISION_NAMES[run.force.precision]} precision, which resolves "
+            f"{RESOLVED * rounding:.1g}{contrast}"
+        )
+
+
+def _is_driven(run: Run, parameter: float) -> bool:
+    """Whether the body is strained at a value of the parameter: neither at rest nor, without loads, moved as a whole."""
+    if run.loading.at_rest(parameter):
+        return False
+    loads = run.loaded.applied()
+    if loads is not None and run.reductions.any(bool((loads * run.loading.free).any())):
+        return True
+    return not is_rigid(run.loaded, run.reductions)
 
 
 def _best(run: Run, guesses: list[np.ndarray], target: float) -> np.ndarray:
@@ -213,8 +317,10 @@ def _record_reached(run: Run, solver: EquilibriumSolver) -> None:
     run.target = target
 
 
-def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float, guess: np.ndarray, patience: float) -> Equilibrium:
-    """Equilibrium at a value of the parameter from a guess, at which the run is, within so many evaluations."""
+def _solve(
+    run: Run, solver: EquilibriumSolver, target: float, tolerance: float, guess: np.ndarray, patience: float, way: Way | None = None
+) -> Equilibrium:
+    """Equilibrium at a value of the parameter from where the run is, near a guess, within so many evaluations."""
     began = run.force.evaluations
     farthest = FARTHEST * run.reductions.extent(run.body.points)
 
@@ -224,23 +330,49 @@ def _solve(run: Run, solver: EquilibriumSolver, target: float, tolerance: float,
         row = {run.loading.parameter: run.target, "increment": target, "evaluation": began + evaluations, "residual": residual}
         run.convergence.append(row | ({"energy": run.strain_energy()} if run.force.has_energy else {}))
         run.progress.residual(evaluations, residual, tolerance)
-        if run.reductions.any(run.interruption.asked):
-            raise Interrupted
+        _keep_or_stop(run, solver, way)
         if evaluations > patience:
-            raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after the body had run away")
+            raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
         if run.loads is not None:
             moved = run.reductions.greatest(np.abs(run.positions - guess))
             if moved > farthest:
                 weak = told_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
                 raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")
 
-    return solver.solve(run.loaded, run.positions, tolerance, report)
+    least_drive = run.greatest_drive or np.inf if run.loading.at_rest(target) else 0.0
+    return solver.solve(run.loaded, run.positions, tolerance, report, least_drive)
+
+
+def _keep_or_stop(run: Run, solver: EquilibriumSolver, way: Way | None) -> None:
+    """Write a checkpoint where one is due on the way, or nothing could be resumed from, and stop a run that was asked to.
+
+    A run that was interrupted goes on from its last output, to the same bits, where it has come to one and not long gone on since; one
+    whose time is over goes on from here.
+    """
+    asked = run.interruption.asked
+    due = run.late or (asked and (run.interruption.out_of_time or not run.resumable))
+    asked, due = run.reductions.total_of_parts((int(asked), int(due)))
+    if due and way is not None:
+        way.checkpoint(run, solver)
+    if asked:
+        raise Interrupted
 
 
 def _record(run: Run, equilibrium: Equilibrium) -> None:
-    """Record an output in equilibrium."""
-    level = level_row(run)
+    """Record an output in equilibrium.
+
+    Raises
+    ------
+    Unbalanced
+        If loads and reactions are not in balance.
+    """
+    drive = equilibrium.drive if _is_driven(run, run.parameter) else run.greatest_drive or None
+    run.greatest_drive = max(run.greatest_drive, drive or 0.0)
+    level = level_row(run, drive)
     level |= {"residual": equilibrium.residual, "evaluations": equilibrium.evaluations, "method": equilibrium.method}
+    if drive and level["force_balance"] > MOST_OFF:
+        off = f"{100 * level['force_balance']:.2g} % of what drives the body, and may leave {100 * MOST_OFF:g} %"
+        raise Unbalanced(f"the sum of all loads and reactions is {off}")
     compare(run, level)
     run.levels.append(level)
     reached = run.loading.at(run.parameter), equilibrium.evaluations, equilibrium.residual, equilibrium.method

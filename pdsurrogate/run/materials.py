@@ -8,6 +8,7 @@ from .. import artifacts
 from ..body import Body
 from ..forces import ForceModel, ForceSettings, Portion
 from ..scenes import Scene, SceneError
+from ..scenes.model import tip_diameter
 from ..solvers.regions import BodyRegions
 
 
@@ -26,10 +27,21 @@ def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
     """
     try:
         settings_of(scene).check(model.name, model.honoured(scene.plane))
-        model.check_material(scene.material.build())
+        model.check_material(scene.law())
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
+    check_fracture(scene, model)
     return [model, *models_of(scene, model)]
+
+
+def check_fracture(scene: Scene, model: ForceModel) -> None:
+    """Raise SceneError for a fracture energy from which no critical stretch follows with this model."""
+    if scene.fracture is None or scene.fracture.energy is None:
+        return
+    try:
+        tip_diameter(scene.plane, scene.horizon_ratio, model.family)
+    except ValueError as error:
+        raise SceneError(f"scene {scene.name}: {error}") from None
 
 
 def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:
@@ -102,7 +114,7 @@ def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: Bod
     ValueError
         If a region has no point, or two materials take the same point; names them.
     """
-    of_points, laws = np.zeros(len(body), dtype=np.int64), [scene.material.build()]
+    of_points, laws = np.zeros(len(body), dtype=np.int64), [scene.law()]
     for number, part in enumerate(scene.materials, 1):
         laws.append(None if part.rigid else part.material.build())
         points = regions.points(part.region)

@@ -12,21 +12,29 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from scipy.spatial import cKDTree
 
 from ..arguments import check_is
 from ..body import Body
-from ..discretisation import discretise, surface_of
+from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
 from ..results import figures, views
 from ..scenes import Scene, SceneError
 from ..scenes.model import EDGES
 from ..scenes.shapes import Precut
 from ..scenes.solids import DiscCut, ParallelogramCut
 from ..solvers.grips import points_of_hold
+from ..solvers.loads import Loads
+from ..solvers.reductions import LOCAL
 from ..solvers.regions import BodyRegions, along_edge
+from .run import loading_of
 
 PLAIN, MOST_CELLS_WITH_EDGES = "#d9dde3", 4000
 FEW = 8
 """Points of a region that are shown by dots, since their cells are hardly seen."""
+
+SIGHT, WITHIN = 0.75, 0.6
+"""Cells from a place, towards the eye, from which it is looked whether points lie in between, and from a point that is its own: over a side
+that faces the eye the first place of the way is 0.77 cells and more from the nearest point, half a cell beneath it."""
 
 ARROW = 0.12
 """Length of an arrow over the extent of the body."""
@@ -57,7 +65,7 @@ def preview(scene: Scene) -> Figure:
     Raises
     ------
     SceneError
-        If the body cannot be built, or a region is empty.
+        If the body cannot be built, a region is empty, or a run would refuse how the body is held and loaded.
 
     Examples
     --------
@@ -67,14 +75,17 @@ def preview(scene: Scene) -> Figure:
     ['east: x2 = 0', 'west: x2 = 0', 'north: x1 = 0', 'south: x1 = 0', 'holes: pressure 1', 'probe']
     """
     check_is(scene, Scene, "scene", "load_scene gives")
+    check_size(scene, memory_here())
     body, lower, upper = discretise(scene)
     try:
         regions = BodyRegions(scene, body, lower, upper, lambda: surface_of(scene, body, lower, upper))
         marks = _marks(scene, body, lower, upper, regions)
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
+        loading_of(scene, body, lower, upper, regions, Loads(scene, body, regions) if scene.loads else None, LOCAL)
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
+    grip_areas(scene, lower, upper)
     with matplotlib.rc_context(figures.STYLE):
         if scene.dimension == 3:
             return _in_space(scene, body, marks)
@@ -189,14 +200,17 @@ def _in_space(scene: Scene, body: Body, marks: list[_Mark]) -> Figure:
             axes.quiver(*begin, *along, color=colour, lw=2, zorder=5)
     for cut in scene.precuts:
         axes.add_collection3d(Poly3DCollection([_rim(cut)], facecolors=(0, 0, 0, 0.25), edgecolors="black", zorder=6))
+    tree, reach = cKDTree(body.points), np.linalg.norm(high - low)
     for probe in scene.probes:
-        axes.plot(*([value] for value in probe.at), "x", color="black", ms=6, zorder=7)
-        axes.text(*probe.at, f" {probe.name}", zorder=8)
+        hidden = _hidden(np.array(probe.at), tree, body.cell.min(), reach)
+        axes.plot(*([value] for value in probe.at), "x", color="black", ms=6, zorder=7, alpha=0.35 if hidden else 1)
+        axes.text(*probe.at, f" {probe.name}{' (hidden)' if hidden else ''}", zorder=8, alpha=0.6 if hidden else 1)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(high - low, zoom=0.95)
     axes.set_axis_on()
     lengths = [
-        f"x{number}: {one:.4g} to {other:.4g} {scene.units.length}" for number, (one, other) in enumerate(zip(low, high, strict=True), 1)
+        f"x{number}: {scene.units.amount(f'{one:.4g} to {other:.4g}', 'length')}"
+        for number, (one, other) in enumerate(zip(low, high, strict=True), 1)
     ]
     axes.set(xticks=[], yticks=[], zticks=[], xlabel=lengths[0], ylabel=lengths[1], zlabel=lengths[2])
     for each in (axes.xaxis, axes.yaxis, axes.zaxis):
@@ -204,6 +218,12 @@ def _in_space(scene: Scene, body: Body, marks: list[_Mark]) -> Figure:
     axes.set_title(_title(scene, body))
     _legend(figure, scene, marks, of_marks)
     return figure
+
+
+def _hidden(place: np.ndarray, points: cKDTree, cell: float, reach: float) -> bool:
+    """Whether a place lies inside the body, or on a side of it that faces away: whether points are on the way from it to the eye."""
+    way = np.arange(SIGHT, reach / cell, SIGHT / 2)[:, None] * cell * views.EYE
+    return bool((points.query(place + way)[0] < WITHIN * cell).any())
 
 
 def _rim(cut: ParallelogramCut | DiscCut) -> np.ndarray:
@@ -219,8 +239,8 @@ def _rim(cut: ParallelogramCut | DiscCut) -> np.ndarray:
 
 
 def _name_axes(axis, scene: Scene) -> None:
-    axis.set(xlabel=f"x1 ({scene.units.length})", ylabel=f"x2 ({scene.units.length})")
+    axis.set(xlabel=scene.units.label("x1", "length"), ylabel=scene.units.label("x2", "length"))
 
 
 def _title(scene: Scene, body: Body) -> str:
-    return f"{scene.name}: {len(body):,} points, spacing {body.spacing:g} {scene.units.length}"
+    return f"{scene.name}: {len(body):,} points, spacing {scene.units.amount(body.spacing, 'length', 'g')}"

@@ -14,8 +14,10 @@ class Inertia:
 
     Attributes
     ----------
-    density, damping, viscosity, safety : float
+    density, damping, safety : float
         See `pdsurrogate.scenes.StepDynamics`.
+    viscosity : float or None
+        None where the scene says none.
     duration : float or None
         Of the stage.
     rate : float or None
@@ -26,7 +28,7 @@ class Inertia:
 
     density: float
     damping: float
-    viscosity: float
+    viscosity: float | None
     safety: float
     duration: float | None
     rate: float | None

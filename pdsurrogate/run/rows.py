@@ -83,7 +83,7 @@ def moment_columns(moments: dict[str, list | float]) -> dict[str, float]:
     return columns
 
 
-def output_row(run: Run, time: float | None = None) -> dict:
+def output_row(run: Run, time: float | None = None, drive: float | None = None) -> dict:
     """What is told of any output of a general programme: where it is, and all forces and moments.
 
     Parameters
@@ -92,10 +92,14 @@ def output_row(run: Run, time: float | None = None) -> dict:
         With its force evaluated at its positions.
     time : float, optional
         Since the dynamics began; none in equilibrium.
+    drive : float, optional
+        See `force_balance`.
     """
     reactions = run.loading.reactions(run.loaded)
     row: dict = {run.loading.parameter: run.parameter, "step": run.stage}
-    if time is not None:
+    if time is None:
+        row["force_balance"] = force_balance(run, reactions, drive)
+    else:
         row["time"] = time
     row["forces"] = {name: force.tolist() for name, force in forces_by_name(run, reactions).items()}
     row["moments"] = moments_by_name(run, reactions)
@@ -120,17 +124,29 @@ def probe_columns(run: Run) -> dict[str, float]:
     return run.probes.columns(run.positions - run.body.points)
 
 
-def level_row(run: Run) -> dict:
-    """What is told of an equilibrium, but how it was found."""
+def force_balance(run: Run, reactions: Reactions, drive: float | None) -> float | None:
+    """Size of the sum of all loads and reactions over the forces that drive the body (`Equilibrium.drive`); None where nothing does."""
+    if not drive:
+        return None
+    total = reactions.on_planes.sum(axis=0)
+    if reactions.at_points is not None:
+        total = total + [run.reductions.total(column) for column in reactions.at_points.T]
+    if run.loads is not None:
+        total = total + sum(run.loads.by_name(run.positions, run.loaded.thickness()).values())
+    return float(np.linalg.norm(total) / drive)
+
+
+def level_row(run: Run, drive: float | None) -> dict:
+    """What is told of an equilibrium, but how it was found; `drive` as in `force_balance`."""
     if run.scene.stretched:
-        return _stretched(run)
-    row = output_row(run)
+        return _stretched(run, drive)
+    row = output_row(run, drive=drive)
     if run.loading.pushes(run.loaded):
         row["stability"] = "checked" if run.loaded.has_energy else "not checked"
     return row
 
 
-def _stretched(run: Run) -> dict:
+def _stretched(run: Run, drive: float | None) -> dict:
     """An equilibrium between two grips."""
     axis, stretch = run.loading.axis, run.parameter
     reactions = run.loading.reactions(run.force)
@@ -141,6 +157,7 @@ def _stretched(run: Run) -> dict:
         "nominal_stress_area": run.grip_areas[run.stress_grip.edge],
         "forces": {name: force.tolist() for name, force in forces_by_name(run, reactions).items()},
         "displacements": {name: displacement.tolist() for name, displacement in displacements_by_name(run).items()},
+        "force_balance": force_balance(run, reactions, drive),
         "nominal_stress_work_conjugate": float(run.reductions.total_of_parts(run.force.mean_stress())[axis, axis]),
     }
     if run.force.has_energy:

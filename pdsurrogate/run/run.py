@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import time
 import warnings
-from dataclasses import astuple, dataclass, field
+from collections.abc import Iterable
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -13,10 +15,10 @@ import numpy as np
 
 from ..body import Body, Surface
 from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
-from ..forces import ForceModel, InternalForce, InvalidState, bind_portions
+from ..engine.threads import threads_for
+from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, bind_portions
 from ..forces.interfaces import SIGHT
 from ..forces.portions import EvaluationOfPortions
-from ..kernels.threads import threads_for
 from ..materials import Law
 from ..ranks import ALONE, HALO, Communicator, ReductionsOfParts, communicator, divided
 from ..ranks.communicator import Alone
@@ -34,12 +36,14 @@ from ..solvers.prescribed import PrescribedLoading
 from ..solvers.reductions import LOCAL, LocalReductions
 from ..solvers.regions import BodyRegions
 from .interruption import Interruption
-from .materials import models_of, portions_of, settings_of
+from .materials import check_fracture, models_of, portions_of, settings_of
 from .programme import Inertia, stages_of
 
 if TYPE_CHECKING:
     from ..solvers.rigid import RigidRegion
     from .fracture import Damage
+    from .levels import Way
+    from .record import Record
 
 
 LEAST_CELLS = 3
@@ -47,10 +51,19 @@ LEAST_CELLS = 3
 
 MOST_CONTRAST = 30.0
 """Of shear moduli with a force that has no energy, beyond which a warning is given."""
+ACCEPTED = "accepted_"
+"""How the names of arrays in a checkpoint begin that are of the last equilibrium on the way to an output."""
 
 MOST_GATHERED = 500_000
 """Points of a body on several ranks beyond which each of them writes its own piece of a state.  Gathered, a state of so many takes the
 first rank 0.16 GB and 10 s of its processor, in which the others wait."""
+
+
+SECONDS_BETWEEN_CHECKPOINTS = 30.0
+"""Of stages in dynamics, and on the way to an output in equilibrium."""
+
+CHECKPOINT_SHARE = 20
+"""Of the time that writing a checkpoint took, at least as many go by before the next."""
 
 
 @runtime_checkable
@@ -92,6 +105,23 @@ class Silent:
         """Say nothing."""
 
 
+def loading_of(
+    scene: Scene,
+    body: Body,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    regions: BodyRegions,
+    loads: Loads | None,
+    reductions: LocalReductions,
+    rigid: Iterable[np.ndarray] = (),
+) -> Loading:
+    """Return the conditions of a scene on its body; see `GripLoading` and `PrescribedLoading` for what is refused."""
+    if scene.stretched:
+        return GripLoading(scene, body, lower, upper, reductions)
+    modulus = 1.0 if scene.material is None else scene.law().shear_modulus  # a picture of a scene without a material needs none
+    return PrescribedLoading(scene, body, lower, upper, regions, loads, modulus, reductions, *rigid)
+
+
 @dataclass
 class Run:
     """One simulation under way.
@@ -125,6 +155,10 @@ class Run:
         Number of the stage that is under way, and how many of its outputs are there.
     begin : float
         Loading parameter where that stage began.
+    greatest_drive : float
+        What drove the body (`Equilibrium.drive`) in the outputs so far, at most.
+    wasted : int
+        Evaluations of increments that failed.
     elapsed : float
         Time that earlier stages in dynamics took.
     damage : Damage or None
@@ -133,6 +167,12 @@ class Run:
         With which a stage in dynamics ended; None after equilibrium.
     earlier : tuple of float and ndarray, or None
         The equilibrium before the last: its parameter and positions; of a loading that is `adaptive`.
+    way : Way or None
+        To the output that is under way in equilibrium, of a run that goes on from a checkpoint there.
+    record_of_folder : Record or None
+        What keeps the tables of a run in its folder.
+    resumable : bool
+        Whether there is a checkpoint of it.
     critical_stretch : float or None
         Where bonds break, if they do.
     steps : int
@@ -144,6 +184,8 @@ class Run:
         Latest of the equilibrium iteration.
     crack : dict or None
         What the dynamics tell about a crack.
+    dynamics : list of dict
+        What is told of every stage in dynamics: its viscosity and its account of energy.
     beyond_data : list of dict
         Of every recorded state of an energy from test data, which share of the bonds is beyond them, and how far the farthest.
     interruption : Interruption
@@ -168,6 +210,7 @@ class Run:
     convergence: list[dict] = field(default_factory=list)
     residual: float | None = None
     crack: dict | None = None
+    dynamics: list[dict] = field(default_factory=list)
     beyond_data: list[dict] = field(default_factory=list)
     interruption: Interruption = field(default_factory=Interruption)
     reductions: LocalReductions = LOCAL
@@ -177,11 +220,15 @@ class Run:
         scene = self.scene
         self.ranks = communicator()
         self.stages = stages_of(scene)
-        self.stage, self.outputs, self.elapsed = 0, 0, 0.0
+        self.stage, self.outputs, self.wasted, self.elapsed, self.greatest_drive = 0, 0, 0, 0.0, 0.0
         self.damage: Damage | None = None
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
-        self.law: Law = scene.material.build()
+        self.way: Way | None = None
+        self.record_of_folder: Record | None = None
+        self.resumable, self._late = False, time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
+        self.law: Law = scene.law()
+        check_fracture(scene, self.model)
         self.models = [self.model, *models_of(scene, self.model)]
         self.contents = Contents.of(scene, self.models)
         self.body: Body
@@ -198,10 +245,11 @@ class Run:
         settings = settings_of(scene)
         try:
             self.loads = Loads(scene, self.body, self.regions) if scene.loads else None
-            portions, rigid = portions_of(scene, self.body, self.models, self.regions) if scene.materials else ([], {})
-            if rigid and self.ranks.size > 1:
+            self._portions, self._rigid = portions_of(scene, self.body, self.models, self.regions) if scene.materials else ([], {})
+            if self._rigid and self.ranks.size > 1:
                 raise ValueError("materials: rigid regions are taken on one rank only; run it without mpiexec, or give them a law")
-            self.loading = self._loading(lower, upper, rigid)
+            rigid = self._rigid.values()
+            self.loading = loading_of(scene, self.body, lower, upper, self.regions, self.loads, self.reductions, rigid)
             self.body.part.clear(self.loading.free)  # what others own they move
             self._check_speeds()
             numba.set_num_threads(self.threads)
@@ -209,13 +257,9 @@ class Run:
                 from .sharing import compile_first  # of which a run of one process has no need
 
                 compile_first(self.ranks, self.model, self.law, settings, scene.dimension)
-            self.force: InternalForce
-            if scene.materials:
-                self.force = bind_portions(self.body, portions, settings, np.concatenate([np.empty(0, int), *rigid.values()]))
-            else:
-                self.force = self.model.bind(self.body, self.law, settings)
+            self._bind(settings)
             if isinstance(self.force, EvaluationOfPortions):
-                self._tell_of_parts(self.force, list(rigid))
+                self._tell_of_parts(self.force, list(self._rigid))
             self._check_support()
             for number, probe in enumerate(scene.probes):
                 self.regions.check_place(f"probes.{number}.at", probe.at)
@@ -224,16 +268,44 @@ class Run:
             raise SceneError(f"scene {scene.name}: {error}") from None
         if self.ranks.rank:
             self.whole = None
-        self.loaded = self.force if self.loads is None else LoadedForce(self.force, self.loads)
-        if rigid:
-            from ..solvers.rigid import RigidForce  # of which a scene without rigid regions has no need
-
-            self.loaded = RigidForce(self.loaded, self._rigid_regions(rigid))
         self.grip_areas = grip_areas(scene, lower, upper)
         self.stress_grip = max(scene.grips, key=lambda grip: (grip.travel, EDGES[grip.edge][1]), default=None)
         self.parameter = self.target = self.begin = self.loading.rest
         self.positions = self.body.points.copy()
         self.states = self._states()
+
+    def _bind(self, settings: ForceSettings) -> None:
+        """Bind the force models to the body."""
+        self.force: InternalForce
+        if self.scene.materials:
+            rigid = np.concatenate([np.empty(0, dtype=np.int64), *self._rigid.values()])
+            self.force = bind_portions(self.body, self._portions, settings, rigid)
+        else:
+            self.force = self.model.bind(self.body, self.law, settings)
+        self.loaded = self.force
+        if self.loads is not None or self.loading.supports is not None:
+            self.loaded = LoadedForce(self.force, self.loads, self.loading.supports)
+        if self._rigid:
+            from ..solvers.rigid import RigidForce  # of which a scene without rigid regions has no need
+
+            self.loaded = RigidForce(self.loaded, self._rigid_regions(self._rigid))
+
+    def takes_double(self) -> bool:
+        """Whether the force models may be evaluated in double precision in the place of single."""
+        if self.scene.precision is not None or self.force.precision == "float64":
+            return False
+        return all("float64" in model.honoured(self.scene.plane)["precision"] for model in self.models)
+
+    def take_double(self) -> None:
+        """Evaluate the force models in double precision from here on."""
+        old = self.force
+        self._bind(replace(settings_of(self.scene), precision="float64"))
+        for key, array in self.force.state_arrays().items():
+            array[:] = old.state_arrays()[key]
+        if self.damage is not None and self.reductions.any(bool(self.damage.broken.any())):
+            self.force.break_bonds(np.flatnonzero(self.damage.broken))
+        self.force.evaluations, self.force.pairs_outside = old.evaluations, old.pairs_outside
+        self.force.seconds, self.force.timed = old.seconds, old.timed
 
     def _states(self, moments: list[Moment] | None = None) -> States:
         """Where states are recorded, with those that are there already, of a run that is resumed."""
@@ -320,13 +392,6 @@ class Run:
         self.loading.hold(0.0, self.force, self.body.points.copy())
         return regions
 
-    def _loading(self, lower, upper, rigid: dict[str, np.ndarray]) -> Loading:
-        scene = self.scene
-        if scene.stretched:
-            return GripLoading(scene, self.body, lower, upper, self.reductions)
-        conditions = self.regions, self.loads, self.law.shear_modulus, self.reductions, *rigid.values()
-        return PrescribedLoading(scene, self.body, lower, upper, *conditions)
-
     def _check_speeds(self) -> None:
         """Refuse held parts that move apart faster than shear waves: what the body does then hangs on the motion it is started with."""
         begin = self.loading.rest
@@ -342,10 +407,10 @@ class Run:
         if inertia.duration is None:
             what, slowest = "the grips", f"the greatest rate is {inertia.rate * wave / speed:.4g}"
         else:
-            what, slowest = "parts that are held", f"the least duration is {inertia.duration * speed / wave:.4g} {units.time}"
-        unit = f"{units.length}/{units.time}"
+            what, slowest = "parts that are held", f"the least duration is {units.amount(inertia.duration * speed / wave, 'time', '.4g')}"
+        unit = f" {units.length}/{units.time}" if units.length and units.time else ""
         raise ValueError(
-            f"{inertia.key}.{inertia.pace}: {what} would move apart at {speed:.4g} {unit}, faster than shear waves at {wave:.4g} {unit}; "
+            f"{inertia.key}.{inertia.pace}: {what} would move apart at {speed:.4g}{unit}, faster than shear waves at {wave:.4g}{unit}; "
             f"{slowest}"
         )
 
@@ -358,7 +423,7 @@ class Run:
                 where = ("in one plane", "two layers of points or more in every direction")
             raise ValueError(
                 f"body: the bonds of {len(alone)} of its points, the first at {place_of(self.body, alone[0])}, lie {where[0]}; the body "
-                f"needs {where[1]} everywhere, {self.body.spacing:.4g} apart"
+                f"needs {where[1]} everywhere, {self.body.spacing:.4g} apart: take {self.body.finer}"
             )
 
     def warm_up(self) -> None:
@@ -427,6 +492,7 @@ class Run:
         """Write a checkpoint, if there is a folder for it."""
         if self.folder is None:
             return
+        began = time.monotonic()
         part = self.body.part
         common = {
             "parameter": self.parameter,
@@ -435,6 +501,7 @@ class Run:
             "begin": self.begin,
             "elapsed": self.elapsed,
             "crack": self.crack,
+            "dynamics_told": self.dynamics,
             "earlier": None if self.earlier is None else self.earlier[0],
             "levels": self.levels,
             "history": self.history,
@@ -442,6 +509,9 @@ class Run:
             "beyond_data": self.beyond_data,
             "moments": [astuple(moment) for moment in self.states.moments],
             "evaluations": self.force.evaluations,
+            "precision": self.force.precision,
+            "greatest_drive": self.greatest_drive,
+            "wasted": self.wasted,
             "outside": self.reductions.total_of_parts(self.force.pairs_outside),
         }
         held = {"positions": self.positions, **self.force.state_arrays(), **arrays}
@@ -454,18 +524,30 @@ class Run:
         kept = Checkpoint(self.identity, {**common, **progress}, whole)
         if self.ranks.rank == 0:
             kept.write(self.folder)
+        ended = time.monotonic()
+        self.resumable, self._late = True, ended + max(SECONDS_BETWEEN_CHECKPOINTS, CHECKPOINT_SHARE * (ended - began))
+
+    @property
+    def late(self) -> bool:
+        """Whether a checkpoint is due."""
+        return self.folder is not None and time.monotonic() >= self._late
 
     def restore(self) -> Checkpoint:
         """Take up what a checkpoint holds of everything but what moves a stage in dynamics."""
         held = {"positions": self.positions, **self.force.state_arrays()}
         found = self._read_checkpoint(held)
         progress = found.progress
+        if progress["precision"] != self.force.precision:
+            self.take_double()
+            held |= self.force.state_arrays()
         for key, array in held.items():
             array[:] = found.arrays[key]
         self.parameter, self.levels = progress["parameter"], progress["levels"]
         self.history, self.convergence, self.beyond_data = progress["history"], progress["convergence"], progress["beyond_data"]
         self.stage, self.outputs = progress["stage"], progress["outputs"]
         self.begin, self.elapsed, self.crack = progress["begin"], progress["elapsed"], progress["crack"]
+        self.greatest_drive, self.wasted = progress["greatest_drive"], progress["wasted"]
+        self.dynamics = progress["dynamics_told"]
         if progress["earlier"] is not None:
             self.earlier = progress["earlier"], found.arrays["earlier"].copy()
         self.states = self._states([Moment(*moment) for moment in progress["moments"]])
@@ -474,6 +556,7 @@ class Run:
             if self.reductions.any(len(pairs) > 0):
                 self.damage.break_bonds(pairs)
                 self.force.break_bonds(pairs)
+        self.resumable = True
         self.force.evaluations, self.force.pairs_outside = progress["evaluations"], 0 if self.ranks.rank else progress["outside"]
         return found
 
@@ -497,4 +580,4 @@ class Run:
 
     def _rows_of(self, key: str) -> str:
         """What an array of a checkpoint has a row for, see `Whole.to_whole`."""
-        return "pairs" if key == "broken" else self.force.state_rows.get(key, "points")
+        return "pairs" if key == "broken" else self.force.state_rows.get(key.removeprefix(ACCEPTED), "points")

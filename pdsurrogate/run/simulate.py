@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import math
 import time
+import warnings
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,22 +14,26 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from .. import artifacts
-from ..arguments import check_is, check_path, check_whole_number
+from ..arguments import check_is, check_path, check_seconds, check_whole_number
+from ..engine.compile import compilation_clock
+from ..engine.threads import thread_count
 from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
-from ..kernels.compile import compilation_clock
-from ..kernels.threads import thread_count
 from ..ranks import communicator
 from ..results import Result
 from ..results.checkpoint import CheckpointError
 from ..results.contents import Contents
-from ..results.folder import check_room, make_room, occupied
+from ..results.files import remove_leftovers
+from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, check_room, make_room, occupied
 from ..results.provenance import provenance
+from ..results.result import write_tables
 from ..scenes import Scene, SceneError, load_scene
 from ..scenes.model import RIGID
-from ..solvers import Diverging, NotConverged, RanAway, TooFar, Unstable
-from .interruption import Interrupted
-from .levels import go_through, solver_of
+from ..solvers import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
+from ..solvers.conditions import FoldedOver
+from .interruption import Interrupted, Interruption
+from .levels import Way, go_through, solver_of
 from .materials import checked_models, models_of
+from .record import Record
 from .run import Progress, Run, Silent
 
 if TYPE_CHECKING:
@@ -57,8 +63,25 @@ class SimulationFailed(RuntimeError):
         self.result = result
 
 
+class SinglePrecisionLeft(RuntimeWarning):
+    """A run takes double precision, since single does not resolve its strains.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> from pdsurrogate.run.simulate import SinglePrecisionLeft
+    >>> issubclass(SinglePrecisionLeft, RuntimeWarning)
+    True
+    """
+
+
 class SimulationInterrupted(SimulationFailed):
-    """A run that was stopped by Ctrl-C; with a folder, its checkpoint is in it.
+    """A run that was stopped by Ctrl-C, or because its time was over; with a folder, its checkpoint is in it.
+
+    Attributes
+    ----------
+    out_of_time : bool
+        Whether its `max_time` was over.
 
     Examples
     --------
@@ -67,14 +90,26 @@ class SimulationInterrupted(SimulationFailed):
     True
     """
 
+    def __init__(self, message: str, result: Result, out_of_time: bool = False) -> None:
+        super().__init__(message, result)
+        self.out_of_time = out_of_time
+
+
+UNDER_WAY = "the run is under way, or was ended from without"
+"""What a summary says in the place of a failure while its run goes on."""
+
 
 ADVICE = {
     NotConverged: "allow more solver.most_evaluations, take a smaller solver.largest_increment, or another solver.method",
     Diverging: "take another solver.method",
+    TooSmall: "take larger strains, of which smaller ones are a part, or precision=float64 if it is single",
+    Unbalanced: "take a smaller solver.tolerance",
     TooFar: "take a smaller steps.largest_increment, or more outputs",
     Unstable: "push it less far, or follow it in dynamics",
     RanAway: "a load may have a maximum, as the pressure in a balloon has: to go beyond it prescribe displacements in its place, or follow "
     "it in dynamics",
+    FoldedOver: "contact is not followed, and a finer spacing shows the fold sooner: push it less far, make the free side hollow, or let "
+    "the body slide there, with the components along the plane left free",
     InvalidState: "take a finer spacing; or the material itself does not reach this far",
 }
 """What to change, by what went wrong between levels in equilibrium."""
@@ -91,6 +126,7 @@ def simulate(
     folder: str | Path | None = None,
     resume: bool = False,
     overwrite: bool = False,
+    max_time: float | None = None,
 ) -> Result:
     """Run a scene.
 
@@ -110,12 +146,15 @@ def simulate(
     progress : Progress, optional
         Where to report progress.
     folder : str or path, optional
-        Where states are written the moment they are reached, and checkpoints beside them; without it states stay in memory.
+        Where states are written the moment they are reached, checkpoints beside them, and the tables and the summary as the run goes on;
+        without it states stay in memory.
         Results of the same run there, of this scene with this force, are replaced; what else there is needs `overwrite`.
     resume : bool
         Go on from the checkpoint in `folder`, to the result that the run would have had without the interruption.
     overwrite : bool
         Remove what other runs left in `folder`, and what the same one left that was ended before its time.
+    max_time : float, optional
+        Seconds after which the run ends at the next place where its state is whole, with a checkpoint if it has a folder.
 
     Returns
     -------
@@ -138,7 +177,7 @@ def simulate(
         If `folder` holds results of another run, or a checkpoint of this one that was interrupted, or a file called like one of a run's
         that no run wrote, or another run writes there.
     SimulationInterrupted
-        After Ctrl-C, at the next place where the state is whole; the part that was reached is kept.
+        After Ctrl-C, or at the end of `max_time`, at the next place where the state is whole; the part that was reached is kept.
     SimulationFailed
         If a level does not converge, or the deformation leaves the states that the material has; the part that was reached is kept.
 
@@ -163,6 +202,8 @@ def simulate(
     progress = progress or Silent()
     if folder is not None:
         check_path(folder, "folder")
+    if max_time is not None:
+        check_seconds(max_time, "max_time")
     if threads is not None:
         check_whole_number(threads, "threads")  # how many there are is told by `thread_count`
     if resume and folder is None:
@@ -184,7 +225,10 @@ def simulate(
     writes = folder is not None and ranks.rank == 0
 
     def look_into_folder() -> None:
-        if writes and not resume:
+        if writes and resume:
+            check_names(folder, scene.name, resumed=True)
+            remove_leftovers(folder)
+        elif writes:
             check_room(folder, Contents.of(scene, [model, *models_of(scene, model)]), overwrite)
 
     # Before any work.
@@ -194,20 +238,36 @@ def simulate(
         together(ranks, look_into_folder)
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(folder) if writes else nullcontext()
-    with held, thread_count(threads), threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
-        run = Run(scene, model, progress, folder, threads)
+    with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
+        interruption = Interruption(math.inf if max_time is None else began + max_time, ranks.size == 1)
+        run = Run(scene, model, progress, folder, threads and most, interruption=interruption)
         size = len(run.body), len(run.body.bonds.first), run.threads
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
         if writes and not resume:
             make_room(folder, run.contents, overwrite)
+        if folder is not None:
+            begun = _result(run, clock.seconds, began, UNDER_WAY, RUNNING)
+            if writes:
+                run.progress = run.record_of_folder = Record(run, begun.summary)
+
+        def ended(message: str | None, status: str) -> Result:
+            result = _result(run, clock.seconds, began, message, status)
+            if writes:
+                write_tables(folder, result.summary, result.history, result.convergence, scene.units)
+            return result
+
         try:
             with run.interruption:
                 _go(run, resume)
-        except Interrupted as error:
-            message = f"{run.loading.at(run.parameter)}: {error}"
-            raise SimulationInterrupted(message, _result(run, clock.seconds, began, message, True)) from None
-        except (NotConverged, Diverging, RanAway, TooFar, Unstable, InvalidState, OutsideDomain, OwnForceFailed) as error:
+        except (Interrupted, KeyboardInterrupt) as error:
+            if isinstance(error, KeyboardInterrupt) and not interruption.told:
+                raise
+            over = not interruption.told and interruption.out_of_time
+            what = f"stopped after max_time, {max_time:g} s" if over else "interrupted"
+            message = f"{run.loading.at(run.parameter)}: {what}"
+            raise SimulationInterrupted(message, ended(message, INTERRUPTED), over) from None
+        except (NotConverged, Diverging, RanAway, TooFar, TooSmall, Unstable, InvalidState, OutsideDomain, OwnForceFailed) as error:
             inertia = run.stages[run.stage].inertia is not None and run.steps > 0
             advice = DYNAMICS_ADVICE if inertia else ADVICE.get(type(error))
             if isinstance(error, OwnForceFailed | OwnForceInvalid):
@@ -216,9 +276,9 @@ def simulate(
                 advice += "; or take precision=float64, whose rounding leaves less of a residual and disturbs less"
             message = f"{run.loading.at(run.target)}: {error}" + (f"; {advice}" if advice else "")
             logger.info("the run failed at %s", message)
-            raise SimulationFailed(message, _result(run, clock.seconds, began, message)) from error
+            raise SimulationFailed(message, ended(message, FAILED)) from error
         logger.info("%s ended: %d evaluations, %.3g s", scene.name, run.force.evaluations, time.perf_counter() - began)
-        return _result(run, clock.seconds, began, None)
+        return ended(None, DONE)
 
 
 def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
@@ -238,7 +298,7 @@ def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
         from ..learning.export import best_of
         from ..learning.force_model import force_model_of, stated_against
 
-        law = scene.material.build()
+        law = scene.law()
         model = force_model_of(force, law)
         try:
             return scene, stated_against(model, law, best_of(force).training_inputs_)
@@ -256,15 +316,24 @@ def _go(run: Run, resume: bool) -> None:
         # Imported here: a scene without damage compiles none.
         from .fracture import Damage, critical_stretch_in
 
-        run.critical_stretch = critical_stretch_in(run.scene, run.law, run.body.horizon)
+        run.critical_stretch = critical_stretch_in(run.scene, run.law, run.body.horizon, run.model.family)
         run.damage = Damage(run.body, run.critical_stretch)
     solver, transient = solver_of(run), None
     if resume:
         transient = _take_up(run, solver)
+    if run.record_of_folder is not None:
+        run.record_of_folder.keep()
     while run.stage < len(run.stages) and not (run.crack is not None and run.crack["through"]):
         stage = run.stages[run.stage]
         if stage.inertia is None:
-            follows = run.stage + 1 if go_through(run, solver, stage) else _dynamics_after(run)
+            try:
+                follows = run.stage + 1 if go_through(run, solver, stage) else _dynamics_after(run)
+            except TooSmall as error:
+                if not run.takes_double():
+                    raise
+                _take_double(run, error)
+                solver = solver_of(run)
+                continue
             run.velocities = None
         else:
             transient = transient or _begun(run)
@@ -273,6 +342,16 @@ def _go(run: Run, resume: bool) -> None:
             run.elapsed += transient.account.time
             transient = None
         run.stage, run.outputs, run.begin = follows, 0, run.parameter
+
+
+def _take_double(run: Run, error: TooSmall) -> None:
+    """Go on in double precision, and say so."""
+    reason = f"{error}: the forces are evaluated in double precision from here on"
+    run.convergence.append({run.loading.parameter: run.target, "evaluation": run.force.evaluations, "reason": reason})
+    if run.ranks.rank == 0:
+        warnings.warn(f"{run.loading.at(run.target)}: {reason}", SinglePrecisionLeft, stacklevel=4)
+    run.take_double()
+    run.loading.apply(run.parameter, run.loaded, run.positions)
 
 
 def _dynamics_after(run: Run) -> int:
@@ -311,6 +390,7 @@ def _take_up(run: Run, solver):
             transient.resume(checkpoint)
             return transient
         solver.gave_up = bool(checkpoint.progress["gave_up"])
+        run.way = Way.resumed(run, checkpoint)
         run.loading.apply(run.parameter, run.loaded, run.positions)
         return None
     except CheckpointError:
@@ -319,7 +399,13 @@ def _take_up(run: Run, solver):
         raise CheckpointError(f"the checkpoint in {run.folder} is damaged ({error}); run without resume") from None
 
 
-def _result(run: Run, seconds_compile: float, began: float, failure: str | None, interrupted: bool = False) -> Result:
+def _peak(history: list[dict]) -> dict | None:
+    """Where the nominal stress is greatest: the load that a body with a crack bears."""
+    highest = max(history, key=lambda row: row["nominal_stress"], default=None)
+    return highest and {key: highest[key] for key in ("time", "stretch", "nominal_stress") if key in highest}
+
+
+def _result(run: Run, seconds_compile: float, began: float, failure: str | None, status: str) -> Result:
     """Everything reached so far."""
     force, scene = run.force, run.scene
     residuals = [level["residual"] for level in run.levels if "residual" in level]
@@ -346,8 +432,9 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None,
         "support": scene.support,
         **({"ranks": run.ranks.size} if run.ranks.size > 1 else {}),
         "threads": run.threads,
+        "status": status,
         "converged": failure is None,
-        "interrupted": interrupted,
+        "interrupted": status == INTERRUPTED,
         "failure": failure,
         "residual": max(residuals, default=None),
         "n_force_evaluations": force.evaluations,
@@ -379,7 +466,8 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None,
             stresses = [row["nominal_stress"] for row in [*run.levels, *run.history] if "nominal_stress" in row]
             summary["peak_nominal_stress"] = max(stresses, default=None)
         summary["n_steps"] = run.steps
+        summary["dynamics"] = run.dynamics
     if run.crack is not None:
         summary["critical_stretch"] = run.critical_stretch
-        summary["crack"] = run.crack
+        summary["crack"] = run.crack | ({"peak": _peak(run.history)} if scene.stretched else {})
     return Result(scene, run.body if run.whole is None else run.whole, summary, run.history, run.states, run.convergence)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import math
 import time as clock
+import warnings
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 
@@ -30,18 +32,17 @@ from .rows import (
     place_columns,
     probe_columns,
 )
-from .run import Run
+from .run import SECONDS_BETWEEN_CHECKPOINTS, Run
 
 logger = logging.getLogger(__name__)
 
 STEPS_PER_ROW = 20
-"""Steps between rows of the history; in the plane, with grips, work and damped energy are summed over them by the trapezoidal rule.
-Waves take longer than that to cross a few horizons.  The damping beside a crack changes faster: where the force has an energy, so that the
-account can close, it is taken in every step from a bond's breaking until as many steps later.  In space, and in general scenes, bodies may
-be a few horizons wide and conditions change at any time: there both are taken in every step, but for viscous damping, which takes an
-evaluation."""
+"""Steps between rows of the history, which every output has as well.
 
-SECONDS_BETWEEN_CHECKPOINTS = 60.0
+Work and damped energy are summed in every step by the trapezoidal rule; in the plane, with grips and a force that has no energy, over
+these rows, since no account can close.  The part of viscosity needs the forces at the positions.  They are evaluated in a row and, where
+the force has an energy, in every step from a bond's breaking until as many steps later, because they change fast there, and while what is
+held changes its velocity; in other steps they are followed (`ExplicitDynamics.elastic`)."""
 
 MOST_ENERGY = 1.5
 """Motion and damping may take this share of the energy put in; more comes from an unstable step, or from a force that has no energy.
@@ -50,6 +51,22 @@ a body that is unloaded, and has given back nearly all it held, is off by a shar
 
 MOST_STEPS = 1e9
 """A run of more steps, weeks even on the smallest body, is a slip in the units of the density or of the rate."""
+
+CRACK_VISCOSITY = 0.7
+"""Retardation time of scenes with fracture that give none, in spacings over the speed of shear waves.
+
+Material that snaps back from a crack moves in waves as short as a bond, and this time takes their energy within a few steps.  Strips torn
+by `bond-energy` close their accounts within 0.1 % with it; without it they gain half of the energy put in (`docs/guide/cracks.md`)."""
+
+GAP_WARNED, GAP_FAILED = 0.01, 0.05
+"""Shares of the energy put in: an account that is off by more than the first is warned of, and by more than the second is a failure."""
+
+MEND_GAP = "a smaller dynamics.safety or more dynamics.viscosity mends it"
+"""Advice where an account is off: within a shorter step forces are closer to linear, and viscosity takes motion as short as a bond."""
+
+LEAST_UNEVENNESS = 0.01
+"""Share of the way of what is held within the viscosity that may be off from its present velocity where elastic forces are followed: what
+viscosity takes of the work of holders is off by as much."""
 
 LEAST_RATIO = 0.1
 """det F, of areas in the plane, below which a point that has lost bonds counts as failed: intact rubber in a tear stays above 0.5."""
@@ -76,6 +93,10 @@ class Account:
         Of the last row.
     most_put_in : float
         Greatest sum of initial energy and work at any row.
+    gap, greatest_gap : float
+        By how much more energy there is at the last row than was put in; and where that is most, of either sign.
+    on_planes, levers : list or None
+        Reactions of planes at the positions, see `ExplicitDynamics.elastic`.
     last_break : int
         Step in which a bond last broke.
     outputs : int
@@ -95,6 +116,10 @@ class Account:
     damped_time: float = 0.0
     row_time: float = 0.0
     most_put_in: float = 0.0
+    gap: float = 0.0
+    greatest_gap: float = 0.0
+    on_planes: list | None = None
+    levers: list | None = None
     last_break: int = -STEPS_PER_ROW
     outputs: int = 0
     recent: list[int] = field(default_factory=list)
@@ -114,6 +139,7 @@ class Transient:
     def __init__(self, run: Run, stage: Stage) -> None:
         self.run, self.damage, self.spec, self.most_outputs = run, run.damage, stage.inertia, stage.outputs
         self.account, self.motion, self._batch = Account(), self.spec.motion(run.begin, stage.to), 0
+        self.viscosity = self._viscosity()
         self.integrator = ExplicitDynamics(
             run.force,
             self._hold,
@@ -122,7 +148,7 @@ class Transient:
             run.loading.free,
             self.spec.density * run.body.volumes,
             self.spec.damping,
-            self.spec.viscosity,
+            self.viscosity,
             self.spec.safety,
             run.loads,
             run.reductions,
@@ -130,17 +156,26 @@ class Transient:
         self._keeps_account = run.force.has_energy
         # A stage that says its duration is to end, and to be recorded, when it says.  One at a rate goes to the first step past an output.
         self._timed = self.spec.duration is not None
-        self._every_step = self._timed or run.body.dimension == 3
+        self._every_step = self._timed or run.body.dimension == 3 or self._keeps_account
         # Below this an energy is rounding: a body at rest holds none, and any motion would be more than was put in.
         modulus = max(law.shear_modulus for law, _ in run.force.laws)
         self._rounding = EnergyMinimiser.ROUNDING[run.force.precision] * modulus * run.reductions.total(run.body.volumes)
         if self.damage is not None and run.crack is None:
             run.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
 
+    def _viscosity(self) -> float:
+        """Return the retardation time of the stage: the scene's own, or by default the time that a crack needs."""
+        if self.spec.viscosity is not None:
+            return self.spec.viscosity
+        if self.damage is None:
+            return 0.0
+        return CRACK_VISCOSITY * self.run.body.spacing * math.sqrt(self.spec.density / self.run.law.shear_modulus)
+
     def arrays(self) -> dict[str, np.ndarray]:
         """What a checkpoint holds of the dynamics."""
         integrator = self.integrator
-        return {"velocities": integrator.velocities, "forces": integrator.forces, "mode": integrator.frequency.vector}
+        held = {"velocities": integrator.velocities, "forces": integrator.forces, "mode": integrator.frequency.vector}
+        return held if self.viscosity == 0 else held | {"elastic": integrator.elastic}
 
     def begin(self) -> None:
         """Start with the velocities that the stage before left.
@@ -157,9 +192,10 @@ class Transient:
             integrator.centre()
         if motion.duration > MOST_STEPS * integrator.time_step:
             raise Diverging(
-                f"the dynamics take {motion.duration:.3g} {run.scene.units.time} in steps of {integrator.time_step:.3g}, more than "
-                f"{MOST_STEPS:.0e} of them; check the units of {self.spec.key}.density and {self.spec.key}.{self.spec.pace}"
+                f"the dynamics take {run.scene.units.amount(motion.duration, 'time', '.3g')} in steps of {integrator.time_step:.3g}, more "
+                f"than {MOST_STEPS:.0e} of them; check the units of {self.spec.key}.density and {self.spec.key}.{self.spec.pace}"
             )
+        run.dynamics.append({"step": run.stage, "viscosity": float(self.viscosity)})
         self._row(first=True)
 
     def resume(self, checkpoint: Checkpoint) -> None:
@@ -171,6 +207,8 @@ class Transient:
         integrator.time_step, integrator.last_step, integrator.steps = kept["time_step"], kept["last_step"], kept["steps"]
         run.steps = kept["all_steps"]
         integrator.velocities[:], integrator.forces[:] = checkpoint.arrays["velocities"], checkpoint.arrays["forces"]
+        if self.viscosity > 0:
+            integrator.elastic[:] = checkpoint.arrays["elastic"]
         integrator.frequency.vector, integrator.frequency.fresh = checkpoint.arrays["mode"].copy(), False
         for array in self.arrays().values():
             run.body.part.clear(array)  # what others own they move
@@ -197,10 +235,10 @@ class Transient:
                 self._take_between_rows()
             due = self._due()
             if due:
+                self._last_row()
                 through = self._through()
-                if through or account.outputs + 1 == self.most_outputs:
-                    self._last_row()
                 self.output()
+                self._check_account()
                 if through:
                     break
             # What is resumed from has the row and the output of its step; a row that an interruption asks for is not in it.
@@ -212,6 +250,8 @@ class Transient:
             if asked:
                 self._last_row()
                 raise Interrupted
+        if self._keeps_account and run.dynamics[-1]["remark"] and run.ranks.rank == 0:
+            warnings.warn(run.dynamics[-1]["remark"], stacklevel=4)
 
     def _time_due(self, outputs: int) -> float:
         """When the output after so many is, in a stage that says its duration."""
@@ -223,7 +263,7 @@ class Transient:
             return self.account.time >= self._time_due(self.account.outputs)
         motion = self.motion
         due = motion.begin + (motion.end - motion.begin) * (self.account.outputs + 1) / self.most_outputs
-        return motion.at(self.account.time) >= due - 1e-12
+        return motion.at(self.account.time) >= due - 1e-12 * (motion.end - motion.begin)
 
     def save_last_state(self) -> None:
         """Go back to before the step that failed, and record the state there unless it has been."""
@@ -240,6 +280,18 @@ class Transient:
                 self._last_row()
                 self._through()
                 self.output()
+
+    def _check_account(self) -> None:
+        """Raise Diverging where the account of energy is off by so much that the motion is not that of the body."""
+        account = self.account
+        if abs(account.gap) > GAP_FAILED * account.most_put_in + self._rounding:
+            raise Diverging(f"time {account.time:.4g}: {self._words_for_gap(account.gap)}")
+
+    def _words_for_gap(self, gap: float) -> str:
+        put_in = max(self.account.most_put_in, self._rounding)
+        told = self.run.scene.units.amount(put_in, "energy", ".3g")
+        share, what = 100 * abs(gap) / put_in, "gained from nothing" if gap > 0 else "lost"
+        return f"the account of energy is off by {share:.2g} %: {told} were put in, and {abs(gap):.3g} were {what}"
 
     def _check_inside(self) -> None:
         """Raise InvalidState if a point has passed through a plane of reflection."""
@@ -266,16 +318,17 @@ class Transient:
     def _limit_step(self) -> None:
         """Say how long the next step may be.
 
-        Where the account is taken in every step what is held has moved up to the end, and not for a part of a step.
+        Where the account is taken in every step what is held has moved up to the end, and not for a part of a step.  No step passes two
+        outputs.
         """
         account, integrator = self.account, self.integrator
         if self._timed:
             # Equal parts of what is left, so that no step before an output is much shorter than the others.
             left = self._time_due(account.outputs + self._due()) - account.time
             integrator.longest = integrator.part_of(left) if left > 0 else integrator.last_step
-        elif self._every_step:
-            left = self.motion.duration - account.time
-            integrator.longest = left if left > 0 else integrator.last_step
+        else:
+            left, apart = self.motion.duration - account.time, self.motion.duration / self.most_outputs
+            integrator.longest = min(left, apart) if self._every_step and left > 0 else apart
 
     def _evaluate_and_break(self) -> None:
         """Break what is stretched too far, and what has lost its support, until the forces are those of what is left."""
@@ -348,12 +401,12 @@ class Transient:
     def _break(self, pairs: np.ndarray) -> None:
         run, crack = self.run, self.run.crack
         if crack["start"] is None:
-            where = self._in_order(pairs, np.zeros(len(pairs), dtype=np.int64)).mean(axis=0)
-            start = {"time": run.elapsed + self.account.time, run.loading.parameter: run.parameter}
+            places = starts_of_cracks(*self._in_order(pairs, np.zeros(len(pairs), dtype=np.int64)), run.body.horizon)
+            start = {"event": "first bond broken", "time": run.elapsed + self.account.time, run.loading.parameter: run.parameter}
             if "nominal_stress" in run.history[-1]:
                 start["nominal_stress"] = run.history[-1]["nominal_stress"]
-            crack["start"] = start | {"x": where.tolist()}
-            logger.info("%s: the first bond breaks at %s", run.loading.at(run.parameter), crack["start"]["x"])
+            crack["start"] = start | {"x": places[0], "tips": places}
+            logger.info("%s: the first bond broken is at %s", run.loading.at(run.parameter), places)
         crack["broken_bonds"] += run.reductions.total_of_parts(len(self._counted(pairs)))
         self.damage.break_bonds(pairs)
         release = run.force.break_bonds(pairs)
@@ -366,7 +419,7 @@ class Transient:
         self.account.last_break = self.integrator.steps
 
     def _last_row(self) -> None:
-        """A row at the present state, with which the history ends, unless there is one."""
+        """A row at the present state, unless there is one."""
         if self.account.time > self.account.row_time:
             self._row()
 
@@ -379,7 +432,7 @@ class Transient:
             raise Diverging("the kinetic energy is not finite")
         self._take_work(reactions)
         forces = forces_by_name(run, reactions)
-        self._take_damping()
+        self._take_damping(evaluate=True)
         strain = run.strain_energy()
         account.row_time = account.time
         row = place_columns(run, run.elapsed + account.time)
@@ -410,7 +463,23 @@ class Transient:
         if self.damage is not None:
             row |= {"broken_bonds": run.crack["broken_bonds"], "free_points": run.unsupported_points()}
         run.history.append(row)
+        self._tell_account(kinetic + strain - put_in)
         run.progress.account(self.integrator.steps, kinetic, strain)
+
+    def _tell_account(self, held: float) -> None:
+        """Write the account into the summary's entry of the stage; `held` is the energy of motion and strain less the energy put in."""
+        account, told = self.account, self.run.dynamics[-1]
+        told["energy_put_in"] = float(account.most_put_in)
+        if not self._keeps_account:
+            told |= {"energy_gap": None, "greatest_energy_gap": None}
+            told["remark"] = f"{self.run.model.name} has no energy: whether the motion keeps it is not known"
+            return
+        account.gap = held + account.damped_energy + account.released_energy
+        account.greatest_gap = max(account.greatest_gap, account.gap, key=abs)
+        scale = max(account.most_put_in, self._rounding)
+        told |= {"energy_gap": float(100 * account.gap / scale), "greatest_energy_gap": float(100 * account.greatest_gap / scale)}
+        wide = abs(account.greatest_gap) > GAP_WARNED * scale
+        told["remark"] = f"{self._words_for_gap(account.greatest_gap)}; {MEND_GAP}" if wide else None
 
     def _kinetic_energy(self) -> float:
         """At the positions, where all other energies are; in the plane with grips that of the half step before."""
@@ -425,14 +494,22 @@ class Transient:
         """Add what the account takes in steps that have no row."""
         if self._every_step:
             self._take_work(self._reactions())
-        breaking = self._keeps_account and self.integrator.steps - self.account.last_break < STEPS_PER_ROW
-        if breaking or (self._every_step and self.spec.viscosity == 0):
-            self._take_damping()
+            breaking = self._keeps_account and self.integrator.steps - self.account.last_break < STEPS_PER_ROW
+            self._take_damping(evaluate=breaking or self._uneven())
+
+    def _uneven(self) -> bool:
+        """Whether what is held changes its velocity within the viscosity, so that elastic forces cannot be followed."""
+        if self.viscosity == 0:
+            return False
+        time, step = self.account.time, self.integrator.last_step
+        ahead = self.run.parameter + self.viscosity * self.motion.rate
+        return self.run.loading.unevenness(self.motion.at(time - step), self.run.parameter, ahead) > LEAST_UNEVENNESS
 
     def _take_work(self, reactions: Reactions) -> None:
         """Add the work of what holds and loads since the last time it was taken; the force is still that which moves the body."""
         run, account = self.run, self.account
         power = self._held_power = self._power_of_holders(reactions)
+        self._held_reactions = reactions
         if run.loads is not None:
             thickness, around = run.loaded.thickness(), self.integrator.velocities_around()
             loads = (run.reductions.total_of_parts(run.loads.power(run.positions, velocities, thickness)) for velocities in around)
@@ -454,13 +531,18 @@ class Transient:
             return 0.5 * elapsed * (last.after + power.before)
         return 0.5 * elapsed * (last.now + power.now)
 
-    def _take_damping(self) -> None:
-        """Add the energy that the damping took since the last time it was taken; leaves the force evaluated at the positions themselves."""
+    def _take_damping(self, evaluate: bool) -> None:
+        """Add the energy that the damping took since the last time it was taken.
+
+        What viscosity takes follows from the forces at the positions, which are evaluated there, and the force is left so, or followed.
+        """
         account, integrator = self.account, self.integrator
+        if evaluate and self.viscosity > 0:
+            integrator.find_elastic()
         power, elapsed, last = integrator.damped_power(), account.time - account.damped_time, Power(*account.damped_power)
-        if self._every_step and self.spec.viscosity > 0:
+        if self._every_step and self.viscosity > 0:
             # Viscosity takes its part of the work of what holds the body as well.
-            elastic = self._power_of_holders(self.run.loading.reactions(self.run.force, integrator.elastic))
+            elastic = self._power_of_holders(self._elastic_reactions(evaluate))
             power = power.plus(self._held_power).plus(elastic, -1.0)
         if self._keeps_account and account.last_break == integrator.steps:
             # Bonds that broke in this step have changed the power since the last one; before it stood as it was.
@@ -469,6 +551,19 @@ class Transient:
             elapsed -= quiet
         account.damped_energy += self._work_over(elapsed, last, power)
         account.damped_power, account.damped_time = [*power], account.time
+
+    def _elastic_reactions(self, evaluated: bool) -> Reactions:
+        """Return the forces of all holders without viscosity: of the force `evaluated` at the positions, or followed as `elastic` is."""
+        account, loading, on_points = self.account, self.run.loading, self.integrator.elastic_with_loads()
+        if evaluated:
+            found = loading.reactions(self.run.force, on_points)
+        else:
+            held, share = self._held_reactions, self.integrator.followed
+            planes = (account.on_planes, held.on_planes), (account.levers, held.levers)
+            on_planes, levers = (None if now is None else (1 - share) * np.reshape(old, now.shape) + share * now for old, now in planes)
+            found = loading.reactions_of(on_planes, levers, on_points)
+        account.on_planes, account.levers = found.on_planes.tolist(), None if found.levers is None else found.levers.tolist()
+        return found
 
     def _through(self) -> bool:
         """Whether the body has come apart between what holds it."""
@@ -483,8 +578,11 @@ class Transient:
         self._apply()
         if self.damage is not None:
             entry = {"time": run.elapsed + account.time, run.loading.parameter: run.parameter, "broken_bonds": run.crack["broken_bonds"]}
-            places = self._in_order(np.array(account.recent, dtype=np.int64), np.array(account.batches, dtype=np.int64))
+            places, batches = self._in_order(np.array(account.recent, dtype=np.int64), np.array(account.batches, dtype=np.int64))
             tips = crack_tips(places, run.body.horizon)
+            if tips and not any(output["tips"] for output in run.crack["tips"]):
+                # Now with cracks that began a little later.
+                run.crack["start"]["tips"] = starts_of_cracks(places, batches, run.body.horizon)
             # The tip of the largest crack stays where it was while nothing breaks.
             last = run.crack["tips"][-1]["tip"] if run.crack["tips"] else None
             run.crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
@@ -507,16 +605,17 @@ class Transient:
         counted = self.run.body.part.counted_pairs(self.run.body.bonds.first[pairs])
         return pairs if counted is None else pairs[counted]
 
-    def _in_order(self, pairs: np.ndarray, batches: np.ndarray) -> np.ndarray:
-        """Middles (k, d) of broken pairs of the whole body, in the order in which they broke: batches, rising, and their pairs in each."""
+    def _in_order(self, pairs: np.ndarray, batches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Middles (k, d) of broken pairs of the whole body, in the order in which they broke, and their batches (k,), which rise."""
         body = self.run.body
         counted = body.part.counted_pairs(body.bonds.first[pairs])
         if counted is None:
-            return _midpoints(body, pairs)
+            return _midpoints(body, pairs), batches
         pairs, batches = pairs[counted], batches[counted]
         order = np.stack([batches, body.part.numbers[body.bonds.first[pairs]]], axis=1)
         order, places = (np.concatenate(body.part.everywhere(rows)) for rows in (order, _midpoints(body, pairs)))
-        return places[np.lexsort(order.T[::-1])]
+        sequence = np.lexsort(order.T[::-1])
+        return places[sequence], order[sequence, 0]
 
     def _recent_in_whole(self) -> tuple[list[int], list[int]]:
         """Pairs broken of late by their numbers in the whole body, in the order in which they broke, and their batches."""
@@ -565,15 +664,44 @@ def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
     """
     if not len(places):
         return []
-    near = cKDTree(places).query_pairs(horizon, output_type="ndarray")
-    count, group = LOCAL.pieces(len(places), *near.T)
-    sizes = np.bincount(group)
     # The front of a group is where its latest bonds broke: the last tenth of it, in the order of breaking.
     tips = []
-    for number in np.argsort(-sizes, kind="stable")[:count]:
-        members = np.flatnonzero(group == number)
+    for members in _groups(places, horizon):
         tips.append(places[members[-max(1, len(members) // 10) :]].mean(axis=0).tolist())
     return tips
+
+
+def starts_of_cracks(places: np.ndarray, batches: np.ndarray, horizon: float) -> list[list[float]]:
+    """Where cracks began: one place for each group of broken pairs that are joined by distances of up to a horizon.
+
+    Parameters
+    ----------
+    places : ndarray, shape (k, d)
+        Middles of the pairs.
+    batches : ndarray of int, shape (k,)
+        Of pairs that broke together, rising.
+    horizon : float
+
+    Returns
+    -------
+    list of list of float
+        For each group the middle of a pair: of those that broke first the nearest to their mean.  Groups stand in the order in which they
+        began, the largest first of those that began together.
+    """
+    found = []
+    for members in _groups(places, horizon):
+        first = members[batches[members] == batches[members].min()]
+        off = places[first] - places[first].mean(axis=0)
+        found.append((batches[first[0]], places[first[np.einsum("kc,kc->k", off, off).argmin()]].tolist()))
+    return [place for _, place in sorted(found, key=lambda start: start[0])]
+
+
+def _groups(places: np.ndarray, horizon: float) -> list[np.ndarray]:
+    """Numbers of places (k, d) that are joined by distances of up to a horizon, the largest group first."""
+    near = cKDTree(places).query_pairs(horizon, output_type="ndarray")
+    count, group = LOCAL.pieces(len(places), *near.T)
+    order = np.argsort(-np.bincount(group), kind="stable")[:count]
+    return [np.flatnonzero(group == number) for number in order]
 
 
 def _midpoints(body: Body, pairs: np.ndarray) -> np.ndarray:

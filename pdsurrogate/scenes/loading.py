@@ -17,6 +17,7 @@ LoadName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 class Prescribed(StrictModel):
     """Displacements of a region, component by component: a value times an amplitude; components that are not named are free.
 
+    Points that are equally near to a place (``near``) move so in the mean.
     A rotation prescribes all components; what x1, x2 and x3 say is added to it.
 
     Attributes
@@ -156,7 +157,7 @@ class StepDynamics(StrictModel):
     duration: Positive
     density: Positive
     damping: Annotated[Finite, Field(ge=0)] = 0.0
-    viscosity: Annotated[Finite, Field(ge=0)] = 0.0
+    viscosity: Annotated[Finite, Field(ge=0)] | None = None
     safety: Annotated[Positive, Field(le=1)] = 0.7
 
 

@@ -15,6 +15,9 @@ from ..arguments import check_path
 from .model import Scene
 from .problems import SceneError, explain
 
+MOST_BYTES = 16 * 2**20
+"""Of the file of a scene: an outline of half a million corners."""
+
 
 def scene_names() -> list[str]:
     """Names of the built-in scenes.
@@ -73,6 +76,15 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
         return Scene.model_validate(data)
     except ValidationError as error:
         raise SceneError(f"{source}: {explain(error, Scene)}") from None
+
+
+def read_description(path: Path) -> str:
+    """Text of a file that describes something; SceneError where it is longer than any such file, as that of an endless device is."""
+    with path.open("rb") as file:
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise SceneError(f"{path}: it has more than {MOST_BYTES / 2**20:.0f} MiB, which no description of a scene or study has")
+    return content.decode("utf-8").replace("\r\n", "\n")
 
 
 def parse_change(change: str) -> tuple[str, Any]:
@@ -139,7 +151,7 @@ def _text_of(reference: str | Path) -> tuple[str, str]:
     if not name or (path.suffix != ".toml" and not path.exists()):
         raise SceneError(f"unknown scene {name!r}; built in are {', '.join(scene_names())}, anything else is the path of a .toml file")
     try:
-        return path.read_text("utf-8"), str(path)
+        return read_description(path), str(path)
     except OSError as error:
         raise SceneError(f"cannot read scene file {path}: {error.strerror}") from None
     except UnicodeDecodeError:

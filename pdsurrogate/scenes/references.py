@@ -38,7 +38,7 @@ def uniaxial_level(scene: Scene, stretch: float) -> dict[str, float]:
     if others or not isinstance(scene.body, Rectangle) or any(grip.holds != "normal" for grip in scene.grips):
         return {}
     try:
-        exact = homogeneous.uniaxial(scene.material.build(), stretch, scene.plane)
+        exact = homogeneous.uniaxial(scene.law(), stretch, scene.plane)
     except ValueError:
         return {}
     narrowing = (1 - exact.lateral_stretch) / 2 * scene.body.size[1 - scene.loaded_axis]
@@ -59,7 +59,7 @@ def finite_element_level(scene: Scene, stretch: float) -> dict[str, float]:
         that stretch.
         Stresses are scaled to the scene's shear modulus, which changes no displacement at the same K/mu.
     """
-    law = scene.material.build()
+    law = scene.law()
     keys = {"body", "holes", "precuts", "grips", "materials"}
     problem = scene.model_dump(mode="json", include=keys, exclude_none=True, by_alias=True)
     for case in _cases():

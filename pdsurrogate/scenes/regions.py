@@ -90,7 +90,7 @@ class Region(StrictModel):
     points : list of int
         Numbers of points of the body.
     near : point
-        The point of the body nearest to a place.
+        The point of the body nearest to a place, or all that are as near: on an axis of the body those on either side of it.
     group : str
         Physical group of a mesh, by its name.
     both, either : list of regions

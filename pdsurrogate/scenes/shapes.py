@@ -144,9 +144,12 @@ class Polygon(Outline):
 
     @model_validator(mode="after")
     def _has_an_area(self) -> Polygon:
-        x1, x2 = np.array(self.vertices).T
-        area = 0.5 * abs(np.dot(x1, np.roll(x2, -1)) - np.dot(x2, np.roll(x1, -1)))
-        extent = max(np.ptp(x1), np.ptp(x2))
+        corners = np.array(self.vertices)
+        area = 0.5 * abs(_cross(corners, np.roll(corners, -1, axis=0)).sum())
+        extent = np.ptp(corners, axis=0).max()
+        crossing = _crossing(corners)
+        if crossing is not None:
+            raise ValueError(f"the outline {crossing}; give its corners in order, once around, and what is cut out under holes")
         if not area > 1e-9 * extent**2:
             raise ValueError("the polygon has no area")
         return self
@@ -170,6 +173,60 @@ def _divided(corners: np.ndarray, cell: np.ndarray) -> np.ndarray:
     return np.concatenate(
         [corner + np.arange(count)[:, None] / count * side for corner, side, count in zip(corners, sides, pieces, strict=True)]
     )
+
+
+def _crossing(corners: np.ndarray) -> str | None:
+    """Where the outline of a polygon crosses itself or runs around twice, in words; None where its material has it on one side alone.
+
+    Sides may touch, and run back along each other, as those do that lead to an opening and away from it: on either side of every piece
+    between two places where sides meet the outline winds around once, in one sense, or not at all.
+    """
+    extent = float(np.ptp(corners, axis=0).max())
+    starts = corners[np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1) > 1e-9 * extent]
+    if len(starts) < 3:
+        return None
+    along = np.roll(starts, -1, axis=0) - starts
+    lengths = np.linalg.norm(along, axis=1)
+    crossings, middles, normals = [], [], []
+    for number, (start, side, length) in enumerate(zip(starts, along, lengths, strict=True)):
+        offsets = starts - start
+        turn, across, ahead = _cross(side, along), _cross(side, offsets), _cross(offsets, along)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share, of_other = ahead / turn, -across / turn
+        margin = 1e-9 * extent / length
+        crossed = (margin < share) & (share < 1 - margin) & (of_other > 0) & (of_other < 1)
+        crossings += [(start + share[other] * side, number, int(other)) for other in np.flatnonzero(crossed)]
+        shares = np.concatenate([[0.0, 1.0], share[crossed], ((offsets @ side) / length**2)[np.abs(across) < 1e-9 * extent * length]])
+        shares = np.sort(shares[(shares >= 0) & (shares <= 1)])
+        shares = shares[np.concatenate([[True], np.diff(shares) > margin])]
+        middles.append(start + ((shares[1:] + shares[:-1]) / 2)[:, None] * side)
+        normals.append(np.tile([-side[1], side[0]] / length, (len(shares) - 1, 1)))
+    middles, beside = np.concatenate(middles), 1e-7 * extent * np.concatenate(normals)
+    windings = np.stack([_windings(middles + sign * beside, starts, along) for sign in (1, -1)], axis=1)
+    sense = 1 if _cross(starts, np.roll(starts, -1, axis=0)).sum() > 0 else -1
+    wrong = np.flatnonzero(((windings != 0) & (windings != sense)).any(axis=1))
+    if not len(wrong):
+        return None
+    if crossings:
+        place, one, other = crossings[0]
+        return f"crosses itself at ({place[0]:.4g}, {place[1]:.4g}), where the sides that begin at corners {one} and {other} meet"
+    place = middles[wrong[0]]
+    return f"runs around itself more than once, or crosses itself at a corner: it does so beside ({place[0]:.4g}, {place[1]:.4g})"
+
+
+def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
+
+
+def _windings(places: np.ndarray, starts: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """How often a chain of sides winds counter-clockwise around places (k, 2)."""
+    windings = np.zeros(len(places), dtype=int)
+    for start, side in zip(starts, along, strict=True):
+        offsets = places - start
+        left = _cross(side, offsets) > 0
+        windings += (offsets[:, 1] >= 0) & (offsets[:, 1] < side[1]) & left
+        windings -= (offsets[:, 1] < 0) & (offsets[:, 1] >= side[1]) & ~left
+    return windings
 
 
 def _around(centre: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.ndarray:
@@ -201,6 +258,8 @@ AnyOutline = Annotated[TaggedOutline, Discriminator(shape_of)]
 
 class Mesh(StrictModel):
     """A body from a mesh file that meshio reads: its cells become points at their centroids, with their volumes.
+
+    The spacing of the points is that of the mesh: the side of a square or cube as large as a cell, the mean over the body.
 
     Attributes
     ----------

@@ -9,6 +9,8 @@ from .equilibrium import (
     NotConverged,
     RanAway,
     TooFar,
+    TooSmall,
+    Unbalanced,
     Unstable,
     told_of_zero_energy_modes,
 )
@@ -36,6 +38,8 @@ __all__ = [
     "QuasiNewton",
     "RanAway",
     "TooFar",
+    "TooSmall",
+    "Unbalanced",
     "Unstable",
     "told_of_zero_energy_modes",
 ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..forces import InvalidState
 from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, NotConverged, no_report
 from .minimiser import EnergyMinimiser
@@ -22,6 +24,10 @@ class Automatic(EquilibriumSolver):
     # 1.25 million points in pure shear: 130 s and 7 GiB, of which the factor takes some 3 kB a point.
     MOST_POINTS = 1_000_000
 
+    # Most evaluations of relaxation, over the spacings in the body's extent, and at least.  It takes some tens for each of them where the
+    # body is as thick as it is long, more where it is slender.
+    RELAXED, LEAST_RELAXED = 100, 2_000
+
     _quick: EquilibriumSolver | None = None
 
     def __init__(self, *settings) -> None:
@@ -38,16 +44,18 @@ class Automatic(EquilibriumSolver):
             self.gave_up |= not force.nearly_incompressible and self.reductions.total_of_parts(len(self.volumes)) > self.MOST_POINTS
         return self._quick
 
-    def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
+    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
         quick = self._method(force)
         start, began = positions.copy(), force.evaluations
         if not self.gave_up:
             try:
-                return quick.solve(force, positions, tolerance, report)
+                return quick.solve(force, positions, tolerance, report, least_drive)
             except (Diverging, InvalidState, NotConverged):
                 if force.evaluations - began >= self.most_evaluations:
                     raise
                 self.gave_up = True
                 positions[:] = start
-        found = self._sure.solve(force, positions, tolerance, report)
-        return Equilibrium(found.residual, force.evaluations - began, found.method)
+        most = max(self.LEAST_RELAXED, int(self.RELAXED * self.reductions.extent(force.body.points) / force.body.spacing))
+        self._sure.most_evaluations = min(self.most_evaluations, most)
+        found = self._sure.solve(force, positions, tolerance, report, least_drive)
+        return replace(found, evaluations=force.evaluations - began)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,9 +16,22 @@ from ..forces import InternalForce, InvalidState
 from ..forces.kinematics import at_point
 from .motion import Motion
 from .reductions import LocalReductions
+from .supports import SupportAtPlace, Supports
 
 if TYPE_CHECKING:
     from .loads import Loads
+
+
+AT_REST = 1e-14
+"""Displacement over the extent of the body, or amplitude of a load, that counts as none: rounding leaves as much of a sine."""
+
+ONE_SIDED = 0.1
+"""Horizons from a point to the middle of its neighbours, along a plane, from which it lies beside a free side: full horizons have it at the
+point, halves 0.4 away."""
+
+
+class FoldedOver(InvalidState):
+    """A free side has bulged over the plane that it is bonded to, where it would lie against it."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +48,8 @@ class HeldPoints:
     components : tuple of int
     displacement : callable
         Displacement at a value of the parameter, shape (d,) or (k, d); only held components are read.
+    support : SupportAtPlace, optional
+        Of a support at a place: the point is one of several that move so in the mean alone.
     """
 
     name: str
@@ -41,6 +57,12 @@ class HeldPoints:
     points: np.ndarray
     components: tuple[int, ...]
     displacement: Callable[[float], np.ndarray]
+    support: SupportAtPlace | None = None
+
+    @property
+    def every(self) -> np.ndarray:
+        """The points, and of a support at a place those that are as near."""
+        return self.points if self.support is None else np.concatenate([self.points, self.support.others])
 
 
 @dataclass(frozen=True)
@@ -141,6 +163,8 @@ class Loading(ABC):
         Whether increments of the parameter are made longer only where they are easy, and begin from the best of several guesses.
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
+    supports : Supports or None
+        Those at places between points; None where there are none.
     names, loads
     """
 
@@ -159,6 +183,8 @@ class Loading(ABC):
     ) -> None:
         self.body, self.names, self.loads, self._reductions = body, names, loads, reductions
         self._planes, self._held = planes, held
+        at_places = tuple(part for part in held if part.support is not None)
+        self.supports = Supports(body, at_places, reductions) if at_places else None
         self.free = np.ones((len(body), body.dimension))
         for part in held:
             for component in part.components:
@@ -201,9 +227,23 @@ class Loading(ABC):
         within = bonds.second < n if intact is None else (bonds.second < n) & intact
         return self._reductions.pieces(n, bonds.first[within], bonds.second[within])
 
+    def _remark_on_pieces(self, count: int) -> None:
+        """Say that the body is in several pieces, each of which is held."""
+        if count > 1 and self.body.part.leads:
+            why = f"as where a cut goes all the way, or a wall is thinner than the spacing, {self.body.spacing:.3g}"
+            warnings.warn(f"the body is in {count} pieces with no bonds between them, {why}; each is held by itself", stacklevel=2)
+
     def at(self, parameter: float) -> str:
         """Words for a value of the parameter."""
         return f"{self.parameter} {parameter:g}"
+
+    def at_rest(self, parameter: float) -> bool:
+        """Whether all that is held is where it is at rest at a value of the parameter, and there are no loads."""
+        shares = [np.abs(part.displacement(parameter)[..., list(part.components)]).max(initial=0.0) for part in self._held]
+        motions = [plane.motion(parameter) for plane in self._planes]
+        shares += [max(np.abs(motion[:, -1]).max(), np.abs(motion[:, :-1]).max() * self.body.spacing) for motion in motions]
+        moved = self._reductions.greatest_of_parts(float(max(shares, default=0.0))) > AT_REST * self._reductions.extent(self.body.points)
+        return not moved and (self.loads is None or self.loads.vanish(parameter))
 
     def apply(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter, and bring the loads to their size there."""
@@ -214,11 +254,29 @@ class Loading(ABC):
     def hold(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter."""
         for part in self._held:
-            displacement = part.displacement(parameter)
-            for component in part.components:
-                positions[part.points, component] = self.body.points[part.points, component] + displacement[..., component]
+            if part.support is None:
+                displacement = part.displacement(parameter)
+                for component in part.components:
+                    positions[part.points, component] = self.body.points[part.points, component] + displacement[..., component]
+        if self.supports is not None:
+            self.supports.set(parameter)
+            self.supports.place(positions)
         for number, plane in enumerate(self._planes):
             force.move_plane(number, plane.displacement(parameter), None if plane.turn is None else plane.turn(parameter))
+
+    def unevenness(self, last: float, now: float, ahead: float) -> float:
+        """Return by what share of its way to a value `ahead` what is held departs from its velocity since the `last` value."""
+        if now == last:
+            return 0.0
+
+        def places(parameter: float) -> np.ndarray:
+            motions = [*(part.displacement(parameter) for part in self._held), *(plane.motion(parameter) for plane in self._planes)]
+            return np.concatenate([np.ravel(motion) for motion in motions]) if motions else np.zeros(1)
+
+        before, present, after = map(places, (last, now, ahead))
+        way, evenly = after - present, (present - before) * ((ahead - now) / (now - last))
+        off, *ways = (self._reductions.greatest_of_parts(np.abs(change).max(initial=0.0)) for change in (way - evenly, way, evenly))
+        return off / max(ways) if off > 0 else 0.0
 
     def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Check that no point is on the far side of a plane in which the body is reflected, where its own image belongs.
@@ -245,7 +303,18 @@ class Loading(ABC):
             if beyond[worst] > 1e-6 * self.body.spacing:
                 what = f"it lies {beyond[worst]:.3g} beyond the {held.name}, on the side of its own image"
                 error = InvalidState(at_point(self.body, worst, what))
+                if len(held.components) > 1 and self._beside_free_side(worst, plane.axis):
+                    what += "; the free side beside it bulges over what it is bonded to, and would lie against it"
+                    error = FoldedOver(at_point(self.body, worst, what))
             self.body.part.agree(error)
+
+    def _beside_free_side(self, point: int, axis: int) -> bool:
+        """Whether the neighbours of a point are on one side of it, along a plane that an axis is normal to."""
+        bonds = self.body.bonds
+        neighbours = bonds.neighbours[bonds.pointers[point] : bonds.pointers[point + 1]]
+        arms = self.body.all_points[neighbours] - self.body.points[point]
+        middle = np.average(arms, axis=0, weights=self.body.all_volumes[neighbours])
+        return bool(np.linalg.norm(np.delete(middle, axis)) > ONE_SIDED * self.body.horizon)
 
     def reactions(self, force: InternalForce, on_points: np.ndarray | None = None) -> Reactions:
         """Forces of all holders on the body in the state last evaluated.
@@ -268,16 +337,32 @@ class Loading(ABC):
         levers = None
         if any(plane.turn is not None for plane in self._planes):
             levers = self._reductions.total_of_parts(self._levers_on_planes(force, crossing))
-        forces, at_points = np.zeros((len(self.names), dimension)), None
-        for number, plane in enumerate(self._planes):
-            for component in plane.components:
-                forces[plane.holders[component], component] += on_planes[number, component]
-        if any(part.holder is not None for part in self._held):
-            at_points = -(self._on_points(force) if on_points is None else on_points) * (1 - self.free)
+        if on_points is None and self._holds_points:
+            on_points = self._on_points(force)
+        return self.reactions_of(self._reductions.total_of_parts(on_planes), levers, on_points)
+
+    @property
+    def _holds_points(self) -> bool:
+        return bool(self._held)
+
+    def reactions_of(self, on_planes: np.ndarray, levers: np.ndarray | None, on_points: np.ndarray | None) -> Reactions:
+        """Forces of all holders by those on planes, with their levers, and by internal force and loads on every point."""
+        forces, at_points = np.zeros((len(self.names), self.body.dimension)), None
+        if self._holds_points:
+            at_points = -on_points * (1 - self.free)
+            for part in self._held:
+                if part.support is not None:
+                    self.body.part.fill(at_points)
+                    for component in part.components if len(part.points) else ():
+                        at_points[part.support.others, component] = at_points[part.points, component]
             for part, owned in zip(self._held, self._owned, strict=True):
                 for component, points in owned.items():
                     forces[part.holder, component] += at_points[points, component].sum()
-        return Reactions(self._reductions.total_of_parts(forces), self._reductions.total_of_parts(on_planes), at_points, levers)
+            forces = self._reductions.total_of_parts(forces)
+        for number, plane in enumerate(self._planes):
+            for component in plane.components:
+                forces[plane.holders[component], component] += on_planes[number, component]
+        return Reactions(forces, on_planes, at_points, levers)
 
     def moments(self, force: InternalForce, reactions: Reactions) -> np.ndarray:
         """Moments of the holders' forces about the origin of the coordinates.
@@ -346,11 +431,9 @@ class Loading(ABC):
         owner = np.full((len(self.body), self.body.dimension), -1)
         for number, part in enumerate(self._held):
             for component in part.components:
-                owner[part.points, component] = number
+                owner[part.every, component] = number
         return [
-            {}
-            if part.holder is None
-            else {c: self._reductions.counts(part.points[owner[part.points, c] == number]) for c in part.components}
+            {} if part.holder is None else {c: self._reductions.counts(part.every[owner[part.every, c] == number]) for c in part.components}
             for number, part in enumerate(self._held)
         ]
 
@@ -412,7 +495,7 @@ class Loading(ABC):
                 found[holder].append(near)
         for part in self._held:
             if part.holder is not None:
-                found[part.holder].append(part.points)
+                found[part.holder].append(part.every)
         return [self._reductions.counts(np.unique(np.concatenate(parts))) for parts in found]
 
     @abstractmethod

@@ -86,8 +86,12 @@ class ExplicitDynamics:
 
     Attributes
     ----------
-    forces, elastic : ndarray, shape (n, 2)
-        At the positions, with loads; the latter without what viscosity adds, where `damped_power` has last found them.
+    forces : ndarray, shape (n, 2)
+        That move the body, with loads.
+    elastic : ndarray, shape (n, 2)
+        Internal forces at the positions, without what viscosity adds and without loads, where there is viscosity.  In every step they
+        follow the forces f ahead of the positions by f_e + tau df_e/dt = f, which is exact of linear forces; what is not linear in a
+        step fades within tau, and `find_elastic` evaluates them.
     time_step : float
         The stable one.  Falls where the body stiffens, never rises.
     last_step : float
@@ -118,7 +122,7 @@ class ExplicitDynamics:
         self._loaded = force if loads is None else LoadedForce(force, loads)
         self._loads, self._applied = loads, None if loads is None else np.empty_like(positions)
         self._reductions = reductions
-        self._ahead, self.elastic = np.empty_like(positions), np.empty_like(positions)
+        self._ahead, self.elastic = np.empty_like(positions), np.zeros_like(positions)
         self.frequency = FrequencyEstimate(mass, free, self._reductions)
         self.forces = np.empty_like(positions)
         self._kicks = None
@@ -153,15 +157,27 @@ class ExplicitDynamics:
         np.multiply(self.velocities, self._viscosity, out=self._ahead)
         self._ahead += self.positions
         self._hold(self._ahead, self._viscosity)
-        self._find(self._ahead)
+        self.force(self._ahead, self.forces)
+        self.elastic += self.followed * (self.forces - self.elastic)
+        self._add_loads()
+
+    @property
+    def followed(self) -> float:
+        """Share of the way to what is ahead by the viscosity that what is at the positions comes in a step, by implicit differences."""
+        return self.last_step / (self.last_step + self._viscosity)
 
     def evaluate_at_rest(self) -> None:
         """Forces at the positions, without what viscosity adds."""
-        self._find(self.positions)
+        self.force(self.positions, self.forces)
+        self._add_loads()
 
-    def _find(self, positions: np.ndarray) -> None:
-        """Internal forces at some positions, and loads at those of now."""
-        self.force(positions, self.forces)
+    def find_elastic(self) -> None:
+        """Evaluate the internal forces at the positions, where viscosity hides them; leaves the force evaluated there."""
+        self._hold(self.positions, 0.0)
+        self.force(self.positions, self.elastic)
+
+    def _add_loads(self) -> None:
+        """Add the loads of now, at the positions."""
         if self._loads is not None:
             self._applied.fill(0.0)
             self._loads.forces(self.positions, self._loaded.thickness(), self._applied)
@@ -241,17 +257,17 @@ class ExplicitDynamics:
         """Velocities at the positions, the mean of those half a step before and after, shape (n, 2)."""
         return 0.5 * (self.velocities + self._following_velocities(self.last_step))
 
+    def elastic_with_loads(self) -> np.ndarray:
+        """Forces on every point at the positions, without what viscosity adds, shape (n, d)."""
+        return self.elastic if self._loads is None else self.elastic + self._applied
+
     def damped_power(self) -> Power:
-        """Power that damping and viscosity take; leaves the force evaluated at the positions themselves."""
+        """Power that damping and viscosity take, the latter by the elastic forces as they are known."""
         velocities = self.velocities_around()
         taking = self._damping * self._mass[:, None] * velocities.now
         power = self._damping * self._reductions.dot(velocities.now, velocities.now, self._mass)
         if self._viscosity > 0:
-            self._hold(self.positions, 0.0)
-            self.force(self.positions, self.elastic)
-            if self._loads is not None:
-                self.elastic += self._applied
-            viscous = self._free * (self.elastic - self.forces)
+            viscous = self._free * (self.elastic_with_loads() - self.forces)
             taking += viscous
             power += self._reductions.dot(viscous, velocities.now)
         return Power(self._reductions.dot(taking, velocities.before), power, self._reductions.dot(taking, velocities.after))

@@ -5,16 +5,41 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from ..body import Body
 from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
+from .extension import greatest_bond_strain
 from .preconditioner import Preconditioner, preconditioner_of
 from .reductions import LOCAL, LocalReductions
+from .supports import SupportedPreconditioner
 
 Report = Callable[[int, float], None]
 """Called with the force evaluations so far and the residual."""
+
+UNBALANCED = 5e-4
+"""Sum of the sizes of the forces that an equilibrium may leave on free points, over that of the loads or of what holds the body, the
+greater of them.  It bounds the error of every balance of forces, and of moments over the greatest lever."""
+
+PER_TOLERANCE = 500
+"""The same over the tolerance, where that asks for less than `UNBALANCED`."""
+
+SINGLE = 1e-7
+"""Residual that forces in single precision can be brought to: their rounding leaves some 1e-8 of it at rest."""
+
+ROUNDED = 100
+"""Residual that rounding of the positions may leave, over the stress that its strain of a bond makes.  Below, a search goes on only as long
+as the forces left fall by a third within `IDLE` evaluations."""
+
+IDLE = 5
+"""See `ROUNDED`."""
+
+
+RIGID = 1000
+"""Strain of a body that is moved as a whole, over that of rounding."""
 
 
 def no_report(evaluations: int, residual: float) -> None:
@@ -25,8 +50,16 @@ class NotConverged(RuntimeError):
     """The residual did not fall below the tolerance."""
 
 
+class Unbalanced(NotConverged):
+    """Loads and reactions that do not add up to zero."""
+
+
 class Diverging(RuntimeError):
     """The iteration blows up."""
+
+
+class TooSmall(RuntimeError):
+    """A strain that the precision of the force, or of the positions, does not resolve."""
 
 
 class Unstable(RuntimeError):
@@ -49,6 +82,23 @@ def told_of_zero_energy_modes(force: InternalForce, consequence: str) -> str:
     return f" (this force does not resist all displacements from point to point, {consequence}: {others} does)"
 
 
+def strain_rounding(body: Body, reductions: LocalReductions) -> float:
+    """Strain of a bond as long as the spacing that rounding of the positions of its ends makes."""
+    farthest = reductions.greatest(np.abs(body.points))
+    return float(np.finfo(float).eps) * farthest / body.spacing
+
+
+def is_rigid(force: InternalForce, reductions: LocalReductions) -> bool:
+    """Whether the body has been moved as a whole, up to rounding, in the state last evaluated."""
+    return strain_of(force, reductions) <= RIGID * strain_rounding(force.body, reductions)
+
+
+def strain_of(force: InternalForce, reductions: LocalReductions) -> float:
+    """Greatest change of length of a bond over its length at rest, in the state last evaluated."""
+    n = len(force.body)
+    return reductions.greatest_of_parts(greatest_bond_strain(force.body, force.body.points, force.positions[:n]))
+
+
 @dataclass(frozen=True)
 class Equilibrium:
     """What a solver reached.
@@ -61,15 +111,21 @@ class Equilibrium:
         Force evaluations it took.
     method : str
         Name of the method that found it.
+    drive : float
+        Sum of the sizes of all forces of the loads, or of all that hold the body, the greater of them; in the plane per unit thickness.
     """
 
     residual: float
     evaluations: int
     method: str
+    drive: float = 0.0
 
 
 class EquilibriumSolver(ABC):
     """A solver for equilibrium.
+
+    Two conditions end the search: the residual is below the tolerance, and the forces left on the free points are small beside what drives
+    the body, or no more than rounding.
 
     Parameters
     ----------
@@ -100,9 +156,17 @@ class EquilibriumSolver(ABC):
         self.free, self.volumes, self.reductions = free, volumes, reductions
         self.tolerance, self.most_evaluations = tolerance, most_evaluations
         self._preconditioner: Preconditioner | None = None
+        self._drive, self._on_held = 0.0, np.zeros(0)
 
     @abstractmethod
-    def solve(self, force: InternalForce, positions: np.ndarray, tolerance: float | None = None, report: Report = no_report) -> Equilibrium:
+    def solve(
+        self,
+        force: InternalForce,
+        positions: np.ndarray,
+        tolerance: float | None = None,
+        report: Report = no_report,
+        least_drive: float = 0.0,
+    ) -> Equilibrium:
         """Bring `positions` to equilibrium, in place.
 
         Parameters
@@ -111,9 +175,11 @@ class EquilibriumSolver(ABC):
         positions : ndarray, shape (n, 2)
             A start; the equilibrium on return, and the last state reached if an error is raised.
         tolerance : float, optional
-            Instead of the solver's own, for states on the way.
+            Instead of the solver's own, for states on the way: there the forces left are not held against what drives the body.
         report : callable
             Called every few evaluations.
+        least_drive : float
+            What drives the body counts for no less: of a body that comes back to rest, what drove it before.
 
         Raises
         ------
@@ -127,6 +193,9 @@ class EquilibriumSolver(ABC):
         """What approximates the tangent of the force, made when it is first asked for."""
         if self._preconditioner is None:
             self._preconditioner = preconditioner_of(force, self.free, self.reductions)
+            supports = getattr(force, "supports", None)
+            if supports is not None:
+                self._preconditioner = SupportedPreconditioner(self._preconditioner, supports, self.reductions)
         return self._preconditioner
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
@@ -137,7 +206,80 @@ class EquilibriumSolver(ABC):
         greatest = self.reductions.greatest_of_parts(greatest_force_density[forces.shape[1]](forces, self.free, volumes))
         return greatest * force.body.spacing / unit
 
+    def evaluate(self, force: InternalForce, positions: np.ndarray, out: np.ndarray) -> None:
+        """Write the forces on the free components to `out`, shape (n, d), 0 on held ones; those are kept for what drives the body."""
+        force(positions, out)
+        components = out.reshape(-1)
+        self._on_held = components[self._held]
+        components[self._held] = 0.0
+
+    def begin(self, force: InternalForce, least_drive: float) -> None:
+        """Begin a search; `least_drive` as in `solve`."""
+        stiffness = force.law.bulk_modulus / force.law.shear_modulus if force.nearly_incompressible else 1.0
+        self._least_drive, self._least_left, self._idle = least_drive, np.inf, 0
+        self._rounding = ROUNDED * stiffness * strain_rounding(force.body, self.reductions)
+
+    def judge(self, force: InternalForce, forces: np.ndarray, tolerance: float) -> tuple[float, bool]:
+        """Residual in the state last evaluated, and whether the search ends there; forces as `evaluate` gives them.
+
+        Raises
+        ------
+        TooSmall
+            If the forces left would have to be smaller than single precision can tell.
+        """
+        residual = self.residual(force, forces)
+        if not residual <= tolerance or tolerance > self.tolerance:
+            return residual, residual <= tolerance
+        left = self.reductions.total(np.abs(forces))
+        loads = force.applied()
+        loading = 0.0 if loads is None else self.reductions.total(np.abs(loads))
+        self._drive = max(loading, self._holding(force), self._least_drive)
+        most = self.share_left * self._drive
+        if left <= most:
+            return residual, True
+        if residual * most < SINGLE * left and force.precision == "float32":
+            if loading == 0 and is_rigid(force, self.reductions):
+                return residual, True
+            raise TooSmall("the forces that drive the body are too small for single precision")
+        if residual > self._rounding:
+            return residual, False
+        self._idle = 0 if left < 2 / 3 * self._least_left else self._idle + 1
+        self._least_left = min(self._least_left, left)
+        return residual, self._idle >= IDLE
+
+    @property
+    def at_rounding(self) -> bool:
+        """Whether the search has come to where rounding may have left it."""
+        return self._least_left < np.inf
+
+    @property
+    def share_left(self) -> float:
+        """Sum of the forces on the free points that may be left, over what drives the body."""
+        return min(UNBALANCED, PER_TOLERANCE * self.tolerance)
+
+    def _holding(self, force: InternalForce) -> float:
+        """Sum of the sizes of all forces on held components and across planes of reflection."""
+        crossing = self._crossing(force.body)
+        across = np.abs(force.pair_forces(crossing)).sum() if len(crossing) else 0.0
+        return self.reductions.total_of_parts(float(np.abs(self._on_held).sum() + across))
+
+    @cached_property
+    def _held(self) -> np.ndarray:
+        """Numbers of the held components, of all components in a row."""
+        return np.flatnonzero(self.free.ravel() == 0)
+
+    def _crossing(self, body: Body) -> np.ndarray:
+        """Numbers of the bonds across planes of reflection that are counted here."""
+        outer = np.flatnonzero(body.bonds.second >= len(body))
+        counted = body.part.counted_pairs(body.bonds.first[outer])
+        return outer if counted is None else outer[counted]
+
     def not_converged(self, force: InternalForce, residual: float, evaluations: int, tolerance: float) -> NotConverged:
-        """The error for a residual that is still too large."""
+        """The error for a residual, or a sum of forces, that is still too large."""
         reached = f"the residual is {residual:.2g} shear modulus / spacing after {evaluations} force evaluations; asked for {tolerance:.2g}"
+        if residual <= tolerance:
+            reached = (
+                f"after {evaluations} force evaluations the forces left on free points are in sum more than {self.share_left:.1g} of those "
+                "that drive the body"
+            )
         return NotConverged(reached + told_of_zero_energy_modes(force, "which then never come to rest"))

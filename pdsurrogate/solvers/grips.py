@@ -78,6 +78,7 @@ class GripLoading(Loading):
                 f"body: it is in {count} pieces, and one of {size} points{where} is held by no grip; "
                 "a hole or precut separates it, or a hold is missing"
             )
+        self._remark_on_pieces(count)
 
     def _region(self, number: int, hold: Hold, body: Body) -> HeldPoints:
         try:

@@ -19,6 +19,8 @@ class Increments:
     start, end : float
     largest : float
         Bound of the planned increments.
+    done, share : float
+        Of a way that was begun before: planned increments that are behind, and the present one over the planned.
 
     Attributes
     ----------
@@ -26,11 +28,16 @@ class Increments:
         The present increment over the planned one.
     """
 
-    def __init__(self, start: float, end: float, largest: float) -> None:
+    def __init__(self, start: float, end: float, largest: float, done: float = 0.0, share: float = 1.0) -> None:
+        self._start, self._largest = start, largest
         self._count = max(1, int(np.ceil(abs(end - start) / largest - 1e-9)))
         self._planned = np.linspace(start, end, self._count + 1)
         # In planned increments; a sum of powers of one half, so exact.
-        self._done, self.share = 0.0, 1.0
+        self._done, self.share = done, share
+
+    def describe(self) -> dict[str, float]:
+        """What the way is made of again, besides its end."""
+        return {"start": self._start, "largest": self._largest, "done": self._done, "share": self.share}
 
     @property
     def finished(self) -> bool:

@@ -15,9 +15,11 @@ from ..forces import InternalForce, InvalidState
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.loading import Load
 from ..scenes.model import EDGES, Scene
+from .conditions import AT_REST
 
 if TYPE_CHECKING:
     from .regions import BodyRegions
+    from .supports import Supports
 
 ON_A_PLANE = 1e-6
 """Spacings within which a facet counts as lying in a plane of reflection."""
@@ -279,6 +281,10 @@ class Loads:
             if not np.isfinite(self._present).all():
                 raise InvalidState(f"loads: a force is not finite at t = {t:g}")
 
+    def vanish(self, t: float) -> bool:
+        """Whether there are none at a value of the loading parameter."""
+        return all(abs(amplitude(t)) <= AT_REST for amplitude in self._amplitudes)
+
     def forces(self, positions: np.ndarray, thickness: np.ndarray | None, out: np.ndarray) -> None:
         """Add the forces of the loads on the points, in the plane per unit thickness of the undeformed body, to `out` (n, d).
 
@@ -379,35 +385,36 @@ class Loads:
 
 
 class LoadedForce:
-    """An internal force and loads: all that solvers ask of a force, which they are given in the place of it where there are loads.
+    """An internal force, loads and supports at places: all that solvers ask of a force, given in the place of it where there are any.
 
     What a bond or a point holds by itself is asked of the internal force; of that only what solvers need is passed on.
 
     Parameters
     ----------
     internal : InternalForce
-    loads : Loads
+    loads : Loads or None
+    supports : Supports, optional
 
     Attributes
     ----------
-    internal, loads
+    internal, loads, supports
     body, law, precision, nearly_incompressible, zero_energy_modes
         Of the internal force.
     has_energy : bool
         Whether the sum of both is minus the derivative of an energy.
     """
 
-    def __init__(self, internal: InternalForce, loads: Loads) -> None:
-        self.internal, self.loads = internal, loads
+    def __init__(self, internal: InternalForce, loads: Loads | None, supports: Supports | None = None) -> None:
+        self.internal, self.loads, self.supports = internal, loads, supports
         self.body, self.law, self.precision = internal.body, internal.law, internal.precision
-        self.has_energy = internal.has_energy and loads.conservative
+        self.has_energy = internal.has_energy and (loads is None or loads.conservative)
         self.nearly_incompressible, self.zero_energy_modes = internal.nearly_incompressible, internal.zero_energy_modes
         self._thickness, self._product = np.ones(len(internal.body)), np.empty(len(internal.body))
 
     @property
     def no_energy_because(self) -> str | None:
         """What the loads have against an energy; None where that is not what is missing."""
-        return self.loads.no_potential_because
+        return None if self.loads is None else self.loads.no_potential_because
 
     @property
     def evaluations(self) -> int:
@@ -444,8 +451,19 @@ class LoadedForce:
         OutsideDomain
             See `InternalForce`.
         """
+        if self.supports is not None:
+            self.supports.place(positions)
         self.internal(positions, out)
-        self.loads.forces(positions, self.thickness(), out)
+        if self.loads is not None:
+            self.loads.forces(positions, self.thickness(), out)
+        if self.supports is not None:
+            self.supports.fold(out)
+
+    def applied(self) -> np.ndarray:
+        """See `InternalForce`."""
+        found = np.zeros_like(self.body.points)
+        self.loads.forces(self.positions[: len(self.body)], self.thickness(), found)
+        return found
 
     def thickness(self) -> np.ndarray | None:
         """Stretch of the thickness at the points in the state last evaluated, shape (n,), valid until the next; None if no load needs it.
@@ -455,7 +473,7 @@ class LoadedForce:
         InvalidState
             Where there is none.
         """
-        if not self.loads.needs_thickness:
+        if self.loads is None or not self.loads.needs_thickness:
             return None
         J3, F = self.internal.volume_ratios(), self.internal.deformation_gradients()
         thickness, product = self._thickness, self._product
@@ -466,7 +484,8 @@ class LoadedForce:
 
     def energy(self) -> float:
         """Stored energy and potential of the loads, per unit thickness, in the state last evaluated; where there are both."""
-        return self.internal.energy() + self.loads.potential(self.internal.positions[: len(self.body)])
+        energy = self.internal.energy()
+        return energy if self.loads is None else energy + self.loads.potential(self.internal.positions[: len(self.body)])
 
     def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
         """See `InternalForce`."""

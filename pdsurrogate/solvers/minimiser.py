@@ -44,10 +44,9 @@ class EnergyMinimiser(QuasiNewton):
             trial += positions
             shorter = 0.5
             try:
-                force(trial, following)
-                following *= self.free
+                self.evaluate(force, trial, following)
                 change, slope_there = self._energy(force) - before, -self.reductions.dot(following, step)
-                falls = change <= self.SUFFICIENT * share * slope
+                falls = change <= self.SUFFICIENT * share * slope and -share * slope > noise
                 if falls or (change <= noise and slope_there <= (2 * self.SUFFICIENT - 1) * slope):
                     step *= share
                     positions[:] = trial

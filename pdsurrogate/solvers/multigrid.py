@@ -6,9 +6,10 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from ..engine.block_arrays import power_of_two
+from ..engine.passes import Chain
+from ..engine.threads import chunks_of
 from ..kernels.multigrid import passes_of
-from ..kernels.passes import Chain
-from ..kernels.threads import chunks_of
 
 COARSENING = 3
 """Mean distances of points, along each axis, that are one on the next level."""
@@ -42,6 +43,9 @@ class Multigrid:
     """
 
     def __init__(self, matrix: sparse.csr_array, points: np.ndarray, spacing: float, free: np.ndarray, width: int = 1) -> None:
+        # In single precision whatever the units: powers of two, which change no digit.
+        self._unit = power_of_two(matrix.diagonal().mean())
+        matrix = matrix / self._unit
         # Rows of three are read as four.
         self._width, held = width, {3: 4}.get(width, width)
         self._levels = [_Level(matrix.shape[0], held)]
@@ -67,11 +71,11 @@ class Multigrid:
     def cycle(self, right: np.ndarray) -> np.ndarray:
         """Nearly the solution for a right hand side, shape (n,), or as many as there are columns in (n, width)."""
         if len(self._levels) == 1:
-            return self._factor.solve(right)
-        finest = self._levels[0]
-        finest.right[:, : self._width] = right.reshape(-1, self._width)
+            return self._factor.solve(right) / self._unit
+        finest, unit = self._levels[0], power_of_two(np.abs(right).max())
+        finest.right[:, : self._width] = right.reshape(-1, self._width) / unit
         self._visit(0)
-        return finest.found[:, : self._width].astype(float).reshape(right.shape)
+        return finest.found[:, : self._width].reshape(right.shape) * (unit / self._unit)
 
     def _visit(self, number: int) -> None:
         """Solve nearly on a level, from its right hand side."""

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ..body import ReflectionPlane
 from ..scenes.loading import Prescribed
 from ..scenes.model import EDGES, Scene
 from ..scenes.regions import RegionReference, edge_names
 
 
-def whole_edge(scene: Scene, region: RegionReference) -> str | None:
-    """Name of the edge that a region is, if it is exactly one whole edge."""
+def whole_edge(scene: Scene, region: RegionReference, faces: Mapping[str, str]) -> str | None:
+    """Name of the edge that a region is, if it is exactly one whole edge; `faces` are those of the groups of a mesh, see `Body`."""
     if isinstance(region, str):
         if region in edge_names(scene.dimension):
             return region
-        return whole_edge(scene, scene.regions[region]) if region in scene.regions else None
+        return whole_edge(scene, scene.regions[region], faces) if region in scene.regions else None
     members = list(region.members())
     if len(members) == 1 and region.other is None:
-        return whole_edge(scene, members[0][1])
-    return region.edge
+        return whole_edge(scene, members[0][1], faces)
+    return faces.get(region.group) if region.group is not None else region.edge
 
 
 def prescribed_components(entry: Prescribed, dimension: int) -> tuple[int, ...]:
@@ -25,17 +27,17 @@ def prescribed_components(entry: Prescribed, dimension: int) -> tuple[int, ...]:
     return tuple(component for component in range(dimension) if entry.rotation is not None or entry.displacement[component] is not None)
 
 
-def reflected_edges(scene: Scene) -> dict[str, tuple[int, ...]]:
+def reflected_edges(scene: Scene, faces: Mapping[str, str]) -> dict[str, tuple[int, ...]]:
     """Edges that are held by reflection, each with the numbers of the entries of `prescribed` that hold it.
 
-    An edge is, if it is named whole and its normal component is prescribed, alone or as part of a rotation.  All other edges hold their
-    outermost points.
+    An edge is, if it is named whole, or by the group of a mesh that is all of it, and its normal component is prescribed, alone or as
+    part of a rotation.  All other edges hold their outermost points.
     """
     if scene.support != "reflected":
         return {}
     named: dict[str, list[int]] = {}
     for number, entry in enumerate(scene.prescribed):
-        edge = whole_edge(scene, entry.region)
+        edge = whole_edge(scene, entry.region, faces)
         if edge is not None:
             named.setdefault(edge, []).append(number)
     reflected = {}
@@ -47,12 +49,12 @@ def reflected_edges(scene: Scene) -> dict[str, tuple[int, ...]]:
     return reflected
 
 
-def reflection_planes(scene: Scene, lower, upper) -> tuple[ReflectionPlane, ...]:
+def reflection_planes(scene: Scene, lower, upper, faces: Mapping[str, str]) -> tuple[ReflectionPlane, ...]:
     """Planes in which the body is continued beyond its grips, or beyond the edges of `reflected_edges`; none where points are held."""
     if scene.support != "reflected":
         return ()
     held = {grip.edge: (EDGES[grip.edge][0],) if grip.holds == "normal" else tuple(range(scene.dimension)) for grip in scene.grips}
-    for edge, numbers in reflected_edges(scene).items():
+    for edge, numbers in reflected_edges(scene, faces).items():
         entries = [scene.prescribed[number] for number in numbers]
         held[edge] = tuple({component for entry in entries for component in prescribed_components(entry, scene.dimension)})
     planes = []

@@ -23,6 +23,7 @@ from .planes import prescribed_components, reflected_edges
 from .preconditioner import Extension, extension_of
 from .reductions import LocalReductions
 from .regions import along_edge
+from .supports import SupportAtPlace
 
 if TYPE_CHECKING:
     from .loads import Loads
@@ -34,6 +35,13 @@ show, whose horizons are incomplete."""
 
 RIGID = 1e3
 """Stiffness of rigid regions over that of the rest in a first guess, which is then brought to where they can be."""
+
+NO_STRESS = {"float32": 1e-5, "float64": 1e-10}
+"""Compression over the shear modulus that rounding of the forces may show, by precision."""
+
+LARGEST_TURN = 10.0
+"""Degrees by which held parts turn at once in a first guess.  Points between them go along chords, which shrinks the body half way by 0.4 %
+for 10 degrees and by 13 % for 60; of 2, 5, 10 and 60 degrees the first three take as many evaluations (twisted boxes and cylinders)."""
 
 HALVINGS = 10
 """Of a step, to find an increment that is not too long; a first guess that strains bonds by more than a thousand is a slip."""
@@ -90,7 +98,7 @@ class PrescribedLoading(Loading):
         labels = _labels(scene, regions)
         names = tuple(dict.fromkeys(labels[: len(scene.prescribed)]))
         holders = [names.index(label) for label in labels[: len(scene.prescribed)]]
-        edges, of_rigid = reflected_edges(scene), np.concatenate([np.empty(0, dtype=np.int64), *rigid])
+        edges, of_rigid = reflected_edges(scene, body.faces), np.concatenate([np.empty(0, dtype=np.int64), *rigid])
         planes, held, along_planes = [], [], []
         for edge, numbers in edges.items():
             points = np.flatnonzero(along_edge(body, edge, lower, upper).inside)
@@ -125,8 +133,19 @@ class PrescribedLoading(Loading):
             points = regions.points(entry.region)
             displacement = self._displacement(number, body.points[points])
             components = prescribed_components(entry, body.dimension)
-            held.append(HeldPoints(f"prescribed.{number}", holders[number], points, components, displacement))
+            support = self._support(entry, points, regions)
+            if support is not None and any(step.dynamics is not None for step in scene.steps):
+                raise ValueError(
+                    f"prescribed.{number}.region: {support.count} points are equally near to this place, and a support between points is "
+                    "not followed in dynamics; give points by their numbers, or a box around them"
+                )
+            if support is not None:
+                points, displacement = np.setdiff1d(points, support.others), self._displacement(number, support.place[None])
+            held.append(HeldPoints(f"prescribed.{number}", holders[number], points, components, displacement, support))
         super().__init__(body, names, tuple(planes), tuple(held), loads, reductions)
+        if self.supports is not None:
+            still = np.zeros((len(planes), body.dimension))
+            self.supports.response = lambda held: self._stiffness.response(body, shear_modulus, held, still)
         # Every t at which a programme turns, and places between: amplitudes that agree at all of these are the same.
         samples = np.unique(np.concatenate([np.linspace(a, b, 5) for a, b in pairwise(turning_points)]))
         every = (*along_planes, *held)
@@ -138,6 +157,17 @@ class PrescribedLoading(Loading):
         self._check_planes(tuple(f"prescribed.{numbers[0]}.region" for numbers in edges.values()))
         if any(step.dynamics is None for step in scene.steps):
             self._check_rigid_motions()
+
+    def _support(self, entry: Prescribed, points: np.ndarray, regions: BodyRegions) -> SupportAtPlace | None:
+        """The support that some points make, if they are equally near to a place."""
+        part = self.body.part
+        if not regions.is_place(entry.region):
+            return None
+        rows = [(part.number(int(point)), tuple(self.body.points[point])) for point in points]
+        found = dict(sorted(row for of_part in part.everywhere(rows) for row in of_part))
+        if len(found) == 1:
+            return None
+        return SupportAtPlace(np.mean(list(found.values()), axis=0), len(found), part.local(np.array(list(found)[1:])))
 
     def _displacement(self, number: int, places: np.ndarray) -> Callable[[float], np.ndarray]:
         """Displacement by an entry of points at reference places (k, d), as a function of t; (d,) where it is the same of all."""
@@ -220,15 +250,17 @@ class PrescribedLoading(Loading):
             advice = f"hold {ways} of a region by 0 against it, or let the steps be in dynamics"
             if count > 1:
                 thin = f"as where a wall is thinner than the spacing, {self.body.spacing:.3g}, or a cut goes all the way"
-                advice = f"there are {count} pieces with no bonds between them, {thin}: take a smaller spacing, or {advice}"
+                advice = f"there are {count} pieces with no bonds between them, {thin}: take {self.body.finer}, or {advice}"
             raise ValueError(f"prescribed: nothing keeps {what} from {' or '.join(motions)}; {advice}")
+        self._remark_on_pieces(count)
 
     def _constraints(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Places (k, d) and components (k,) that are held at rest, and the point of the body that each belongs to."""
         places, components, owners = [], [], []
         for part in self._held:
+            there = self.body.points[part.points] if part.support is None else np.tile(part.support.place, (len(part.points), 1))
             for component in part.components:
-                places.append(self.body.points[part.points])
+                places.append(there)
                 components.append(np.full(len(part.points), component))
                 owners.append(part.points)
         for plane, held, sources in zip(self.body.planes, self._planes, self._beside_planes, strict=True):
@@ -250,7 +282,7 @@ class PrescribedLoading(Loading):
         largest = min(abs(end - start), asked or math.inf) or 1.0
         for _ in range(HALVINGS):
             share = min(1.0, largest / abs(end - start)) if end != start else 1.0
-            guess = self._extended(positions, self._plane_motions(start), start + share * (end - start))
+            guess = self._followed(positions, start, start + share * (end - start))
             if self._greatest_strain(positions, guess) <= self._largest_strain:
                 break
             largest /= 2
@@ -258,7 +290,7 @@ class PrescribedLoading(Loading):
 
     def guesses(self, positions, before, after, earlier):
         """What the held parts say of the body, starting from the last equilibrium and, where there are two, from their continuation."""
-        guess = self._extended(positions, self._plane_motions(before), after)
+        guess = self._followed(positions, before, after)
         strain = self._greatest_strain(positions, guess)
         if strain > self._largest_strain:
             raise TooFar(f"the first guess strains a bond by {strain:.2g}, more than solver.largest_increment = {self._largest_strain:.4g}")
@@ -268,6 +300,18 @@ class PrescribedLoading(Loading):
         planes = self._plane_motions(before)
         planes = planes + ratio * (planes - self._plane_motions(earlier[0]))
         return [guess, self._extended(positions + ratio * (positions - earlier[1]), planes, after)]
+
+    def _followed(self, positions: np.ndarray, before: float, after: float) -> np.ndarray:
+        """First guess from what held parts do on the way, in so many parts that none turns far: points go round, and not across."""
+        turns = [
+            abs(entry.rotation * (self._factor(number, after) - self._factor(number, before)))
+            for number, entry in enumerate(self._entries)
+            if entry.rotation
+        ]
+        parts = max(1, math.ceil(max(turns, default=0.0) / LARGEST_TURN))
+        for start, end in pairwise(np.linspace(before, after, parts + 1)):
+            positions = self._extended(positions, self._plane_motions(start), end)
+        return positions
 
     def _greatest_strain(self, before: np.ndarray, after: np.ndarray) -> float:
         """Of any bond, on the way from one state to another."""
@@ -287,7 +331,9 @@ class PrescribedLoading(Loading):
         goal_planes = self._plane_motions(t)
         self.body.part.fill(start)
         samples = self._samples(start, planes, goal_planes, t)
-        if not self._reductions.any((samples.goals != samples.places[np.arange(len(samples.goals)), samples.components]).any()):
+        changes = samples.goals - samples.places[np.arange(len(samples.goals)), samples.components]
+        farthest = self._reductions.greatest_of_parts(np.abs(changes).max(initial=0.0))
+        if farthest == 0:
             return start.copy()
         everywhere = Samples(
             *(self._reductions.of_all(rows, samples.points) for rows in (samples.places, samples.components, samples.goals))
@@ -296,7 +342,7 @@ class PrescribedLoading(Loading):
         guess = start @ gradient.T + shift
         mapped = (samples.places @ gradient.T + shift)[np.arange(len(samples.goals)), samples.components]
         left = samples.goals - mapped
-        if self._reductions.greatest_of_parts(np.abs(left).max(initial=0.0)) > 1e-6 * self.body.spacing:
+        if self._reductions.greatest_of_parts(np.abs(left).max(initial=0.0)) > 1e-6 * min(farthest, self.body.spacing):
             moved, at, of_planes = np.zeros_like(start), 0, np.zeros(goal_planes.shape[:2])
             turns = self._turns_left(planes, goal_planes, gradient)
             for part in self._held:
@@ -308,22 +354,25 @@ class PrescribedLoading(Loading):
                     # Along its plane the affine map need not follow every place alike.
                     of_planes[number, component] = self._reductions.of_all(left[at : at + len(sources)], sources).mean()
                     at += len(sources)
-                if held.turn is not None:
+                if turns is not None and len(held.components) == self.body.dimension:
                     of_planes[number] = goal_planes[number, :, -1] - gradient @ planes[number, :, -1] - shift
             guess += self._stiffness.response(self.body, self._springs, moved, of_planes, turns)
         for part in self._held:
-            goal = part.displacement(t)
+            goal = self._goal(part, t, start)
             for component in part.components:
-                guess[part.points, component] = self.body.points[part.points, component] + goal[..., component]
+                guess[part.points, component] = goal[:, component]
         return guess
 
     def _turns_left(self, planes: np.ndarray, goal_planes: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
-        """What an affine map of a given gradient leaves of the turns of planes, as `Ghosts.shifts` has them; None where none turns."""
+        """What an affine map of a given gradient leaves of the turns of planes, as `Ghosts.shifts` has them; None where none turns.
+
+        Where one turns, the map turns the others by a part of that, which is left of these.
+        """
         if all(plane.turn is None for plane in self._planes):
             return None
         identity = np.eye(self.body.dimension)
         left = identity + goal_planes[:, :, :-1] - gradient @ (identity + planes[:, :, :-1])
-        left[[plane.turn is None for plane in self._planes]] = 0.0
+        left[[len(plane.components) < self.body.dimension for plane in self._planes]] = 0.0
         return left
 
     def _samples(self, start: np.ndarray, planes: np.ndarray, goal_planes: np.ndarray, t: float) -> Samples:
@@ -338,9 +387,9 @@ class PrescribedLoading(Loading):
             goals.append(goal)
 
         for part in self._held:
-            displacement = part.displacement(t)
+            goal = self._goal(part, t, start)
             for component in part.components:
-                add(part.points, start[part.points], component, self.body.points[part.points, component] + displacement[..., component])
+                add(part.points, start[part.points], component, goal[:, component])
         for number, (plane, held, sources) in enumerate(zip(self.body.planes, self._planes, self._beside_planes, strict=True)):
             there, at_rest = start[sources].copy(), self.body.points[sources].copy()
             at_rest[:, plane.axis] = plane.position
@@ -350,6 +399,13 @@ class PrescribedLoading(Loading):
             for component in held.components:
                 add(sources, there, component, there[:, component] + (then - now)[:, component])
         return Samples(*map(np.concatenate, (places, components, goals, points)))
+
+    def _goal(self, part: HeldPoints, t: float, start: np.ndarray) -> np.ndarray:
+        """Where held points go at t, shape (k, d); the one of a support as far as the mean of all goes, from where they start."""
+        displacement = part.displacement(t)
+        if part.support is None:
+            return self.body.points[part.points] + displacement
+        return start[part.points] + displacement - (start[part.every] - self.body.points[part.every]).sum(axis=0) / part.support.count
 
     @cached_property
     def _beside_planes(self) -> list[np.ndarray]:
@@ -425,7 +481,7 @@ class PrescribedLoading(Loading):
                 stress[:, i, j] = summed / self.body.volumes
         least, *_, greatest = np.linalg.eigvalsh(stress).T
         least, greatest = -self._reductions.greatest(-least), self._reductions.greatest(greatest)
-        return bool(least < -max(COMPRESSED * greatest, 1e-4 * self._shear_modulus))
+        return bool(least < -max(COMPRESSED * greatest, NO_STRESS[force.precision] * self._shear_modulus))
 
     def reached(self, parameter: float) -> str:
         told = []

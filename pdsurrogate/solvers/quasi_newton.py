@@ -31,23 +31,31 @@ class QuasiNewton(EquilibriumSolver):
     # Growth of the residual's norm that is still let pass: on the way from a rough start it need not fall at every step.
     MOST_GROWTH = 2.0
     LEAST_STEP = 1e-4
-    # Evaluations after which a method that converges at all would have done so: it takes 20 to 60 where it suits.
-    PATIENCE = 250
+    # Evaluations after which a method that suits has converged, as it does in 20 to 60, or comes on, as on slender bodies that bend: the
+    # least residual of the last `WINDOW` steps is a tenth of that of as many before.
+    PATIENCE, WINDOW = 250, 100
 
-    def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
+    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
         tolerance, began = tolerance or self.tolerance, force.evaluations
         preconditioner = self.preconditioner(force)
         forces, trial = np.empty_like(positions), np.empty_like(positions)
-        force(positions, forces)
-        forces *= self.free
-        residual = self.residual(force, forces)
+        self.begin(force, least_drive)
+        self.evaluate(force, positions, forces)
+        residual, settled = self.judge(force, forces, tolerance)
         history: deque = deque(maxlen=self.MEMORY)
-        while not residual <= tolerance:
+        residuals = [residual]
+        while not settled:
             preconditioner.update()
             step = self._direction(preconditioner, forces, history)
             self._bound(force, step)
-            following = self._advance(force, positions, step, forces, trial)
-            residual = self.residual(force, following)
+            try:
+                following = self._advance(force, positions, step, forces, trial)
+            except Diverging:
+                if not self.at_rounding:
+                    raise
+                self.evaluate(force, positions, forces)
+                break
+            residual, settled = self.judge(force, following, tolerance)
             evaluations = force.evaluations - began
             change = forces - following
             curvature = self.reductions.dot(step, change)
@@ -55,9 +63,15 @@ class QuasiNewton(EquilibriumSolver):
                 history.append((step, change, 1 / curvature))
             forces = following
             report(evaluations, residual)
-            if evaluations >= min(self.PATIENCE, self.most_evaluations) and not residual <= tolerance:
+            residuals.append(residual)
+            lost = evaluations >= self.PATIENCE and not self._comes_on(residuals)
+            if not settled and (lost or evaluations >= self.most_evaluations):
                 raise self.not_converged(force, residual, evaluations, tolerance)
-        return Equilibrium(residual, force.evaluations - began, self.name)
+        return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
+
+    def _comes_on(self, residuals: list[float]) -> bool:
+        """Whether a search that takes long is worth going on with."""
+        return min(residuals[-self.WINDOW :]) < 0.1 * min(residuals[-2 * self.WINDOW : -self.WINDOW], default=0.0)
 
     def _bound(self, force, step) -> None:
         """Shorten a step that strains a bond more than may be."""
@@ -74,8 +88,7 @@ class QuasiNewton(EquilibriumSolver):
             np.multiply(step, share, out=trial)
             trial += positions
             try:
-                force(trial, following)
-                following *= self.free
+                self.evaluate(force, trial, following)
                 if self.reductions.dot(following, following) <= self.MOST_GROWTH**2 * square:
                     step *= share
                     positions[:] = trial

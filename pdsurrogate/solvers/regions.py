@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
@@ -31,6 +32,11 @@ RIM = 0.05
 
 NEAR = 2.0
 """Cells from a place within which the point nearest to it is taken for it."""
+
+
+ALIKE = 1e-3
+"""Cells by which points may be farther from a place than the nearest one and count as near as that: on either side of an axis of the body,
+where a support at one of them alone would turn it."""
 
 
 class Found(NamedTuple):
@@ -108,15 +114,14 @@ class _Points(_Parts):
 
     def listed(self, region: Region) -> np.ndarray:
         if region.near is not None:
-            part = self._body.part
-            distance, nearest = cKDTree(self.places).query(region.near)
-            # Of all parts the nearest; the one with the least number where two are as near.
-            least, number = min(part.everywhere((float(distance), part.number(int(nearest)))))
+            distance = np.linalg.norm(self.places - np.array(region.near), axis=1)
+            nearest = int(distance.argmin())
+            least = min(self._body.part.everywhere(float(distance[nearest])))
             if least > NEAR * self._body.cell.max():
                 raise ValueError(
-                    f"the nearest point to {_text(np.array(region.near))} is {self.told(nearest)}, {distance:.3g} away: too far"
+                    f"the nearest point to {_text(np.array(region.near))} is {self.told(nearest)}, {distance[nearest]:.3g} away: too far"
                 )
-            return part.local(np.array([number]))
+            return np.flatnonzero(distance <= least + ALIKE * self._body.cell.min())
         numbers, size = np.array(region.points), self._body.part.size(len(self.places))
         if numbers.max() >= size:
             raise ValueError(f"there is no point {numbers.max()}; the body has {size}, from 0 on")
@@ -218,17 +223,25 @@ class BodyRegions:
         if len(lost):
             raise ValueError(
                 f"{self._key(reference)}: the body is too thin at {_text(surface.nodes[lost[0]])}, where the points beside the boundary, "
-                f"with which it moves, are fewer than {too_few(self._body)}; take a smaller spacing"
+                f"with which it moves, are fewer than {too_few(self._body)}; take {self._body.finer}"
             )
         return found
 
     def edge(self, reference: str | Region) -> str | None:
         """Name of the edge that a region is, if it is exactly one of them."""
-        return whole_edge(self._scene, reference)
+        return whole_edge(self._scene, reference, self._body.faces)
+
+    def is_place(self, reference: str | Region) -> bool:
+        """Whether a region is what is nearest to a place."""
+        while isinstance(reference, str) and reference in self._scene.regions:
+            reference = self._scene.regions[reference]
+        return isinstance(reference, Region) and reference.near is not None
 
     def label(self, reference: str | Region, otherwise: str) -> str:
-        """Name of a region, or of its edge, where it is said by one."""
-        return reference if isinstance(reference, str) else reference.edge or otherwise
+        """Name of a region, or of its edge or group, where it is said by one; letters that results have no room for become _."""
+        if isinstance(reference, str):
+            return reference
+        return reference.edge or re.sub(r"[^A-Za-z0-9_.-]", "_", reference.group or "").lstrip("_.-")[:64] or otherwise
 
     def check_place(self, key: str, place: Sequence[float]) -> None:
         """Refuse a place outside the body, or in one of its holes.

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..forces import InternalForce, InvalidState
 from ..kernels.steps import central_difference_step, rayleigh_parts, relaxation_step
-from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, no_report
+from .equilibrium import Diverging, Equilibrium, EquilibriumSolver, TooSmall, no_report
 from .stability import FrequencyEstimate
 
 
@@ -24,13 +24,13 @@ class SteppingSolver(EquilibriumSolver):
     # On its way down it swings with the slowest mode, which takes some hundreds of evaluations.
     PATIENCE = 3_000
 
-    def solve(self, force, positions, tolerance=None, report=no_report) -> Equilibrium:
+    def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
         start, began = positions.copy(), force.evaluations
         # Anew for every call, so that a run that was resumed does what an uninterrupted one does.
         self.frequency = FrequencyEstimate(self.volumes, self.free, self.reductions)
         for restart in range(self.MOST_RESTARTS):
             try:
-                return self._iterate(force, positions, tolerance or self.tolerance, 2.0**restart, began, report)
+                return self._iterate(force, positions, tolerance or self.tolerance, 2.0**restart, began, report, least_drive)
             except (InvalidState, Diverging):
                 # The tangent may stiffen on the way beyond what the step allows: begin again, with more caution.
                 if restart == self.MOST_RESTARTS - 1:
@@ -45,22 +45,27 @@ class SteppingSolver(EquilibriumSolver):
         `caution` multiplies the squared frequency for which the step must be stable.
         """
 
-    def _iterate(self, force, positions, tolerance, caution, began, report) -> Equilibrium:
+    def _iterate(self, force, positions, tolerance, caution, began, report, least_drive) -> Equilibrium:
         step = self.prepare(force, positions, caution)
         forces = np.empty_like(positions)
-        force(positions, forces)
-        first = residual = self.residual(force, forces)
-        least, found = residual, 0
-        while not residual <= tolerance:
+        self.begin(force, least_drive)
+        self.evaluate(force, positions, forces)
+        residual, settled = self.judge(force, forces, tolerance)
+        first, least, found = residual, residual, 0
+        while not settled:
             step(forces)
-            force(positions, forces)
-            residual = self.residual(force, forces)
+            self.evaluate(force, positions, forces)
+            residual, settled = self.judge(force, forces, tolerance)
             evaluations = force.evaluations - began
             if not residual < self.MOST_GROWTH * max(first, 1.0):
                 raise Diverging(f"the residual grew from {first:.2g} to {residual:.2g} shear modulus / spacing")
             if residual < 0.9 * least:
                 least, found = residual, evaluations
+            if settled:
+                break
             if force.precision == "float32" and evaluations - found >= self.PATIENCE:
+                if residual <= tolerance:
+                    raise TooSmall("the forces that drive the body are too small for single precision")
                 raise self.not_converged(force, least, evaluations, tolerance)
             if evaluations >= self.most_evaluations:
                 raise self.not_converged(force, residual, evaluations, tolerance)
@@ -68,7 +73,7 @@ class SteppingSolver(EquilibriumSolver):
                 report(evaluations, residual)
         evaluations = force.evaluations - began
         report(evaluations, residual)
-        return Equilibrium(residual, evaluations, self.name)
+        return Equilibrium(residual, evaluations, self.name, self._drive)
 
 
 class DynamicRelaxation(SteppingSolver):

@@ -1,1 +1,1 @@
-"""Hard cases, put to every force model: where each stands, and where and why it does not."""
+"""Hard cases and required properties, tested on every force model; failures are reported with their reasons."""

@@ -1,4 +1,4 @@
-"""Small bodies of every kind that tests and hard cases are put to, in the plane and in space."""
+"""Small bodies for tests and hard cases in two and three dimensions: regular, jittered, with holes, notches and reflection planes."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from ..body import Body, ReflectionPlane, grid
 
 SPACING = 0.1
-"""Of the small bodies; every figure is dimensionless."""
+"""Spacing of the small bodies; every figure is dimensionless."""
 
 HORIZONS = {2: 3.15, 3: 1.75}
-"""In spacings, by dimension: that of the paper, and 26 bonds to a point in space."""
+"""Horizons in spacings, by dimension: the paper's in the plane, and 26 bonds to a point in three dimensions."""
 
 
 def regular(dimension: int, cells: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
-    """A square or a cube of so many points a side, or a box with so many along each axis."""
+    """Return a square or cube with `cells` points a side, or a box with a number of points along each axis."""
     cells = (cells,) * dimension if isinstance(cells, int) else cells
     ratio = ratio or HORIZONS[dimension]
     if dimension == 2:
@@ -25,30 +25,30 @@ def regular(dimension: int, cells: int | tuple[int, ...], ratio: float | None = 
 
 
 def sheet(spacing=0.1, width=1.2, height=1.0, **options) -> Body:
-    """A plain rectangle, 3.15 spacings of horizon."""
+    """Return a rectangle with a horizon of 3.15 spacings."""
     return Body.rectangle(width, height, spacing, 3.15 * spacing, **options)
 
 
 def block(width=1.2, height=1.0, thickness=0.4, **options) -> Body:
-    """A plain block, 1.75 spacings of horizon."""
+    """Return a block with a horizon of 1.75 spacings."""
     return of_points(_lattice((width, height, thickness)), **options)
 
 
 def plain(dimension: int, **options) -> Body:
-    """`sheet`, or `block`."""
+    """Return a `sheet` or a `block`, by dimension."""
     return (sheet if dimension == 2 else block)(**options)
 
 
 def of_points(points: np.ndarray, ratio: float | None = None, **options) -> Body:
-    """A body of points 0.1 apart, 3.15 spacings of horizon in the plane and 1.75 in space if no other is asked for."""
+    """Return a body of points 0.1 apart; the horizon is 3.15 spacings in the plane and 1.75 in three dimensions unless given."""
     dimension = points.shape[1]
     return Body(points, np.full(len(points), SPACING**dimension), (ratio or HORIZONS[dimension]) * SPACING, SPACING, **options)
 
 
 def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount=0.2) -> Body:
-    """A square or a cube of triangles or tetrahedra, a point in the middle of each, as a mesh file gives them.
+    """Return a square or cube of triangles or tetrahedra with a point in the middle of each, as from a mesh file.
 
-    Every square is cut in two, every cube in six: along the paths over its edges from one corner to the opposite one.  The corners within
+    Every square is cut in two, every cube in six, along the paths over its edges from one corner to the opposite one. The interior corners
     are moved by up to `amount` of the side of a square, so that no two cells are alike.
     """
     axes = np.meshgrid(*[np.arange(cells + 1)] * dimension, indexing="ij")
@@ -69,26 +69,26 @@ def of_simplices(random: np.random.Generator, dimension: int, cells: int, amount
 
 
 def jittered(random: np.random.Generator, amount=0.3, dimension=2, **options) -> Body:
-    """A rectangle or a block whose points are moved by up to `amount` spacings."""
+    """Return a rectangle or block whose points are moved by up to `amount` spacings."""
     points = _lattice((1.2, 1.0, 0.4)[:dimension])
     return of_points(points + amount * 0.1 * random.uniform(-1, 1, points.shape), **options)
 
 
 def disc_with_hole(dimension=2, **options) -> Body:
-    """A disc with a hole, or the like tube: no straight edge, incomplete horizons of every kind."""
+    """Return a disc with a hole, or a tube: no straight edge, incomplete horizons of every kind."""
     points = _lattice((2.0, 2.0, 0.4)[:dimension])
     radius = np.linalg.norm(points[:, :2] - 1, axis=1)
     return of_points((points - 1)[(radius < 0.95) & (radius > 0.3)], **options)
 
 
 def notched(dimension=2, **options) -> Body:
-    """Some 80 points, or 250 in space, without a symmetry of their own, edges and a notch included."""
+    """Return a body of some 80 points, or 250 in three dimensions, without symmetry, with edges and a notch."""
     points = _lattice((1.0, 0.9, 0.3)[:dimension])
     return of_points(points[(np.abs(points[:, :2] - [0.35, 0.9]) > [0.1, 0.3]).any(axis=1)], **options)
 
 
 def _lattice(sides: tuple[float, ...]) -> np.ndarray:
-    """Cell-centred points 0.1 apart in a box at the origin, x1 fastest."""
+    """Return cell-centred points 0.1 apart in a box at the origin, x1 fastest."""
     if len(sides) == 2:
         return grid((0, 0), sides, 0.1)
     axes = [(np.arange(round(side / 0.1)) + 0.5) * 0.1 for side in sides]
@@ -96,12 +96,12 @@ def _lattice(sides: tuple[float, ...]) -> np.ndarray:
 
 
 def gripped(dimension: int) -> Body:
-    """`gripped_sheet`, or a block between rollers at its left and right faces."""
+    """Return `gripped_sheet`, or a block between rollers at its left and right faces."""
     if dimension == 2:
         return gripped_sheet()
     return block(planes=(ReflectionPlane(0, 0.0, -1, (-1, 1, 1)), ReflectionPlane(0, 1.2, 1, (-1, 1, 1))))
 
 
 def gripped_sheet(parity=(-1, 1)) -> Body:
-    """A rectangle continued by images beyond its left and right edges."""
+    """Return a rectangle that images continue beyond its left and right edges."""
     return sheet(planes=(ReflectionPlane(0, 0.0, -1, parity), ReflectionPlane(0, 1.2, 1, parity)))

@@ -1,4 +1,4 @@
-"""What a hard case is, what it is put to, and what comes of it."""
+"""Hard cases, the force models that they test, and their outcomes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..materials import PLANES, Law, NeoHookean, dimension_of, plane_stress
 from .bodies import regular
 
 PASS, WEAK, STOPS, INAPPLICABLE = "pass", "weak", "stops", "-"
-"""Verdicts: passed; a named weakness; a clear stop where there is no answer; the case does not apply to the model."""
+"""Verdicts: passed; a named weakness; a clear stop where no solution exists; not applicable to the model."""
 
 WEAKNESSES = {
     "zero-energy modes": "the force does not feel modes that leave the deformation gradients alone (paper, Eq. (10)): "
@@ -39,20 +39,20 @@ WEAKNESSES = {
     "settings ignored": "a setting that the model cannot honour is taken without a word",
     "accuracy": "the error is larger than asked for",
 }
-"""Named weaknesses, explained."""
+"""Names of weaknesses, with explanations."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a case.
+    """Outcome of a case.
 
     Attributes
     ----------
     verdict : str
     figure : str
-        What came, in words for a table.
+        Result in words, for a table.
     value, limit : float, optional
-        The measured figure, and what it was held against.
+        Measured value, and the limit it was compared with.
     weakness : str, optional
         One of `WEAKNESSES`.
     """
@@ -65,26 +65,26 @@ class Outcome:
 
     @classmethod
     def below(cls, value: float, limit: float, weakness: str, figure: str = "{:.1e}") -> Outcome:
-        """Passed if the value is at most the limit."""
+        """Return an outcome that is passed if the value is at most the limit."""
         passed = bool(value <= limit)
         return cls(PASS if passed else WEAK, figure.format(value), float(value), limit, None if passed else weakness)
 
     @classmethod
     def above(cls, value: float, limit: float, weakness: str, figure: str = "{:.2g}") -> Outcome:
-        """Passed if the value is at least the limit."""
+        """Return an outcome that is passed if the value is at least the limit."""
         passed = bool(value >= limit)
         return cls(PASS if passed else WEAK, figure.format(value), float(value), limit, None if passed else weakness)
 
 
 @dataclass(frozen=True)
 class Case:
-    """A hard case: what is asked, and the function that finds out."""
+    """A hard case: its title, its requirement, and the function that tests it."""
 
     title: str
     asked: str
     function: Callable[[Subject], Outcome]
     planes: tuple[str, ...] = ("stress", "space")
-    """Where it is asked: of sheets under plane stress, in plane strain, of bodies in space."""
+    """States in which it is tested: plane stress ("stress"), plane strain ("strain"), three-dimensional bodies ("space")."""
 
     @property
     def key(self) -> str:
@@ -99,42 +99,42 @@ class Subject:
     Parameters
     ----------
     reference : str
-        As on the command line.
+        Name as on the command line.
     quick : bool
-        Fewer steps, for tests and a first look.
+        Whether to take fewer steps, for tests and a first look.
     plane : {"stress", "strain", "space"}
-        What the thickness does, or that bodies are solid.
+        Plane stress, plane strain, or three dimensions.
     """
 
     reference: str
     quick: bool = False
     plane: str = "stress"
     measured: dict = field(default_factory=dict)
-    """What several cases share, measured once."""
+    """Results that several cases share, measured once."""
 
     @property
     def dimension(self) -> int:
-        """Of the bodies that it is put to."""
+        """Dimension of the bodies on which it is tested."""
         return dimension_of(self.plane)
 
     @cached_property
     def model(self) -> ForceModel:
-        """The force model."""
+        """Force model under test."""
         return load_surrogate(self.reference)
 
     @cached_property
     def law(self) -> Law:
-        """A material that the model describes: its own, or Neo-Hookean rubber with K = 100 mu."""
+        """Material that the model describes: its own, or Neo-Hookean rubber with K = 100 mu."""
         if self.reference in FORCES:
             return NeoHookean()
         return law_of(load_card(self.reference))
 
     def body(self, cells: int | tuple[int, ...], ratio: float | None = None, **options) -> Body:
-        """A square of so many points a side, or a cube; see `pdsurrogate.stress_test.bodies.regular`."""
+        """Return a square or cube with `cells` points a side; see `pdsurrogate.stress_test.bodies.regular`."""
         return regular(self.dimension, cells, ratio, **options)
 
     def gradient(self, F: np.ndarray) -> np.ndarray:
-        """The deformation of a sheet by F: in the plane as it is, in space with the stretch across it that leaves no stress there."""
+        """Return the gradient for an in-plane deformation F: F itself, or, in three dimensions, with the free stretch across the plane."""
         if self.dimension == 2:
             return F
         full = np.zeros((3, 3))
@@ -143,15 +143,15 @@ class Subject:
         return full
 
     def exact_stress(self, F: np.ndarray) -> np.ndarray:
-        """The law's own first Piola-Kirchhoff stress, shape (d, d)."""
+        """Return the law's first Piola-Kirchhoff stress, shape (d, d)."""
         return PLANES[self.plane].first_piola_stress(self.law, F)
 
     def bind(self, body: Body, law: Law | None = None, precision: str = "float64") -> InternalForce:
-        """The model on a body."""
+        """Return the model bound to a body."""
         return self.model.bind(body, law or self.law, ForceSettings(precision=precision, plane=self.plane))
 
     def describes(self, law: Law) -> bool:
-        """Whether the model can be used for a material."""
+        """Return whether the model can be used for a material."""
         try:
             self.model.check_material(law)
         except ValueError:
@@ -160,9 +160,9 @@ class Subject:
 
 
 def spring_stiffness(body: Body, shear_modulus: float) -> float:
-    """Stiffness that holds a point of a full horizon if its bonds were springs: 4 mu V^2 sum(w)/kappa.
+    """Return the stiffness against moving a point with a full horizon if its bonds were springs: 4 mu V^2 sum(w)/kappa.
 
-    Springs of 4 mu w V^2/kappa along every bond and across it have the shear modulus mu, in the plane and in space.
+    Springs of 4 mu w V^2/kappa along and across every bond have the shear modulus mu, in two and three dimensions.
     """
     d = body.dimension
     cells = np.arange(-8, 9) * body.spacing
@@ -172,5 +172,5 @@ def spring_stiffness(body: Body, shear_modulus: float) -> float:
 
 
 def middle_point(body: Body) -> int:
-    """The point nearest to the middle of a body."""
+    """Return the point nearest to the middle of a body."""
     return int(np.linalg.norm(body.points - body.points.mean(axis=0), axis=1).argmin())

@@ -1,12 +1,12 @@
-"""Properties that every force model must have, the table of force models they are put to, and where a model states that it departs.
+"""Properties required of every force model, the table of the tested models, and the departures that a model states.
 
-One table and one suite: the tests run every pair of a row and a property, ``pdsurrogate stress-test`` reports them.  A new force model,
-known by its name in `pdsurrogate.forces.FORCES` or as an artefact, joins by one line of `TABLE`::
+The tests run every pair of a row and a property, and ``pdsurrogate stress-test`` reports them. A new force model, registered in
+`pdsurrogate.forces.FORCES` or stored as an artefact, is added by one line of `TABLE`::
 
     Row("yeoh", MOMENTS),
 
-The second argument is what the model does not do, with the bound that it keeps instead; a model that has every property is
-``Row("yeoh")``.  A new property is a function of a `Subject`, and one line of `PROPERTIES`.
+The second argument states the properties that the model lacks, with the bounds that it keeps instead; a model with every property is
+``Row("yeoh")``. A new property is a function of a `Subject`, and one line of `PROPERTIES`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import numpy as np
 
 from ..artifacts import load_card
 from ..body import Body, ReflectionPlane
+from ..engine.threads import most_threads, thread_count
 from ..forces import (
     FORCES,
     AnalyticBondForce,
@@ -36,52 +37,51 @@ from ..forces import (
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..forces.settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, WHERE
 from ..kernels.reference_state import CORRECTIONS
-from ..kernels.threads import most_threads, thread_count
 from ..learning import wide_design
 from ..materials import PLANES, Law, dimension_of
 from ..run.run import Silent
-from ..run.simulate import SimulationFailed, simulate
+from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import MaterialSpec, load_scene
 from .bodies import disc_with_hole, gripped, jittered, notched, of_points, plain, sheet
 from .case import INAPPLICABLE, PASS, WEAK, Case, Outcome, Subject
 from .deformations import force_densities, turn, wavy, why_inaccurate
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
-"""Of the first components, as many as a body has."""
+"""Diagonal of a reflection; a body of dimension d uses the first d entries."""
 
 
 @dataclass(frozen=True)
 class Departure:
-    """That a model does not have a property, and what it keeps instead.
+    """Statement that a model lacks a property, with the bound that it keeps instead.
 
     Attributes
     ----------
     weakness : str
         One of `pdsurrogate.stress_test.case.WEAKNESSES`.
     bound : float or callable
-        Of the measured value; a function of the artefact's reference where its card states the error.
+        Bound of the measured value; a function of the artefact's reference if its card states the error.
     """
 
     weakness: str
     bound: float | Callable[[str], float]
 
     def limit(self, reference: str) -> float:
-        """The bound of a row."""
+        """Return the bound for a row."""
         return self.bound(reference) if callable(self.bound) else self.bound
 
 
 @dataclass(frozen=True)
 class Row:
-    """A force model of the table, put to every property in its own material (`Subject.law`).
+    """Force model of the table, tested on every property in its own material (`Subject.law`).
 
     Attributes
     ----------
     reference : str
-        As on the command line.
+        Name as on the command line.
     departures : mapping
-        By the name of the property; every other property is held.
+        Departures by the name of the property; every other property is required.
     plane : {"stress", "strain", "space"}
-        What the thickness does, or that bodies are solid.
+        Plane stress, plane strain, or three dimensions.
     """
 
     reference: str
@@ -90,13 +90,13 @@ class Row:
 
     @property
     def name(self) -> str:
-        """The reference, and the plane where that is not the usual one."""
+        """Reference, with the plane unless it is plane stress."""
         return self.reference + WHERE[self.plane]
 
 
 @dataclass(frozen=True)
 class Deformation:
-    """A stretch along turned axes, turned again, with waves of a drawn direction on top; in space the volume is kept."""
+    """Stretch along rotated axes, rotated again, with superposed waves in a drawn direction; in three dimensions the volume is kept."""
 
     first: float
     second: float
@@ -106,7 +106,7 @@ class Deformation:
     seed: int
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
-        """Positions of reference points; angles are in degrees, the amplitude in the unit of the points."""
+        """Return the positions of reference points; angles are in degrees, the amplitude in the unit of the points."""
         random, d = np.random.default_rng(self.seed), points.shape[1]
         stretches = [self.first, self.second, 1 / (self.first * self.second)][:d]
         F = turn(self.rotation, d) @ turn(self.axes, d) @ np.diag(stretches) @ turn(-self.axes, d)
@@ -119,17 +119,17 @@ DEFORMATIONS = (
     Deformation(1.9, 0.75, 100.0, 70.0, 0.005, 2),
     Deformation(0.8, 0.9, -170.0, 0.0, 0.01, 3),
 )
-"""Stretched, strongly stretched and turned, compressed."""
+"""Default deformations: stretched, strongly stretched and rotated, compressed."""
 
 
 @dataclass(frozen=True)
 class Property(Case):
-    """A case that every force model must pass but for its stated departures.
+    """Case that every force model must pass, apart from its stated departures.
 
     Attributes
     ----------
     drawn : bool
-        Whether its function takes any number of deformations of `notched` bodies too, so that a test can draw them.
+        Whether its function also accepts deformations of `notched` bodies, so that a test can draw them.
     """
 
     planes: tuple[str, ...] = tuple(PLANES)
@@ -137,13 +137,13 @@ class Property(Case):
 
 
 def _evaluate(subject: Subject, body: Body, positions: np.ndarray, **settings):
-    """A fresh evaluation on a body, in double precision if nothing else is asked, and the forces."""
+    """Return a new evaluation on a body, by default in double precision, and the forces."""
     force = subject.model.bind(body, subject.law, ForceSettings(**{"precision": "float64", "plane": subject.plane, **settings}))
     return force, _forces(force, positions)
 
 
 def _bound(subject: Subject, name: str, make: Callable[[], Body], law: Law | None = None):
-    """An evaluation on a body that several properties and deformations share, bound once for a subject."""
+    """Return an evaluation on a body, shared by several properties and deformations of a subject."""
     if name not in subject.measured:
         subject.measured[name] = subject.model.bind(make(), law or subject.law, ForceSettings(precision="float64", plane=subject.plane))
     return subject.measured[name]
@@ -160,25 +160,25 @@ def _forces(force, positions: np.ndarray) -> np.ndarray:
 
 
 def _settled(force, positions: np.ndarray) -> np.ndarray:
-    """Forces whose J3 was found before, so that they do not depend on where its iteration started; what that costs is `another_start`'s."""
+    """Return forces with a converged J3, so that they do not depend on its start value, whose effect `another_start` tests."""
     _forces(force, positions)
     return _forces(force, positions)
 
 
 def _energy(force) -> float:
-    """Stored energy over mu times the volume; zero of a force that has none."""
+    """Return the stored energy over mu times the volume; zero for a force without an energy."""
     return force.energy() / (force.law.shear_modulus * force.body.volumes.sum()) if force.has_energy else 0.0
 
 
 def _scale(force, forces: np.ndarray) -> float:
-    """What errors of forces are relative to: the greatest force, and near rest what a stress of mu gives on a side of a cell."""
+    """Return the reference for errors of forces: the greatest force, or, near rest, a stress of mu on a side of a cell."""
     return max(float(np.abs(forces).max()), force.law.shear_modulus * force.body.spacing)
 
 
 def rigid_rotation(subject: Subject) -> Outcome:
-    """Greatest force density on a sheet turned by 0 to 360 degrees, in mu/dx, and energy, in mu times the volume.
+    """Test a sheet rotated by 0 to 360 degrees by the greatest force density, in mu/dx, and the energy, in mu times the volume.
 
-    Rounding of positions leaves K/mu times 1e-15 times the number of spacings; 1e-9 is asked.
+    Rounding of positions leaves K/mu times 1e-15 times the number of spacings; the limit is 1e-9.
     """
     body = subject.body(10) if subject.dimension == 2 else plain(3)
     force, found = subject.bind(body), []
@@ -188,10 +188,10 @@ def rigid_rotation(subject: Subject) -> Outcome:
 
 
 def objectivity(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
-    """Change of the forces on a deformed body that is turned by 15 to 360 degrees and moved, seen in its own frame; and of its energy.
+    """Test the change of the forces, in the body's own frame, and of the energy if a deformed body is rotated and moved.
 
-    Rounding of the positions, 1e-15, is a strain of 1e-14 over a spacing, multiplied by K/mu and some thirty bonds: 1e-10, and a tenth of
-    what is asked.
+    The rotations are 15 to 360 degrees. Rounding of the positions, 1e-15, is a strain of 1e-14 over a spacing, multiplied by K/mu and some
+    thirty bonds: 1e-10, a tenth of the limit.
     """
     force, errors = _notched(subject), []
     for deformation in deformations:
@@ -205,9 +205,9 @@ def objectivity(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outc
 
 
 def another_start(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
-    """Change of the forces when the iteration for J3 starts from rest, and not from the same state.
+    """Test the change of the forces if the iteration for J3 starts from rest instead of from the same state.
 
-    It ends with a step below 1e-8, after which J3 is off by the square of that: K/mu times 1e-16, 1e-9 is asked.
+    It ends with a step below 1e-8, after which the error of J3 is the square of that: K/mu times 1e-16; the limit is 1e-9.
     """
     force, errors = _notched(subject), []
     for deformation in deformations:
@@ -219,7 +219,7 @@ def another_start(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Ou
 
 
 def mirror(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
-    """Difference between the forces on a mirrored body and the mirrored forces; rounding, 1e-9 as of a turned body."""
+    """Test the difference between the forces on a mirrored body and the mirrored forces; rounding, 1e-9 as for a rotated body."""
     force, across = _notched(subject), MIRROR[: subject.dimension]
     mirrored = _bound(subject, "mirrored", lambda: of_points(force.body.points * across))
     errors = []
@@ -231,7 +231,7 @@ def mirror(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
 
 
 def linear_momentum(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
-    """Sum of all forces over the sum of their sizes; of some 2,000 bond forces rounding leaves 1e-15 each: 1e-12 is asked."""
+    """Test the sum of all forces over the sum of their magnitudes; the limit is 1e-12, and rounding of some 2,000 forces leaves less."""
     force, errors = _notched(subject), []
     for deformation in deformations:
         forces = _settled(force, deformation(force.body.points))
@@ -240,13 +240,13 @@ def linear_momentum(subject: Subject, deformations: Iterable = DEFORMATIONS) -> 
 
 
 def angular_momentum(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
-    """Moment of all forces on a deformed body about its middle, over the sum of the moments' sizes; rounding leaves 1e-15."""
+    """Test the moment of all forces on a deformed body about its middle, over the sum of the moments' magnitudes; rounding leaves 1e-15."""
     force, errors = _notched(subject), []
     for deformation in deformations:
         positions = deformation(force.body.points)
         forces, arms = _settled(force, positions), positions - positions.mean(axis=0)
         lengths = np.linalg.norm(arms, axis=1)
-        # The components of the moment, in the plane and in space.
+        # These are the components of the moment, in two or three dimensions.
         moment = np.abs(arms.T @ forces - forces.T @ arms).max()
         size = max(float((lengths * np.linalg.norm(forces, axis=1)).sum()), lengths.max() * _scale(force, forces))
         errors.append(moment / size)
@@ -254,9 +254,9 @@ def angular_momentum(subject: Subject, deformations: Iterable = DEFORMATIONS) ->
 
 
 def order_of_points(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
-    """Change of the forces when the points are numbered otherwise: sums in another order, so rounding; 1e-11 is asked.
+    """Test the change of the forces if the points are renumbered: the sums have another order; the limit is 1e-11.
 
-    That is 1e-16 for each of some thirty bonds, multiplied by K/mu where the volumetric part cancels.
+    Rounding is 1e-16 for each of some thirty bonds, multiplied by K/mu where the volumetric part cancels.
     """
     force = _notched(subject)
     order = np.random.default_rng(20240109).permutation(len(force.body))
@@ -270,7 +270,7 @@ def order_of_points(subject: Subject, deformations: Iterable = DEFORMATIONS) -> 
 
 
 def _in_units_of(law: Law, stress: float) -> Law:
-    """The same material with every modulus multiplied."""
+    """Return the material with every modulus multiplied by a factor."""
     described = law.describe()
     for key in described:
         if "modul" in key:
@@ -279,9 +279,9 @@ def _in_units_of(law: Law, stress: float) -> Law:
 
 
 def units(subject: Subject, deformations: Iterable = DEFORMATIONS) -> Outcome:
-    """Change of the forces in other units of length and stress; 1e-9, as of a turned body.
+    """Test the change of the forces in other units of length and stress; the limit is 1e-9, as for a rotated body.
 
-    A force per unit thickness is their product; one in space has the length twice.
+    A force per unit thickness is the product of the units; in three dimensions the length counts twice.
     """
     force, errors = _notched(subject), []
     for length, stress in ((1e-6, 3e5), (50.0, 1e-3)):
@@ -308,16 +308,16 @@ GRADIENTS = (
     turn(143) @ np.array([[1.8, 0.3], [0.1, 0.9]]),
     np.array([[0.85, 0.1], [0.0, 0.9]]),
 )
-"""Tension, shear, a turned state and compression, within the domain of every shipped artefact."""
+"""Tension, shear, a rotated state and compression, within the domain of every shipped artefact."""
 
 
 def homogeneous_stress(subject: Subject) -> Outcome:
-    """Error of the mean stress in four homogeneous states of three bodies, each with another weight function.
+    """Test the mean stress in four homogeneous states of three bodies, each with another weight function.
 
-    Of an exact force the stress is the law's, boundary included, but for rounding: 1e-13 multiplied by K/mu.  Of an artefact it is as exact
-    as its card says: P is twice the mean of t (x) n over the directions of the bonds, so it is off by at most twice the greatest error of a
-    bond, which the card states for the strain of the state.  A model without T_mm has errors of its correction at edges; it is held against
-    the exact force with the same correction.  The figure is that of the state nearest to its limit.
+    For an exact force the stress is the law's, up to the boundary, but for rounding: 1e-13 multiplied by K/mu. For an artefact its card
+    bounds the error: P is twice the mean of t (x) n over the directions of the bonds, so its error is at most twice the greatest error of a
+    bond, which the card states for the strain of the state. A model without T_mm has errors of its correction at edges; it is compared with
+    the exact force under the same correction. The figure is that of the state nearest to its limit.
     """
     random = np.random.default_rng(20240109)
     rounding = 1e-13 * subject.law.bulk_modulus / subject.law.shear_modulus
@@ -331,20 +331,20 @@ def homogeneous_stress(subject: Subject) -> Outcome:
             expected = exact(F)
             errors.append(np.abs(force.mean_stress() - expected).max() / np.abs(expected).max())
             limits.append(rounding + _stated_error(subject, F))
-    # NaN counts as the greatest.
+    # NaN is treated as the greatest value.
     worst = int(np.argmax(np.divide(errors, limits)))
     return Outcome.below(errors[worst], limits[worst], why_inaccurate(subject), f"{{:.1e}} of {limits[worst]:.1e}")
 
 
 def _extended(F: np.ndarray) -> np.ndarray:
-    """A gradient of the plane with the third stretch that leaves the volume within a few per cent, all turned."""
+    """Return the three-dimensional extension of an in-plane gradient, rotated; its third stretch keeps the volume within a few per cent."""
     full = np.zeros((3, 3))
     full[:2, :2], full[2, 2] = F, 0.97 / np.linalg.det(F)
     return turn(50, 3) @ full @ turn(20, 3)
 
 
 def _exact_stress(force):
-    """The stress that a force model would have without errors of a fit: the law's, or the exact force's with the same correction."""
+    """Return the stress of a force model without errors of a fit: the law's, or that of the exact force with the model's correction."""
     if force.correction != "scalar":
         return lambda F: PLANES[force.plane].first_piola_stress(force.law, F)
     scalar = ForceSettings(precision="float64", correction="scalar", plane=force.plane)
@@ -358,7 +358,7 @@ def _exact_stress(force):
 
 
 def _stated_error(subject: Subject, F: np.ndarray) -> float:
-    """Relative error of the stress that a card allows in a homogeneous state; none without a card."""
+    """Return the relative error of the stress that a card allows in a homogeneous state; zero without a card."""
     if subject.reference in FORCES:
         return 0.0
     strain = float(np.abs(np.linalg.svd(F, compute_uv=False) - 1).max())
@@ -367,9 +367,9 @@ def _stated_error(subject: Subject, F: np.ndarray) -> float:
 
 
 def single_precision(subject: Subject) -> Outcome:
-    """Difference of the forces in float32 and in float64 on a deformed sheet, over the greatest.
+    """Test the difference of the forces in float32 and float64 on a deformed sheet, over the greatest force.
 
-    A few roundings of 6e-8 on each of some thirty bond forces, which are larger than their sum: 2e-5 is asked.
+    A few roundings of 6e-8 on each of some thirty bond forces, which are larger than their sum, stay below the limit of 2e-5.
     """
     body = plain(subject.dimension)
     try:
@@ -381,10 +381,10 @@ def single_precision(subject: Subject) -> Outcome:
 
 
 def kernel_and_numpy(subject: Subject) -> Outcome:
-    """Difference between the compiled model and its plain face in NumPy on 1,000 states, over the greatest value.
+    """Test the difference between the compiled model and its NumPy implementation on 1,000 states, over the greatest value.
 
-    Some 40 roundings of terms that are up to ten thousand times their sum: 1e-10 in float64.  In float32 the forces are held
-    against those in float64 as a whole, see `single_precision`.
+    Some 40 roundings of terms that are up to ten thousand times their sum leave 1e-10 in float64. In float32 the forces as a whole are
+    compared with those in float64, see `single_precision`.
     """
     model, law = subject.model, subject.law
     if subject.plane != "stress":
@@ -403,7 +403,7 @@ def kernel_and_numpy(subject: Subject) -> Outcome:
 
 
 def threads(subject: Subject) -> Outcome:
-    """Bits by which forces on one thread and on two differ, in every precision that the model takes: none may."""
+    """Test that forces on one thread and on two have the same bits, in every precision that the model supports."""
     if most_threads() < 2:
         return Outcome(INAPPLICABLE, "one thread was asked for, or numba started with one")
     body, found = sheet(0.05) if subject.dimension == 2 else plain(3), []
@@ -411,7 +411,7 @@ def threads(subject: Subject) -> Outcome:
         with thread_count(count):
             found.append([])
             for precision in PRECISIONS:
-                with suppress(ValueError):  # of a model that does not take it, see `settings_refused`
+                with suppress(ValueError):  # the model does not support the setting, see `settings_refused`
                     force, out = _evaluate(subject, body, wavy(body.points), precision=precision)
                     found[-1] += [out, _energy(force)]
     differing = sum(not np.array_equal(one, two) for one, two in zip(*found, strict=True))
@@ -419,14 +419,14 @@ def threads(subject: Subject) -> Outcome:
 
 
 def _none_may(count: int, none: str, some: str, weakness: str = "accuracy") -> Outcome:
-    """Passed if a count is zero."""
+    """Return an outcome that is passed if a count is zero."""
     return Outcome(WEAK if count else PASS, some if count else none, float(count), 0.0, weakness if count else None)
 
 
 def reflected_half(subject: Subject) -> Outcome:
-    """Difference between the forces on half a sheet at a symmetry plane and on that half of the whole sheet, symmetrically deformed.
+    """Test the forces on half a sheet at a symmetry plane against those on that half of the whole, symmetrically deformed sheet.
 
-    The images stand for points that are really there: sums of the same bonds in another order, 1e-11 as for `order_of_points`.
+    The images represent points of the whole sheet: sums of the same bonds in another order, 1e-11 as for `order_of_points`.
     """
     d = subject.dimension
     half, whole = plain(d, width=0.6, planes=(ReflectionPlane(0, 0.6, 1, (-1, 1, 1)[:d]),)), plain(d, width=1.2)
@@ -440,10 +440,9 @@ def reflected_half(subject: Subject) -> Outcome:
 
 
 def pair_forces(subject: Subject) -> Outcome:
-    """Difference between the forces and the sum of the pair forces, on a free sheet and on one with images; 1e-10.
+    """Test the difference between the forces and the sum of the pair forces, on a free sheet and on one with images; the limit is 1e-10.
 
-    Sums of the same bonds in another order, from parts that are formed anew where a model does not store them.  Those of some pairs alone
-    are the same.
+    The sums have another order, and parts are recomputed where a model does not store them. The forces of selected pairs must agree, too.
     """
     errors = []
     for body in (plain(subject.dimension), gripped(subject.dimension)):
@@ -457,9 +456,9 @@ def pair_forces(subject: Subject) -> Outcome:
 
 
 def broken_bonds(subject: Subject) -> Outcome:
-    """Difference between a body whose bonds break in two steps and one that was built without them: forces, energy, pair forces.
+    """Test a body whose bonds break in two steps against one built without them: forces, energy, pair forces.
 
-    Horizons, gradients and corrections are found anew from the same numbers in another order: rounding.  J3 starts elsewhere, which leaves
+    Horizons, gradients and corrections are recomputed from the same numbers in another order. J3 starts from other values, which leaves
     1e-9 (`another_start`).
     """
 
@@ -484,7 +483,7 @@ def broken_bonds(subject: Subject) -> Outcome:
 
 
 def unbreakable(subject: Subject) -> Outcome:
-    """Whether breaking bonds of an evaluation that was not bound for it is refused with what to do."""
+    """Test that breaking bonds of an evaluation that was not bound for it is refused with a remedy."""
     force = subject.model.bind(plain(subject.dimension), subject.law, ForceSettings(plane=subject.plane))
     try:
         force.break_bonds(np.arange(5))
@@ -494,11 +493,11 @@ def unbreakable(subject: Subject) -> Outcome:
 
 
 class _Killed(Exception):
-    """A run that ended before its time."""
+    """Error that ends a run early."""
 
 
 class _Killing(Silent):
-    """Ends a run as its second level begins."""
+    """Progress that ends a run as its second level begins."""
 
     def level(self, number: int, stretch: float) -> None:
         if number == 1:
@@ -506,15 +505,17 @@ class _Killing(Silent):
 
 
 def checkpoint(subject: Subject) -> Outcome:
-    """Points that end elsewhere when a run in equilibrium is killed between two levels and resumed from its checkpoint: none may."""
+    """Test that a run in equilibrium, killed between two levels and resumed from its checkpoint, ends at the same positions."""
     if subject.plane == "space":
         return Outcome(INAPPLICABLE, "its run is that of a sheet")
-    # Without the exact solution to compare with, which costs more than the run with some laws.
+    # The exact solution is not computed, since it costs more than the run for some laws.
     changes = {"spacing": 0.1, "body.size": [0.8, 0.8], "stretches": [1.05, 1.15], "solver.tolerance": 1e-4, "reference": None}
     changes["plane"] = subject.plane
     scene = load_scene("uniaxial", changes, material=subject.law.describe())
     try:
         whole = simulate(scene, subject.model)
+    except SimulationInterrupted:
+        raise KeyboardInterrupt from None
     except SimulationFailed as error:
         return Outcome(WEAK, str(error), None, None, "does not converge")
     with tempfile.TemporaryDirectory() as name:
@@ -526,7 +527,7 @@ def checkpoint(subject: Subject) -> Outcome:
 
 
 def impossible_states(subject: Subject) -> Outcome:
-    """Impossible states, turned inside out and with a NaN, that are not refused with the number and place of a point."""
+    """Test that impossible states, inside out or with NaN, are refused with the number and place of a point."""
     body = plain(subject.dimension)
     inverted, lost = body.points * MIRROR[: subject.dimension], body.points.copy()
     lost[7] = np.nan
@@ -549,14 +550,14 @@ SETTINGS = {
     "breakable": (True,),
     "plane": tuple(PLANES),
 }
-"""Settings of a force evaluation, and the values that can be asked for."""
+"""Settings of a force evaluation, and their possible values."""
 
 IN_WORDS = {"breakable": "bonds that break"}
-"""Settings that messages call by another name, that of a scene."""
+"""Settings that messages call by the name of a scene's key."""
 
 
 def settings_refused(subject: Subject) -> Outcome:
-    """Settings that change nothing, are refused without their name, or are taken or refused against what the model declares."""
+    """Test that no setting is ignored, refused without its name, or accepted or refused against the model's declaration."""
     wrong, declared = [], subject.model.honoured(subject.plane)
     for key, values in SETTINGS.items():
         usual, stated, taken = _settings_outcome(subject, key, None), _own_choice(subject, key), {}
@@ -566,7 +567,7 @@ def settings_refused(subject: Subject) -> Outcome:
             except ValueError as error:
                 if IN_WORDS.get(key, key) not in str(error):
                     wrong.append(f"{key}={value} is refused without its name ({error})")
-        # One value may be what the model does anyway: where others differ, or where it says that it does that.
+        # One value may equal the model's default: then others differ, or the model declares this value.
         alive = any(outcome != usual for outcome in taken.values())
         same = [value for value, outcome in taken.items() if outcome == usual]
         wrong += [f"{key}={value} changes nothing" for value in same if len(same) > 1 or not (alive or stated == value)]
@@ -576,21 +577,21 @@ def settings_refused(subject: Subject) -> Outcome:
 
 
 def _bind_with(subject: Subject, key: str, value):
-    """An evaluation with one setting; None leaves it to the model."""
+    """Return an evaluation with one setting; None leaves it to the model."""
     settings = ForceSettings(**{"plane": subject.plane} | ({} if value is None else {key: value}))
     return subject.model.bind(plain(dimension_of(settings.plane)), subject.law, settings)
 
 
 def _own_choice(subject: Subject, key: str):
-    """What an evaluation says that it does where nothing is asked; None of what it does not say."""
+    """Return the value of a setting that an evaluation declares by default; None if it declares none."""
     force = _bind_with(subject, key, None)
     return {"precision": force.precision, "correction": force.correction, "plane": force.plane}.get(key)
 
 
 def _settings_outcome(subject: Subject, key: str, value):
-    """What an evaluation does with a setting: its forces to the bit, and whether it warns or stops."""
+    """Return the effect of a setting on an evaluation: its forces to the bit, and whether it warns or stops."""
     force = _bind_with(subject, key, value)
-    # Stretched along axes off the grid, where the paper's rotation differs; far beyond the domain of any surrogate.
+    # The stretch is along axes off the grid, where the paper's rotation differs, and far beyond the domain of any surrogate.
     d = force.body.dimension
     F = np.diag([6.0, 0.6, 0.6][:d]) if key == "outside" else turn(22.5, d) @ np.diag([1.5, 1.0, 0.8][:d]) @ turn(-22.5, d)
     if value is True:
@@ -624,26 +625,26 @@ PROPERTIES = (
     Property("turned inside out, not a number", "refused with the place", impossible_states),
     Property("settings that a model cannot honour", "refused by name", settings_refused),
 )
-"""The suite, in the order of its report."""
+"""All properties, in the order of the report."""
 
 
 def _force_at_rest(reference: str) -> float:
-    """Force density that a force on every bond at rest adds up to, in mu/dx on a square sheet.
+    """Return the greatest force density, in mu/dx on a square sheet, that a force on every bond at rest can cause.
 
-    The card states t kappa/(w l mu) of a bond at rest.  Corrections make every horizon count as a whole one, so a point's bonds add up to
-    2 mu/kappa times the sum of w l V, at the most, where they do not cancel: 6 mu over the horizon of 3.15 dx.
+    The card states t kappa/(w l mu) of a bond at rest. Corrections make every horizon count as full, so a point's bonds add up to at most 2
+    mu/kappa times the sum of w l V, if they do not cancel: 6 mu over the horizon of 3.15 dx.
     """
     return 6 / 3.15 * load_card(reference).errors["box"]["at_rest"]
 
 
 def _fit_off_surface(reference: str) -> float:
-    """Twice the error of the fit, of a body and of its mirror image; averaged over bonds that are off the plane-stress surface."""
+    """Return twice the error of the fit off the plane-stress surface, since both a body and its mirror image have it."""
     return 2 * load_card(reference).errors["box"]["off_surface"]["rms"]
 
 
-# Pair forces across their bonds leave moments of second order in the horizon over the size of the body: (0.315/1)^2.
+# Pair forces that are not along their bonds cause moments of second order in the horizon over the body's size: (0.315/1)^2.
 MOMENTS = {"angular_momentum": Departure("moments", 0.1)}
-"""Of every force made of averaged features of a bond's ends."""
+"""Departure of every force computed from averaged features of a bond's ends."""
 
 TABLE = (
     Row("analytic", MOMENTS),
@@ -653,9 +654,9 @@ TABLE = (
         "ba-nosb",
         MOMENTS
         | {
-            # Of the weights alone, not of the state: 6 per cent where sheets are ten points wide.
+            # The error depends on the weights only, not on the state: 6 per cent on sheets that are ten points wide.
             "homogeneous_stress": Departure("weights do not add up", 0.07),
-            # Forces are formed with the response before the last step of J3, which is below 1e-8, and multiplied by K/mu.
+            # The response precedes the last step of J3, which is below 1e-8; its effect is multiplied by K/mu.
             "another_start": Departure("last step of J3", 1e-6),
         },
     ),
@@ -683,4 +684,4 @@ TABLE = (
     Row("full-network-isochoric", plane="space"),
     Row("nosb", plane="space"),
 )
-"""Every force model that is shipped, and what it states that it does not do."""
+"""Shipped force models, with the departures that they state."""

@@ -1,4 +1,4 @@
-"""Large deformations of small bodies, against exact solutions and finite elements."""
+"""Large deformations of small bodies, compared with exact solutions and finite elements."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..body import Body
 from ..forces import FORCES, ForceSettings, ForceSurrogate, InvalidState, LearntEnergy
 from ..materials import Gent, Law, NeoHookean, homogeneous
 from ..results import Result
-from ..run.simulate import SimulationFailed, simulate
+from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import Scene, load_scene
 from ..solvers import Unstable
 from .bodies import HORIZONS, SPACING
@@ -22,15 +22,15 @@ from .case import INAPPLICABLE, PASS, STOPS, WEAK, Case, Outcome, Subject
 from .tangents import resistance
 
 MOST_ERROR = 1e-3
-"""Of stresses: a tenth of a per cent, a third of what the best experiments on rubber reproduce."""
+"""Greatest relative error of a stress: 0.1 %, a third of the repeatability of the best experiments on rubber."""
 
 
 TURNED_ABOUT = np.array([2.0, -1.0, 2.0]) / 3
-"""Axis of rotations in space: that of no face of a block."""
+"""Axis of rotations in three dimensions, parallel to no face of a block."""
 
 
 def turn(degrees: float, dimension: int = 2) -> np.ndarray:
-    """Rotation matrix; in space about `TURNED_ABOUT` (Rodrigues)."""
+    """Return a rotation matrix, in three dimensions about `TURNED_ABOUT` (Rodrigues)."""
     angle = np.deg2rad(degrees)
     if dimension == 2:
         return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -39,35 +39,37 @@ def turn(degrees: float, dimension: int = 2) -> np.ndarray:
 
 
 def wavy(points: np.ndarray) -> np.ndarray:
-    """An inhomogeneous deformation."""
+    """Return the positions of points under an inhomogeneous deformation."""
     x1, x2, *rest = points.T
     across = [0.82 * x3 + 0.05 * x2 + 0.02 * np.sin(4 * x1) for x3 in rest]
     return np.stack([1.3 * x1 + 0.02 * np.sin(4 * x2), 0.95 * x2 + 0.1 * x1 + 0.02 * np.cos(5 * x1), *across], axis=1)
 
 
 def force_densities(force, positions: np.ndarray) -> np.ndarray:
-    """Forces per volume in units of shear modulus / spacing."""
+    """Return forces per volume in units of shear modulus / spacing."""
     out = np.empty_like(positions)
     force(positions, out)
     return out / force.body.volumes[:, None] * force.body.spacing / force.law.shear_modulus
 
 
 def _stretched(subject: Subject, stretches, law: Law, square: bool = False) -> Outcome | float:
-    """Greatest error of the nominal stress in uniaxial tension or compression between rollers, solved for; or how it failed.
+    """Return the greatest error of the nominal stress in uniaxial tension or compression between rollers, or a failed outcome.
 
-    Of a sheet of 3 by 1 or a block of 1 by 0.4 by 0.4; of a square or a cube where asked for.
+    The body is a sheet of 3 by 1 or a block of 1 by 0.4 by 0.4, or, if `square`, a square or a cube.
     """
-    # In double: where a law stiffens, stresses of a hundred mu leave more than 1e-6 mu/dx of rounding in single precision.
+    # Double precision is needed: where a law stiffens, single precision rounds stresses of a hundred mu by more than 1e-6 mu/dx.
     changes = {"spacing": SPACING, "solver.most_evaluations": 20000}
     if subject.dimension == 2:
         changes |= {"precision": "float64"} | ({"body.size": [1.0, 1.0]} if square else {})
     else:
         size = [0.6, 0.6, 0.6] if square else [1.0, 0.4, 0.4]
-        # The scene of a sheet, its body and its condition in space exchanged.
+        # The scene is that of a sheet, with another body and state.
         changes |= {"body": {"shape": "box", "size": size}, "horizon_ratio": HORIZONS[3], "plane": "space"}
     scene = load_scene("uniaxial", changes, stretches=stretches, material=law.describe())
     try:
         result = simulate(scene, subject.model)
+    except SimulationInterrupted:
+        raise KeyboardInterrupt from None
     except SimulationFailed as error:
         if isinstance(error.__cause__, Unstable):
             return Outcome(STOPS, str(error))
@@ -77,7 +79,7 @@ def _stretched(subject: Subject, stretches, law: Law, square: bool = False) -> O
 
 
 def why_inaccurate(subject: Subject) -> str:
-    """Why a model is inaccurate where the analytic bond force is not."""
+    """Return the name of the weakness that makes a model less accurate than the analytic bond force."""
     known = {"ba-nosb": "weights do not add up", "nosb": "zero-energy modes"}
     if subject.reference in known:
         return known[subject.reference]
@@ -90,23 +92,23 @@ def _judged(subject: Subject, found: Outcome | float) -> Outcome:
 
 
 def stretch(subject: Subject) -> Outcome:
-    """Uniaxial tension to 4, 5 and 8: error of the nominal stress.
+    """Test uniaxial tension to 4, 5 and 8 by the error of the nominal stress.
 
-    Beyond their domain surrogates hand over to the exact bond force, so theirs is no larger than within it.
+    Outside their domain surrogates use the exact bond force, so their error is no larger there.
     """
     return _judged(subject, _stretched(subject, [4.0, 5.0, 8.0], subject.law))
 
 
 def compression(subject: Subject) -> Outcome:
-    """Uniaxial compression of a square or a cube to 0.5: error of the nominal stress.
+    """Test uniaxial compression of a square or a cube to 0.5 by the error of the nominal stress.
 
-    The exact state of the sheet is not stable below 0.53: a model with an energy finds that out, and stops there.
+    The exact state of the sheet is unstable below 0.53: a model with an energy detects this and stops there.
     """
     return _judged(subject, _stretched(subject, [0.7, 0.5], subject.law, square=True))
 
 
 def patch_error(subject: Subject, body: Body, F: np.ndarray) -> float:
-    """Error of the mean stress of a body in a homogeneous state, over the greatest component of the exact one."""
+    """Return the error of the mean stress of a body in a homogeneous state, over the greatest component of the exact one."""
     force = subject.bind(body)
     force(body.points @ F.T, np.empty_like(body.points))
     exact = subject.exact_stress(F)
@@ -114,7 +116,7 @@ def patch_error(subject: Subject, body: Body, F: np.ndarray) -> float:
 
 
 def judged_patch(subject: Subject, error: float, resisted: float, least: float) -> Outcome:
-    """Of homogeneous states: the error of the stress, and the resistance to any disturbance against the least that is asked."""
+    """Judge a homogeneous state by the error of its stress, and by its resistance to any disturbance, which must reach `least`."""
     figure = f"{error:.1e}, resistance {resisted:.2g}"
     if resisted < least:
         return Outcome(WEAK, figure, resisted, least, "zero-energy modes" if resisted > -least else "loses stability")
@@ -124,26 +126,26 @@ def judged_patch(subject: Subject, error: float, resisted: float, least: float) 
 
 
 def _homogeneous(subject: Subject, F: np.ndarray) -> Outcome:
-    """Mean stress of a homogeneous state against the exact one, and the resistance of that state to any disturbance.
+    """Test a homogeneous state: its mean stress against the exact one, and its resistance to any disturbance.
 
-    The resistance is held against a quarter of a continuum's, as in `tangents.least_eigenvalue`.
+    The resistance must be a quarter of a continuum's, as in `tangents.least_eigenvalue`.
     """
     body, F = subject.body({2: 10, 3: 6}[subject.dimension]), subject.gradient(F)
     return judged_patch(subject, patch_error(subject, body, F), resistance(subject, body, F), 0.25)
 
 
 def equibiaxial(subject: Subject) -> Outcome:
-    """Equibiaxial stretch 3: mean stress, and stability."""
+    """Test equibiaxial stretch 3: mean stress and stability."""
     return _homogeneous(subject, np.diag([3.0, 3.0]))
 
 
 def simple_shear(subject: Subject) -> Outcome:
-    """Simple shear 2: mean stress, and stability."""
+    """Test simple shear 2: mean stress and stability."""
     return _homogeneous(subject, np.array([[1.0, 2.0], [0.0, 1.0]]))
 
 
 def compressibility(subject: Subject) -> Outcome:
-    """Uniaxial stretch 2 at K/mu = 10, 100, 10^3 and in the plane 10^4: the greatest error of the stress, against each exact one."""
+    """Test uniaxial stretch 2 at K/mu = 10, 100, 10^3 and, in the plane, 10^4, by the greatest error of the stress."""
     errors = {}
     for ratio in (1e1, 1e2, 1e3, 1e4)[: 4 if subject.dimension == 2 else 3]:
         law = replace(subject.law, bulk_modulus=ratio * subject.law.shear_modulus)
@@ -158,10 +160,10 @@ def compressibility(subject: Subject) -> Outcome:
 
 
 def chain_limit(subject: Subject) -> Outcome:
-    """Gent's law in uniaxial tension to 99 % and 102 % of its limit, and then at twice the stretch: stresses, and a stop.
+    """Test Gent's law in uniaxial tension: stresses at 99 % and 102 % of its limit, and a stop at twice the stretch.
 
-    The limit is that of I1bar - 3, about the square of the stretch; a slightly compressible law goes a few per cent past it by
-    growing in volume.  At twice the stretch there is no answer, and the stop must say where and why.
+    The limit concerns I1bar - 3, about the square of the stretch; a slightly compressible law exceeds it by a few per cent because its
+    volume grows. At twice the stretch no solution exists, and the error must say where and why.
     """
     law = subject.law if isinstance(subject.law, Gent) else Gent(subject.law.shear_modulus, 100 * subject.law.shear_modulus, 30.0)
     if not subject.describes(law):
@@ -188,24 +190,28 @@ def chain_limit(subject: Subject) -> Outcome:
 
 
 def _run(subject: Subject, described: dict, force=None) -> Result | Outcome:
-    """A run of a described scene in the material of a subject, with its model or another; or how it failed."""
+    """Return the run of a described scene in the material of a subject, with its model or another force; or a failed outcome."""
     scene = Scene(**{"name": "hard-case", "material": subject.law.describe(), "solver": {"most_evaluations": 5000}} | described)
     try:
         return simulate(scene, force or subject.model)
+    except SimulationInterrupted:
+        raise KeyboardInterrupt from None
     except SimulationFailed as error:
         return Outcome(WEAK, str(error), None, None, "does not converge")
 
 
 BONDED = ((100.0, 1.5, 1.24139), (100.0, 0.9, -0.407074), (1000.0, 1.5, 1.25451))
-"""K/mu, stretch, and the force in units of mu on the bonded face of a cube of side 1 of Neo-Hookean rubber: finite elements (FElupe 11.3,
-three-field hexahedra), changing by 0.05 % or less in their last refinement, as in ``pipelines/data/solid_fields.json``."""
+"""Reference cases of a bonded cube: K/mu, stretch, and the force in units of mu on the bonded face of a cube of side 1 of Neo-Hookean
+rubber. The forces come from finite elements (FElupe 11.3, three-field hexahedra) and changed by 0.05 % or less in the last refinement,
+as in ``pipelines/data/solid_fields.json``.
+"""
 
 
 def bonded_faces(subject: Subject) -> Outcome:
-    """A cube between bonded plates, pulled to 1.5 and pressed to 0.9, and pulled at K = 1000 mu: the greatest error of the force.
+    """Test a cube between bonded plates, pulled to 1.5, pressed to 0.9, and pulled at K = 1000 mu, by the greatest error of the force.
 
-    Of Neo-Hookean rubber against finite elements, within 2 %: an eighth of the cube with six points a side has a discretisation error of
-    1 %.  A surrogate of another law against the exact energy on the same points, within a tenth of a per cent.
+    Neo-Hookean rubber is compared with finite elements, within 2 %: an eighth of the cube with six points a side has a discretisation error
+    of 1 %. A surrogate of another law is compared with the exact energy on the same points, within a tenth of a per cent.
     """
     errors = {}
     for bulk_modulus, stretch, reference in BONDED:
@@ -236,16 +242,16 @@ def bonded_faces(subject: Subject) -> Outcome:
 
 
 def _reaction(run: Result) -> float:
-    """Of a whole face, from that of a quarter."""
+    """Return the force on a whole face from that on a quarter of it."""
     return 4 * run.levels[-1]["forces"]["right"][0]
 
 
 def torsion(subject: Subject) -> Outcome:
-    """A cylinder between bonded faces, one turned by 180 degrees: the torque against that of Rivlin's exact solution, at 10 and at 180.
+    """Test a cylinder between bonded faces by its torque at 10 and 180 degrees, against Rivlin's exact solution.
 
     An incompressible cylinder of any law is sheared by kappa r, and plane faces stay plane: the torque is 2 pi times the integral of the
-    shear stress r^2 dr, and K = 100 mu changes it by tenths of a per cent.  With eight points across, those at the surface lack half of
-    their horizons and the torque is some 9 % low, at any angle: a tenth is asked, and that its error changes by no more than 2 %.
+    shear stress r^2 dr, and K = 100 mu changes it by tenths of a per cent. With eight points across, those at the surface lack half of
+    their horizons and the torque is some 9 % low at any angle: it must be within a tenth, and its error must change by no more than 2 %.
     """
     radius, length, turned = 0.5, 1.5, 180.0
     run = _run(
@@ -277,11 +283,11 @@ def torsion(subject: Subject) -> Outcome:
 
 
 def slender(subject: Subject) -> Outcome:
-    """A bar ten times as long as it is thick, four points across, held at one end and pushed sideways at the other: its deflection.
+    """Test a cantilever ten times as long as it is thick, four points across, by its deflection.
 
-    A fiftieth of the length by Timoshenko's beam, of the law's small-strain moduli.  Four points resolve the bending stress within a
-    sixth, as the surfaces take them for more or less than they are; with six it is half of that.  A fifth is asked.  With
-    corrected bond forces it bends by 39 % too little with four points, by 12 % with eight and by 6 % with twelve.
+    The load gives a fiftieth of the length by Timoshenko's beam theory with the law's small-strain moduli. Four points resolve the bending
+    stress within a sixth, because of the surfaces, six points within half of that; a fifth is allowed. With corrected bond forces the bar
+    bends by 39 % too little with four points, by 12 % with eight and by 6 % with twelve.
     """
     law, d, thickness, length = subject.law, subject.dimension, 0.2, 2.0
     young = 9 * law.bulk_modulus * law.shear_modulus / (3 * law.bulk_modulus + law.shear_modulus)
@@ -308,11 +314,11 @@ def slender(subject: Subject) -> Outcome:
 
 
 def beyond_the_domain(subject: Subject) -> Outcome:
-    """From rest to twice the greatest stretch of a surrogate's domain: the exact forces there, and one energy all the way.
+    """Test the way from rest to twice the greatest stretch of a surrogate's domain: exact forces at its end, and conservation of energy.
 
-    Less far, 1.5 or 1.2 times, where the law itself ends before.  Far outside every bond must have the exact force.  On the way the exact
-    energy takes over: work done, by Gauss's rule on 200 pieces of the way, must be the energy stored, to a ten-millionth, which a jump of
-    the size of the fit's errors would not leave.
+    The end is at 1.5 or 1.2 times the greatest stretch if the law ends earlier. There every bond must have the exact force. On the way the
+    exact energy replaces the learnt one: the work, by Gauss's rule on 200 intervals, must equal the stored energy to 1e-7, which a jump by
+    the error of the fit would exceed.
     """
     model = subject.model
     if not isinstance(model, ForceSurrogate | LearntEnergy) or model.domain is None:
@@ -328,7 +334,7 @@ def beyond_the_domain(subject: Subject) -> Outcome:
 
     for share in (2.0, 1.5, 1.2):
         greatest = share * model.domain.greatest_stretch
-        # A law with a limit may end before.
+        # A law with a limit may have no state there.
         with suppress(InvalidState):
             exact(at(greatest), expected)
             break

@@ -24,10 +24,10 @@ def _stretch_2(subject: Subject) -> np.ndarray:
 
 
 def _awkward_patches(subject: Subject, make: Callable[[np.random.Generator], Body]) -> Outcome:
-    """Mean stress and stability of drawn bodies at stretch 2, the worst of three draws.
+    """Test random bodies at stretch 2 by mean stress and stability, the worst of three.
 
-    The least resistance is held against a tenth of a continuum's: beside what the horizon takes off (see `tangents.least_eigenvalue`),
-    single horizons are now lopsided.
+    The resistance must be a tenth of a continuum's: besides the effect of the horizon (see `tangents.least_eigenvalue`), single horizons
+    are asymmetric.
     """
     F = _stretch_2(subject)
     bodies = [make(np.random.default_rng(seed)) for seed in range(3)]
@@ -36,7 +36,7 @@ def _awkward_patches(subject: Subject, make: Callable[[np.random.Generator], Bod
 
 
 def jitter(subject: Subject) -> Outcome:
-    """Points moved by up to 30 % of the spacing in each direction: mean stress and stability at stretch 2, the worst of three draws."""
+    """Test points moved by up to 30 % of the spacing in each direction by mean stress and stability at stretch 2, the worst of three."""
     regular = subject.body({2: 10, 3: 6}[subject.dimension])
 
     def make(random: np.random.Generator) -> Body:
@@ -46,15 +46,15 @@ def jitter(subject: Subject) -> Outcome:
 
 
 def mesh(subject: Subject) -> Outcome:
-    """Points of triangles, or of tetrahedra, no two of them alike: mean stress and stability at stretch 2, the worst of three draws."""
+    """Test points of triangles or tetrahedra, all different, by mean stress and stability at stretch 2, the worst of three draws."""
     return _awkward_patches(subject, lambda random: of_simplices(random, subject.dimension, {2: 8, 3: 4}[subject.dimension]))
 
 
 def horizons(subject: Subject) -> Outcome:
-    """Horizons of 2.015 to 6 spacings, in space 1.5 to 3.015: stability at uniaxial stretch 2, the least over all.
+    """Test horizons of 2.015 to 6 spacings, 1.5 to 3.015 in three dimensions, by the least stability at uniaxial stretch 2.
 
-    Twelve spacings of sheet, or seven of a cube, leave the longest horizon nothing but edges; a tenth of a continuum's resistance is
-    asked, as for jittered points.
+    In twelve spacings of sheet, or seven of a cube, the longest horizon is cut by an edge everywhere; a tenth of a continuum's resistance
+    is required, as for jittered points.
     """
     cells, F = CELLS[subject.dimension], _stretch_2(subject)
     least = {ratio: resistance(subject, subject.body(cells, ratio), F) for ratio in RATIOS[subject.dimension]}
@@ -64,13 +64,13 @@ def horizons(subject: Subject) -> Outcome:
 
 
 def loose_points(subject: Subject) -> Outcome:
-    """A body with a point on a single bond, and beside it three points, two, and one: each turned by 180 degrees in its own place.
+    """Test a body with a point on a single bond, and three, two and one separate points, each turned by 180 degrees in place.
 
-    Nothing is deformed, so nothing may be pushed, and nothing may come out that is not a number.  Greatest force density in mu/dx.
+    Nothing is deformed, so the forces must vanish, without NaN. The figure is the greatest force density in mu/dx.
     """
     d = subject.dimension
     whole = subject.body({2: 8, 3: 5}[d]).points
-    # Within reach of the corner alone: nearly a horizon along the diagonal.
+    # Nearly a horizon along the diagonal, so that only the corner is within reach.
     dangling = whole.max(axis=0) + (HORIZONS[d] - 0.25) * SPACING / np.sqrt(d)
     across, up = SPACING * np.eye(d)[:2]
     three, two, one = 20 * across + [0 * up, across, up], 20 * across + 10 * up + [0 * up, across], 20 * across + [20 * up]
@@ -87,10 +87,10 @@ def loose_points(subject: Subject) -> Outcome:
 
 
 def folded_bond(subject: Subject) -> Outcome:
-    """A point pushed through its neighbour to the far side, 2 spacings: the bond between them is folded back through 180 degrees.
+    """Test a point pushed through its neighbour to the far side, by 2 spacings, which folds the bond between them back by 180 degrees.
 
-    On the way the force must push it back, or the run must stop and say where.  Then the body is let go from 1.2 spacings: it must come
-    back to rest within a thousandth of a spacing, the tolerance of the solver in positions with room to spare, or stop clearly.
+    On the way the force must push it back, or the run must stop and say where. Then the body is released from 1.2 spacings: it must return
+    to rest within a thousandth of a spacing, well above the solver's tolerance in positions, or stop clearly.
     """
     body = subject.body(CELLS[subject.dimension])
     force = subject.bind(body)
@@ -122,11 +122,11 @@ def folded_bond(subject: Subject) -> Outcome:
 
 
 def notch_tip(subject: Subject) -> Outcome:
-    """A notch of 3 spacings in the edge of a square, or a plate, stretched to 2: equilibrium, no point inside out, and a smooth field.
+    """Test a square, or plate, with a notch of 3 spacings at stretch 2: equilibrium, no point inside out, and a smooth field.
 
-    The figure is the root mean square of the part of the displacements that changes sign from point to point in all
-    directions, over the greatest displacement.  The field near a tip goes with the root of the distance, which gives this filter a few
-    thousandths; a mode of zero energy gives tenths.  0.02 is asked.
+    The figure is the root mean square of the part of the displacements that alternates in sign from point to point in all directions, over
+    the greatest displacement. The field near a tip varies with the root of the distance, which gives a few thousandths; a zero-energy mode
+    gives tenths. The limit is 0.02.
     """
     d, notch = subject.dimension, 3
     counts = {2: (20, 20), 3: (12, 12, 4)}[d]
@@ -152,13 +152,13 @@ def notch_tip(subject: Subject) -> Outcome:
             reached = target
     except (InvalidState, NotConverged, Diverging) as error:
         return Outcome(WEAK, f"stretch {target:g}: {error}", None, None, "does not converge")
-    # Points go along x1 first.
+    # x1 varies fastest in the order of the points.
     moved = (positions - body.points).reshape(*counts[::-1], d)
     rough = moved
     for axis in range(d):
         rough = np.moveaxis(rough, axis, 0)
         rough = np.moveaxis((rough[:-2] - 2 * rough[1:-1] + rough[2:]) / 4, 0, axis)
-    # Not across the notch, where the displacement jumps.
+    # Differences across the notch, where the displacement jumps, are left out.
     rows = np.arange(1, cells - 1)
     smooth = np.ones((cells - 2, cells - 2), dtype=bool)
     smooth[np.ix_(np.abs(rows + 0.5 - cells / 2) < 2, rows <= notch + 1)] = False

@@ -1,4 +1,4 @@
-"""Explicit steps: too long ones must be noticed, and very many must not heat a body up."""
+"""Explicit time steps: steps that are too long must be detected, and very many must not heat up a body."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class _Motion:
         self.shake()
 
     def shake(self) -> None:
-        """Random velocities of a thousandth of the speed of shear waves: waves of small strain."""
+        """Set random velocities of a thousandth of the speed of shear waves, which cause waves of small strain."""
         random = np.random.default_rng(0)
         self.velocities = 1e-3 * np.sqrt(self.force.law.shear_modulus) * random.standard_normal(self.positions.shape) * self.free
 
@@ -44,11 +44,11 @@ class _Motion:
 
 
 def time_step(subject: Subject) -> Outcome:
-    """A hundred steps of 0.5, 0.9, 1.1 and 2 times the critical one of a free body at rest with small random velocities.
+    """Test a hundred steps of 0.5, 0.9, 1.1 and 2 times the critical one, for a free body at rest with small random velocities.
 
-    Above 1 a wave grows by a factor of 2.4 and more a step, its energy by 5.8, and must end in a clear stop, not in figures.  Below 1
-    nothing grows for the length of the step; what a force that is not conservative adds (see `undamped_steps`) is told apart
-    by allowing the kinetic energy a tenth a step.
+    Above 1 a wave grows by a factor of 2.4 or more per step, its energy by 5.8, and the run must stop with a clear error. Below 1 the step
+    length causes no growth; the energy that a non-conservative force adds (see `undamped_steps`) is tolerated up to a tenth of the kinetic
+    energy per step.
     """
     body = subject.body({2: 10, 3: 5}[subject.dimension])
     for share in (0.5, 0.9):
@@ -69,7 +69,7 @@ def time_step(subject: Subject) -> Outcome:
 
 
 def _steps_until_caught(motion: _Motion) -> int | None:
-    """Steps until the force has no answer; None if a hundred go by."""
+    """Return the number of steps until the force raises an error; None if a hundred pass without one."""
     for step in range(1, 101):
         try:
             motion.advance(1)
@@ -79,7 +79,7 @@ def _steps_until_caught(motion: _Motion) -> int | None:
 
 
 def _held(subject: Subject) -> _Motion:
-    """A body stretched to 1.5 and held at both ends, stepped at half of the critical step with the damping of `DampedExplicit`."""
+    """Return the motion of a body held at both ends at stretch 1.5, with half of the critical step and the damping of `DampedExplicit`."""
     body, lateral = subject.body({2: 8, 3: (6, 4, 4)}[subject.dimension]), homogeneous.uniaxial(subject.law, 1.5).lateral_stretch
     free = np.ones_like(body.points)
     free[np.abs(body.points[:, 0] - body.points[:, 0].mean()) > np.ptp(body.points[:, 0]) / 2 - 1e-9] = 0
@@ -89,10 +89,10 @@ def _held(subject: Subject) -> _Motion:
 
 
 def damped_steps(subject: Subject) -> Outcome:
-    """10^5 explicit steps on a body held at stretch 1.5, damped at the rate of `DampedExplicit`: it must come to rest.
+    """Test 10^5 explicit steps on a body held at stretch 1.5, damped at the rate of `DampedExplicit`: it must come to rest.
 
-    The figure is the kinetic energy at the end over that at the start.  At the damping rate c the slowest mode loses
-    exp(-c t) of it until rounding is reached, 1e-13 squared of the speed of waves over 1e-3 squared; 1e-16 is asked.
+    The figure is the kinetic energy at the end over that at the start. At the damping rate c the slowest mode loses exp(-c t) of it until
+    rounding is reached, 1e-13 squared of the speed of waves over 1e-3 squared; the limit is 1e-16.
     """
     motion = _held(subject)
     first = motion.kinetic_energy
@@ -104,10 +104,10 @@ def damped_steps(subject: Subject) -> Outcome:
 
 
 def undamped_steps(subject: Subject) -> Outcome:
-    """10^5 steps without damping on the same body at rest, after a shake: growth of the kinetic energy.
+    """Test 10^5 steps without damping on the same body, after small random velocities, by the growth of its kinetic energy.
 
-    The mean over the last tenth of the steps over that over the first; small waves share their energy between motion and strain
-    evenly, so 1 within the scatter of some hundred modes, taken as 1.2.
+    The figure is the mean over the last tenth of the steps over that of the first tenth. Small waves share their energy evenly between
+    motion and strain, so it is 1 within the scatter of some hundred modes; the limit is 1.2.
     """
     motion, pieces = _held(subject), 100
     steps = (STEPS // 50 if subject.quick else STEPS) // pieces
@@ -126,12 +126,12 @@ def undamped_steps(subject: Subject) -> Outcome:
 
 
 def sudden_load(subject: Subject) -> Outcome:
-    """A bar held at one end and pulled at the other by a load that is there from one moment to the next: what the account of energy loses.
+    """Test a bar held at one end and suddenly loaded at the other by the balance of its energy.
 
-    The load is a tenth of mu: waves run up and down the bar, and its end swings between rest and twice the static displacement.  Stored
-    and kinetic energy and the work of the load add up to nothing but for the steps, half of the critical one, whose error stays within
-    bounds.  The figure is by how much the sum has moved between the first and the last tenth of 20,000 steps, some fifty swings, over
-    the greatest work of the load; a hundredth is asked.
+    The load is a tenth of mu: waves run along the bar, and its end oscillates between rest and twice the static displacement. Stored and
+    kinetic energy minus the work of the load vanish but for the error of the steps, half of the critical one, which stays bounded. The
+    figure is the change of the sum between the first and the last tenth of 20,000 steps, some fifty oscillations, over the greatest work of
+    the load; the limit is a hundredth.
     """
     body = subject.body({2: (16, 5), 3: (12, 3, 3)}[subject.dimension])
     force = subject.bind(body)
@@ -149,7 +149,7 @@ def sudden_load(subject: Subject) -> Outcome:
         try:
             before = motion.velocities.copy()
             motion.advance(1)
-            # At the positions that the step began with, between two velocities.
+            # The energy belongs to the positions at which the step began, between two velocities.
             middle = (before + motion.velocities) / 2
             positions = motion.positions - motion.step * motion.velocities
             kinetic, work = float((motion.mass[:, None] * middle**2).sum() / 2), float((motion.load * (positions - body.points)).sum())

@@ -1,4 +1,4 @@
-"""All hard cases, put to any number of force models, as one report."""
+"""Report of all hard cases for any number of force models."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from threadpoolctl import threadpool_limits
 
 from .. import __version__
 from ..artifacts import ArtifactError, list_artifacts, load_surrogate
+from ..engine.threads import at_most, most_threads
 from ..forces import FORCES
-from ..kernels.threads import at_most, most_threads
 from ..results.provenance import processor
 from . import conformance, deformations, discretisations, dynamics, tangents
 from .case import INAPPLICABLE, PASS, STOPS, WEAK, WEAKNESSES, Case, Subject
 
 CASES: tuple[Case, ...] = (*tangents.CASES, *conformance.PROPERTIES, *deformations.CASES, *discretisations.CASES, *dynamics.CASES)
-"""Every case, in the order of the table: the hard ones, and the properties of `conformance`."""
+"""All cases in the order of the table: the hard ones, then the properties of `conformance`."""
 
 
 BODIES = {"stress": "sheets under plane stress", "space": "bodies in space"}
-"""Where the hard cases are asked, in words."""
+"""Names of the states in which the hard cases are tested."""
 
 
 def all_models(plane: str = "stress") -> list[str]:
-    """References of every force model of sheets, or of bodies in space: those without an artefact, and the newest version of each found."""
+    """Return the references of every force model that supports a plane: built-in ones, and the newest version of each artefact."""
     found = dict.fromkeys(folder.parent.name for folder in list_artifacts())
     return [name for name in (*FORCES, *found) if plane in load_surrogate(name).honours["plane"]]
 
@@ -36,33 +36,33 @@ def stress_test(
     planes: Iterable[str] = tuple(BODIES),
     threads: int | None = None,
 ) -> dict:
-    """Put every hard case to every force model.
+    """Test every force model on every hard case.
 
     Parameters
     ----------
     references : iterable of str, optional
-        Force models as on the command line, each put to the cases of those of the planes that it takes; all by default.
+        Force models as on the command line, each tested in those of the planes that it supports; all by default.
     quick : bool
-        A fiftieth of the explicit steps.
+        Whether to take a fiftieth of the explicit steps.
     progress : callable
-        Told how many cases are done, of how many, and what is being done.
+        Called with the number of finished cases, the total, and a description.
     planes : iterable of {"stress", "space"}
-        Of sheets, of bodies in space, or both.
+        Sheets, three-dimensional bodies, or both.
     threads : int, optional
-        Most of the kernels; by default all.
+        Greatest number of threads of the kernels; by default all.
 
     Returns
     -------
     dict
-        ``machine``; ``cases`` with what is asked of each, and in which ``planes``; ``models``: for each and each plane that it takes its
-        material and, by case, verdict, figure, value, limit, weakness and seconds; ``weaknesses``, explained.
+        ``machine``; ``cases`` with the requirement and the ``planes`` of each; ``models``: for each model and plane its material and, by
+        case, verdict, figure, value, limit, weakness and seconds; ``weaknesses``, explained.
 
     Raises
     ------
     ArtifactError
-        If a force model is unknown or damaged, or takes none of the planes; before any case is run.
+        If a force model is unknown or damaged, or supports none of the planes; before any case is run.
     ValueError
-        If there are not so many threads.
+        If there are fewer threads.
     """
     references, planes = None if references is None else list(references), list(planes)
     subjects = []
@@ -78,7 +78,7 @@ def stress_test(
         _ = subject.law
     models, done = [], 0
     asked = sum(subject.plane in case.planes for subject in subjects for case in CASES)
-    # BLAS threads would spin on the cores that the kernels want.
+    # BLAS threads would spin on the cores that the kernels need.
     with at_most(threads), threadpool_limits(1, user_api="blas"):
         for subject in subjects:
             results = {}
@@ -101,12 +101,12 @@ def stress_test(
 
 
 def planes_of(report: dict) -> list[str]:
-    """Those of which a report has a table."""
+    """Return the planes for which a report has a table."""
     return [plane for plane in BODIES if any(model["plane"] == plane for model in report["models"])]
 
 
 def table(report: dict, plane: str) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of a plane: a case a row, a force model a column."""
+    """Return the header and the rows for a plane: a row for each case, a column for each force model."""
     models = [model for model in report["models"] if model["plane"] == plane]
     rows = [
         [case["title"], case["asked"], *(cell(model["results"][case["case"]]) for model in models)]
@@ -117,9 +117,9 @@ def table(report: dict, plane: str) -> tuple[list[str], list[list[str]]]:
 
 
 def cell(result: dict) -> str:
-    """A result in a few words."""
+    """Return a result in a few words."""
     figure = result["figure"]
-    # The place and reason of a stop are in the JSON.
+    # The JSON has the place and the reason of a stop.
     figure = figure if len(figure) <= 60 else figure.split(":")[0].split(", stops")[0]
     if result["verdict"] == INAPPLICABLE:
         return f"- ({figure})"
@@ -129,6 +129,6 @@ def cell(result: dict) -> str:
 
 
 def count(model: dict) -> dict[str, int]:
-    """How many cases of a model came to each verdict."""
+    """Return how many cases of a model have each verdict."""
     verdicts = [result["verdict"] for result in model["results"].values()]
     return {verdict: verdicts.count(verdict) for verdict in (PASS, STOPS, WEAK, INAPPLICABLE)}

@@ -1,4 +1,4 @@
-"""Tangents of small bodies by central differences, and the cases that read them."""
+"""Tangents of small bodies by central differences, and the cases that use them."""
 
 from __future__ import annotations
 
@@ -13,27 +13,28 @@ from ..materials import homogeneous
 from .case import WEAK, Case, Outcome, Subject, middle_point, spring_stiffness
 
 HELD = 0.1
-"""Least share of the bonds' springs that is asked, where the rubber is as stiff as at rest (`share_of_rest`).  Rubber in tension of 3
-differs from its springs at rest by a factor of two or three in the plane and by up to eight in space, where both sides are narrow; modes
-without energy are resisted with less than a fiftieth."""
+"""Least resistance required, as a share of that of springs along the bonds, where the rubber is as stiff as at rest (`share_of_rest`).
+Rubber in tension of 3 differs from its springs at rest by a factor of two or three in the plane and by up to eight in three dimensions,
+where both sides are narrow; zero-energy modes have less than a fiftieth.
+"""
 
 CELLS = {2: 12, 3: 7}
 """Points a side, by dimension."""
 
 FREE_CELLS = {2: 7, 3: 4}
-"""Of the body that nothing holds."""
+"""Points a side of a body without supports, by dimension."""
 
 
 @dataclass(frozen=True)
 class Tangent:
-    """The tangent -df/du of a body in a homogeneous state.
+    """Tangent -df/du of a body in a homogeneous state.
 
     Attributes
     ----------
     matrix : ndarray, shape (d m, d m)
-        For the free points, component by component.
+        Derivatives for the free points, component by component.
     free : ndarray, shape (m,)
-        Their numbers.
+        Numbers of the free points.
     """
 
     matrix: np.ndarray
@@ -41,7 +42,7 @@ class Tangent:
 
     @property
     def symmetric(self) -> np.ndarray:
-        """What decides whether a displacement is resisted."""
+        """Symmetric part, which decides whether a displacement is resisted."""
         return (self.matrix + self.matrix.T) / 2
 
     @property
@@ -51,19 +52,14 @@ class Tangent:
 
     @property
     def asymmetry(self) -> float:
-        """|A - A^T|/|A| in the spectral norm."""
+        """Relative asymmetry |A - A^T|/|A| in the spectral norm."""
         return float(np.linalg.norm(self.matrix - self.matrix.T, 2) / np.linalg.norm(self.matrix, 2))
 
 
 def tangent(force: InternalForce, positions: np.ndarray, held: bool = True) -> Tangent:
-    """Central differences over a hundred-thousandth of the spacing: errors of 1e-10 from both curvature and rounding.
+    """Return the tangent by central differences over a hundred-thousandth of the spacing; curvature and rounding leave errors of 1e-10.
 
-    Parameters
-    ----------
-    force : InternalForce
-    positions : ndarray, shape (n, d)
-    held : bool
-        Whether the outermost points are held; otherwise all are free.
+    If `held`, the outermost points are fixed; otherwise all are free.
     """
     body, d = force.body, positions.shape[1]
     margin = np.minimum(body.points - body.points.min(axis=0), body.points.max(axis=0) - body.points).min(axis=1)
@@ -82,7 +78,7 @@ def tangent(force: InternalForce, positions: np.ndarray, held: bool = True) -> T
 
 
 def states(subject: Subject) -> dict[str, np.ndarray]:
-    """Deformation gradients at which the tangent is formed: theory, section 10, and a compression; in space nothing presses on x3."""
+    """Return the deformation gradients at which the tangent is computed: those of theory, section 10, and a compression with free x3."""
 
     def uniaxial(stretch):
         return np.diag([stretch, homogeneous.uniaxial(subject.law, stretch).lateral_stretch])
@@ -99,7 +95,7 @@ def states(subject: Subject) -> dict[str, np.ndarray]:
 
 
 def tangents(subject: Subject) -> tuple[Body, dict[str, Tangent]]:
-    """Tangents in all states, formed once for a subject."""
+    """Return the tangents in all states, computed once for a subject."""
     if "tangents" not in subject.measured:
         body = subject.body(CELLS[subject.dimension])
         found = {name: tangent(subject.bind(body), body.points @ F.T) for name, F in states(subject).items()}
@@ -108,16 +104,16 @@ def tangents(subject: Subject) -> tuple[Body, dict[str, Tangent]]:
 
 
 def least_of_a_continuum(body: Body, shear_modulus: float) -> float:
-    """Least stiffness of rubber between the held points: d pi^2 mu V/L^2, its lowest mode one half wave in each direction."""
+    """Return the least stiffness of a continuum between the held points: d pi^2 mu V/L^2, its mode with half a wave in each direction."""
     length = np.ptp(body.points[:, 0])
     return body.dimension * np.pi**2 * shear_modulus * body.volumes[0] / length**2
 
 
 def share_of_rest(subject: Subject, F: np.ndarray) -> float:
-    """Least resistance of the rubber itself to any wave in a homogeneous state, over mu, and 1 at the most.
+    """Return the least resistance of the material to any wave in a homogeneous state, over mu, at most 1.
 
-    The least eigenvalue of the acoustic tensor (Q a) = dP(F + h a n^T)/dh n at h = 0 over the directions n to the neighbours in a lattice.
-    No discretisation resists more than its material: Neo-Hookean rubber has at least mu everywhere, rubber that softens has less.
+    It is the least eigenvalue of the acoustic tensor (Q a) = dP(F + h a n^T)/dh n at h = 0 over the directions n to the neighbours in a
+    lattice. No discretisation resists more than its material: Neo-Hookean rubber has at least mu everywhere, softening rubber has less.
     """
     d, probe, least = len(F), 1e-5, 1.0
     for direction in list(product((-1.0, 0.0, 1.0), repeat=d))[: (3**d - 1) // 2]:
@@ -129,15 +125,15 @@ def share_of_rest(subject: Subject, F: np.ndarray) -> float:
 
 
 def worst(values: dict[str, float]) -> tuple[str, float]:
-    """The least of several values, and where it was found."""
+    """Return the least of several values, and its key."""
     place = min(values, key=values.get)
     return place, values[place]
 
 
 def single_point(subject: Subject) -> Outcome:
-    """Resistance to the displacement of one point in the middle, the least over all directions and states.
+    """Test the resistance to the displacement of one point in the middle, the least over all directions and states.
 
-    In units of what springs along its bonds would hold it with, as stiff as the rubber is in that state; `HELD` is asked.
+    It is measured in units of the stiffness of springs along its bonds, as stiff as the rubber in that state; `HELD` is required.
     """
     body, found = tangents(subject)
     middle, d, applied = middle_point(body), body.dimension, states(subject)
@@ -152,9 +148,9 @@ def single_point(subject: Subject) -> Outcome:
 
 
 def checkerboard(subject: Subject) -> Outcome:
-    """Resistance to displacements that change sign from point to point, along any of the axes, the least over all states.
+    """Test the resistance to displacements that alternate in sign from point to point along any of the axes, the least over all states.
 
-    Held against the springs as for a single point: such modes stretch the bonds even more.
+    It is compared with springs as for a single point: such modes stretch the bonds even more.
     """
     body, found = tangents(subject)
     cell = np.rint((body.points - body.points.min(axis=0)) / body.spacing).astype(int)
@@ -172,11 +168,11 @@ def checkerboard(subject: Subject) -> Outcome:
 
 
 def least_eigenvalue(subject: Subject) -> Outcome:
-    """Least eigenvalue of the symmetric part of the tangent, over that of a continuous membrane or block, the least over all states.
+    """Test the least eigenvalue of the symmetric part of the tangent, over that of a continuous membrane or block, over all states.
 
-    Neo-Hookean rubber resists every wave with at least mu |a|^2 |k|^2 in every state (its energy is mu/2 |F|^2 and a convex
-    function of J), so the continuum's lowest mode is a bound from below.  A horizon of three spacings takes up to half off a mode
-    of eleven spacings, as one of 1.75 does of six; a quarter is asked.
+    Neo-Hookean rubber resists every wave with at least mu |a|^2 |k|^2 in every state (its energy is mu/2 |F|^2 plus a convex function of
+    J), so the continuum's lowest mode is a lower bound. A horizon of three spacings reduces a mode of eleven spacings by up to half, as one
+    of 1.75 does one of six; a quarter is required.
     """
     body, found = tangents(subject)
     bound = least_of_a_continuum(body, subject.law.shear_modulus)
@@ -185,9 +181,9 @@ def least_eigenvalue(subject: Subject) -> Outcome:
 
 
 def symmetry(subject: Subject) -> Outcome:
-    """Whether the force is the gradient of an energy: |A - A^T|/|A|, the greatest over all states.
+    """Test whether the force is the gradient of an energy by |A - A^T|/|A|, the greatest over all states.
 
-    Rounding and differences leave 1e-9; 1e-6 is asked.
+    Rounding and differences leave 1e-9; the limit is 1e-6.
     """
     _, found = tangents(subject)
     place = max(found, key=lambda name: found[name].asymmetry)
@@ -195,10 +191,10 @@ def symmetry(subject: Subject) -> Outcome:
 
 
 def rigid_motions(subject: Subject) -> Outcome:
-    """Displacements of a free body at rest that no force answers: the three rigid ones of the plane or the six of space, and no other.
+    """Test that the displacements of a free body at rest without a force are the three or six rigid ones, and no other.
 
-    Counted are singular values of the tangent below a millionth of the springs' stiffness, which rounding and differences leave of none;
-    the next one of a body of seven or four points is a bend or a twist of hundredths, and of thousandths with zero-energy modes.
+    These are singular values of the tangent below a millionth of the springs' stiffness, the level of rounding and differences. The next
+    one of a body of seven or four points a side is a bending or twisting mode of hundredths, or of thousandths with zero-energy modes.
     """
     body = subject.body(FREE_CELLS[subject.dimension])
     formed = tangent(subject.bind(body), body.points.copy(), held=False)
@@ -211,7 +207,7 @@ def rigid_motions(subject: Subject) -> Outcome:
 
 
 def resistance(subject: Subject, body: Body, F: np.ndarray) -> float:
-    """Least eigenvalue of the tangent of any body in a homogeneous state, over that of a membrane or block."""
+    """Return the least eigenvalue of the tangent of any body in a homogeneous state, over that of a membrane or block."""
     return tangent(subject.bind(body), body.points @ F.T).least / least_of_a_continuum(body, subject.law.shear_modulus)
 
 

@@ -1,4 +1,4 @@
-"""Studies: many runs of a scene, or many fits, in parallel, with one table of what they gave."""
+"""Studies: many runs of a scene, or many fits, in parallel, with their results in one table."""
 
 from .description import Distribution, Fit, Study, load_study
 from .study import StudyInterrupted, StudyResult, study

@@ -1,4 +1,4 @@
-"""What a user writes: what is run or fitted, and the parameters that change from run to run."""
+"""Description of a study: the scene or fit, and the parameters that change from run to run."""
 
 from __future__ import annotations
 
@@ -14,20 +14,21 @@ from pydantic import ConfigDict, Field, ValidationError, field_validator, model_
 from ..arguments import check_path
 from ..scenes import MaterialSpec, SceneError, scene_names
 from ..scenes.problems import explain, suggestion
+from ..scenes.reading import read_description
 from ..scenes.strict_model import Finite, Positive, StrictModel, Whole
 
 MOST_RUNS = 100_000
-"""Of a study: more are a mistake in a grid."""
+"""Greatest number of runs of a study; a larger grid is taken for a mistake."""
 
 USUAL = ("uniform", "loguniform", "norm", "truncnorm", "lognorm", "triang", "randint")
-"""Distributions that are told where one is unknown."""
+"""Distributions listed in the error message for an unknown one."""
 
 FORCE = "force"
-"""The parameter of a study of a scene that is no key of the scene: which force model runs it."""
+"""Name of the parameter, in a study of a scene, that selects the force model instead of changing a key of the scene."""
 
 
 class Distribution(StrictModel):
-    """A distribution of `scipy.stats` by its name, with its parameters by theirs.
+    """A distribution of `scipy.stats` by name, with its parameters.
 
     Examples
     --------
@@ -54,12 +55,12 @@ class Distribution(StrictModel):
         return isinstance(getattr(stats, self.distribution), stats.rv_discrete)
 
     def build(self):
-        """The distribution, frozen.
+        """Return the frozen distribution of `scipy.stats`.
 
         Raises
         ------
         ValueError
-            For an unknown distribution, an unknown or missing parameter, or a value that makes no sense.
+            For an unknown distribution, an unknown or missing parameter, or an invalid value.
         """
         from scipy import stats
 
@@ -82,12 +83,12 @@ class Distribution(StrictModel):
             raise ValueError(f"{self.distribution} needs {', '.join(missing)}; it has {', '.join(takes)}")
         frozen = kind(**given)
         if not np.isfinite(frozen.ppf([0.25, 0.5, 0.75])).all():
-            raise ValueError(f"{self.distribution} makes no sense with {', '.join(f'{key}={value:g}' for key, value in given.items())}")
+            raise ValueError(f"{self.distribution} is undefined for {', '.join(f'{key}={value:g}' for key, value in given.items())}")
         return frozen
 
 
 class Fit(StrictModel):
-    """A fit of a surrogate, as `pdsurrogate fit` makes it; see `pdsurrogate.learning.settings.FitSettings` for the choices."""
+    """Settings of a fit of a surrogate by `pdsurrogate fit`; see `pdsurrogate.learning.settings.FitSettings`."""
 
     material: MaterialSpec = Field(default_factory=lambda: MaterialSpec(law="neo-hookean"))
     energy: bool = False
@@ -109,22 +110,23 @@ class Study(StrictModel):
     Attributes
     ----------
     scene : str, optional
-        Name or file of a scene; this or `fit`.
+        Name or file of a scene; either this or `fit` is required.
     fit : dict, optional
         Settings of a fit, see `Fit`.
     force : str, optional
         Force model of all runs, as for `pdsurrogate.simulate`.
     set : dict
-        What all runs change in the scene, by dotted key.
+        Changes to the scene for all runs, by dotted key.
     parameters : dict
-        By dotted key, the values that runs take: a list, or a `Distribution`.  Of a scene ``force`` is one as well.
+        Values of the runs by dotted key: a list, or a `Distribution`. For a scene ``force`` can be a parameter, too.
     design : {"grid", "zip", "random", "latin-hypercube"}
-        Every value with every other; the first values of all, then the second ones; or `samples` drawn at random, from a list every entry
-        alike, independently or as a Latin hypercube, which spreads each parameter evenly.
+        "grid" combines every value with every other; "zip" takes the first values of all, then the second ones; "random" and
+        "latin-hypercube" draw `samples` runs, independently or spread evenly over each parameter, with equal probability for the entries of
+        a list.
     samples : int, optional
-        Runs of a design that draws.
+        Number of runs to draw.
     seed : int
-        Of a design that draws.
+        Seed of the draw.
     quantities : tuple of str, optional
         Columns of the table: dotted keys of a run's ``summary.json``, or of its last level.
 
@@ -149,7 +151,7 @@ class Study(StrictModel):
     @model_validator(mode="before")
     @classmethod
     def _flat(cls, data: Any) -> Any:
-        """Dotted keys, which TOML reads as tables in tables unless they are quoted, as what they are."""
+        """Flatten dotted keys, which TOML reads as nested tables unless they are quoted."""
         if not isinstance(data, Mapping):
             return data
         data = dict(data)
@@ -174,17 +176,19 @@ class Study(StrictModel):
             raise ValueError("parameters: there are none; name one and give its values, or its distribution")
         if self.fit is not None and (self.force is not None or self.set):
             key = "force" if self.force is not None else "set"
-            raise ValueError(f"{key}: belongs to a scene; what all fits have in common is said in [fit]")
+            raise ValueError(f"{key}: belongs to a scene; put settings common to all fits in [fit]")
         if self.force is not None and FORCE in self.parameters:
-            raise ValueError("force: is a parameter as well; say it in one place")
+            raise ValueError("force: is also a parameter; set it in one place only")
         both = [key for key in self.set if key in self.parameters]
         if both:
-            raise ValueError(f"set.{both[0]}: is a parameter as well; say it in one place")
+            raise ValueError(f"set.{both[0]}: is also a parameter; set it in one place only")
         drawn = self.design in ("random", "latin-hypercube")
         if drawn and self.samples is None:
-            raise ValueError(f"samples: design={self.design} needs their number")
+            raise ValueError(f"samples: design={self.design} needs the number of samples")
         if not drawn and self.samples is not None:
-            raise ValueError(f"samples: design={self.design} takes all values of the lists; design=random or latin-hypercube draws samples")
+            raise ValueError(
+                f"samples: design={self.design} uses every value of the lists; to draw samples, use design=random or design=latin-hypercube"
+            )
         for key, values in self.parameters.items():
             if not drawn and isinstance(values, Distribution):
                 raise ValueError(f"parameters.{key}: a distribution needs design=random or design=latin-hypercube, not {self.design}")
@@ -203,7 +207,7 @@ def _flattened(table: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 
 def _values(key: str, values: Any) -> Any:
-    """A list or a distribution, of what was given for a parameter."""
+    """Return a tuple of values or a distribution from the value given for a parameter."""
     if isinstance(values, Distribution):
         return values
     if isinstance(values, Mapping):
@@ -222,20 +226,9 @@ def _values(key: str, values: Any) -> Any:
 
 
 def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, str, Path]:
-    """A study, by the path of its file or as a mapping of the same keys.
+    """Return a study from its file or a mapping, the name of its source for messages, and the folder for relative scene files.
 
-    Returns
-    -------
-    Study
-    str
-        Where it comes from, for messages.
-    Path
-        Folder from which it names a scene file.
-
-    Raises
-    ------
-    SceneError
-        If it cannot be read, or makes no sense; the message names the key.
+    Raise SceneError, which names the key, if it cannot be read or is invalid.
     """
     if isinstance(given, Study):
         return given, "study", Path()
@@ -244,7 +237,7 @@ def load_study(given: Study | Mapping[str, Any] | str | Path) -> tuple[Study, st
     check_path(given, "a study")
     path = Path(given)
     try:
-        data = tomllib.loads(path.read_text("utf-8"))
+        data = tomllib.loads(read_description(path))
     except OSError as error:
         raise SceneError(f"cannot read study file {path}: {error.strerror}") from None
     except UnicodeDecodeError:
@@ -262,7 +255,7 @@ def _checked(data: dict, source: str) -> Study:
 
 
 def scene_of(study: Study, folder: Path) -> str:
-    """The scene of a study: a built-in one by name, else a file, named from where the study stands."""
+    """Return the scene of a study: the name of a built-in one, or the path of a file relative to the study's folder."""
     place = folder / study.scene
     known = study.scene in scene_names() or (place.suffix != ".toml" and not place.exists())
     return study.scene if known else str(place)

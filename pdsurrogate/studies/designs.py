@@ -1,4 +1,4 @@
-"""Which values the parameters of a study take in each of its runs."""
+"""Designs: the values of the parameters of a study in each of its runs."""
 
 from __future__ import annotations
 
@@ -13,26 +13,23 @@ from .description import MOST_RUNS, Distribution, Study
 
 
 def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
-    """Values by dotted key, run by run; the last parameter of a grid changes fastest.
+    """Return, for each run, the values of its parameters by dotted key; the last parameter of a grid changes fastest.
 
-    Raises
-    ------
-    SceneError
-        If lists that go together are of unequal length, or a grid has more than `MOST_RUNS` runs.
+    Raise SceneError if the lists of a zip differ in length, or a grid has more than `MOST_RUNS` runs.
     """
     keys = list(study.parameters)
     if study.design == "grid":
         number = math.prod(len(values) for values in study.parameters.values())
         if number > MOST_RUNS:
             raise SceneError(
-                f"parameters: a grid of {number} runs; at most {MOST_RUNS} are taken, and design=latin-hypercube draws from it"
+                f"parameters: the grid has {number} runs, the limit is {MOST_RUNS}; to draw from it, use design=latin-hypercube"
             )
         rows = itertools.product(*study.parameters.values())
     elif study.design == "zip":
         lengths = {key: len(values) for key, values in study.parameters.items()}
         if len(set(lengths.values())) > 1:
             told = ", ".join(f"{key} has {length}" for key, length in lengths.items())
-            raise SceneError(f"parameters: with design=zip all lists are of one length, but {told} values")
+            raise SceneError(f"parameters: design=zip needs lists of equal length, but {told} values")
         rows = zip(*study.parameters.values(), strict=True)
     else:
         columns = [_drawn(values, share) for values, share in zip(study.parameters.values(), _shares(study, len(keys)).T, strict=True)]
@@ -41,7 +38,7 @@ def parameters_of_runs(study: Study) -> list[dict[str, Any]]:
 
 
 def _shares(study: Study, dimension: int) -> np.ndarray:
-    """Places in the unit cube, shape (samples, dimension)."""
+    """Return places in the unit cube, shape (samples, dimension)."""
     random = np.random.default_rng(study.seed)
     if study.design == "random":
         return random.random((study.samples, dimension))
@@ -51,7 +48,7 @@ def _shares(study: Study, dimension: int) -> np.ndarray:
 
 
 def _drawn(values: tuple | Distribution, shares: np.ndarray) -> list:
-    """Quantiles of a distribution; of a list, whose entries are as probable as each other."""
+    """Return quantiles of a distribution, or of a list whose entries have equal probability."""
     if isinstance(values, Distribution):
         quantiles = values.build().ppf(shares)
         return [int(value) if values.discrete else float(value) for value in quantiles]

@@ -1,4 +1,4 @@
-"""Runs of a study in parallel: on the cores of this machine, or on the workers of a Dask scheduler."""
+"""Parallel execution of the runs of a study, on the cores of this machine or on the workers of a Dask scheduler."""
 
 from __future__ import annotations
 
@@ -18,45 +18,49 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from ..results.files import write_json
 from ..results.folder import LOCK, FolderTaken, occupied
 from ..scenes import SceneError
-from .tasks import Task
+from .tasks import OutOfTime, Task
 
 OUTCOME = "outcome.json"
-"""Written last in the folder of a run, so that a run with one is done."""
+"""File that is written last in the folder of a run and marks it as done."""
 
 SECONDS_TO_LEAVE = 10.0
-"""After which a run's folder that another process still holds is not waited for any longer; one that lost its study is gone in a second."""
+"""Seconds to wait for another process that still holds the folder of a run; a process whose study was killed ends within a second."""
 
 MOST_ENDS = 2
-"""Times that a run may lose its process before it is not tried again."""
+"""Number of times that a run may lose its process before it counts as failed."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended.
+    """Outcome of a run.
 
     Attributes
     ----------
     place : str
         Name of its folder.
     failure : str or None
+        Why it failed, if it did.
+    out_of_time : bool
+        Whether its time was over; it resumes with the study.
     """
 
     place: str
     failure: str | None
+    out_of_time: bool = False
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Who does the runs.
+    """Processes or Dask workers that carry out the runs.
 
     Attributes
     ----------
     jobs : int
-        Runs at the same time; of Dask, what its workers have threads for.
+        Runs at the same time; with Dask, the threads of its workers.
     threads : int
-        Of the kernels of each run.
+        Threads of the kernels in each run.
     scheduler : str or None
-        Address of Dask's.
+        Address of the Dask scheduler.
     """
 
     jobs: int
@@ -65,20 +69,16 @@ class Workers:
 
     @classmethod
     def chosen(cls, runs: int, jobs: int | None, threads: int | None, scheduler: str | None) -> Workers:
-        """So many jobs and threads as are asked for; of what is left open, as much as the cores of this machine are good for.
+        """Return workers with the given jobs and threads; values left open are chosen from the number of cores.
 
-        Raises
-        ------
-        SceneError
-            If a number is no number of jobs or threads, jobs are asked for of Dask, which has as many as its workers, or Dask is not
-            installed.
+        Raise SceneError if a number is invalid, if jobs are given together with a scheduler, or if Dask is not installed.
         """
         for key, value in (("jobs", jobs), ("threads", threads)):
             if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < 1):
                 raise SceneError(f"{key}: must be a whole number of at least 1, not {value!r}")
         if scheduler is not None:
             if jobs is not None:
-                raise SceneError("jobs: a scheduler runs as many at the same time as its workers have threads; start those you want")
+                raise SceneError("jobs: with a scheduler the number of jobs is that of its workers' threads; leave jobs out")
             if importlib.util.find_spec("distributed") is None:
                 raise SceneError('scheduler: Dask is not installed; pip install "pdsurrogate[dask]"')
             return cls(1, threads or 1, scheduler)
@@ -89,16 +89,16 @@ class Workers:
 
     @property
     def caution(self) -> str | None:
-        """What is wrong with their number."""
+        """Warning if more threads are requested than there are cores, else None."""
         cores = joblib.cpu_count()
         if self.scheduler is None and self.jobs * self.threads > max(cores, self.threads):
-            return f"{self.jobs} jobs of {self.threads} threads share {cores} cores, and will wait for each other"
+            return f"{self.jobs} jobs of {self.threads} threads share {cores} cores and will slow each other down"
         return None
 
-    def carry_out(self, tasks: dict[str, Task], folder: Path) -> Iterator[Outcome]:
-        """Do the runs, each in the folder under `folder` that it goes by; yields each as it ends.
+    def carry_out(self, tasks: dict[str, Task], folder: Path, max_time: float | None = None) -> Iterator[Outcome]:
+        """Carry out the runs, each in its folder under `folder` and for at most `max_time` seconds; yield the outcome of each as it ends.
 
-        A run whose process is ended from without, as by a system that is out of memory, is tried once more.
+        A run whose process is killed, for example when memory runs out, is tried once more.
         """
         if not tasks:
             return
@@ -107,7 +107,7 @@ class Workers:
             while left:
                 try:
                     for outcome in self._parallel(client)(
-                        joblib.delayed(carry_out)(task, folder / place, self.threads, os.getpid() if client is None else None)
+                        joblib.delayed(carry_out)(task, folder / place, self.threads, os.getpid() if client is None else None, max_time)
                         for place, task in list(left.items())
                     ):
                         del left[outcome.place]
@@ -118,10 +118,10 @@ class Workers:
                         ends[place] += 1
                         if ends[place] >= MOST_ENDS:
                             del left[place]
-                            yield Outcome(place, f"its process was ended from without, {MOST_ENDS} times; out of memory?")
+                            yield Outcome(place, f"its process was killed {MOST_ENDS} times, possibly for lack of memory")
 
     def _parallel(self, client) -> joblib.Parallel:
-        # One run at a time to a worker: what is under way there is what is lost with it.
+        # Each worker gets one run at a time: only that run is lost with the worker.
         common = {"return_as": "generator_unordered", "batch_size": 1}
         if client is not None:
             with joblib.parallel_config(backend="dask", client=client):
@@ -136,7 +136,7 @@ class Workers:
 
 
 def _lost(client) -> tuple[type[Exception], ...]:
-    """What is raised where a worker's process ends."""
+    """Return the exceptions that signal the end of a worker's process."""
     if client is None:
         return (TerminatedWorkerError,)
     from distributed.scheduler import KilledWorker
@@ -146,7 +146,7 @@ def _lost(client) -> tuple[type[Exception], ...]:
 
 @contextmanager
 def _dask_client(scheduler: str, folder: Path) -> Iterator:
-    """A client of a scheduler, all of whose workers see the study's folder."""
+    """Connect to a Dask scheduler; raise SceneError unless all its workers see the study's folder."""
     from distributed import Client
 
     try:
@@ -166,34 +166,29 @@ def _dask_client(scheduler: str, folder: Path) -> Iterator:
         yield client
 
 
-def carry_out(task: Task, folder: Path, threads: int, study: int | None) -> Outcome:
-    """One run, in whatever process; what becomes of it is in its folder when this returns.
+def carry_out(task: Task, folder: Path, threads: int, study: int | None, max_time: float | None = None) -> Outcome:
+    """Carry out one run in this process and return its outcome, which is also in its folder.
 
-    Parameters
-    ----------
-    task : Task
-    folder : Path
-    threads : int
-        Of the kernels; no more than numba was started with here.
-    study : int or None
-        Process of the study, without which this one has nothing to do; None where they belong together in another way.
+    `threads` is limited to those that numba was started with. If `study`, the process of the study, ends, this process ends as well.
     """
     if study is not None and os.getpid() != study:
         _end_without(study)
     try:
         with _held(folder):
-            failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS))
+            failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS), max_time)
             write_json(folder / OUTCOME, {"digest": task.digest, "failure": failure})
+    except OutOfTime:
+        return Outcome(folder.name, None, out_of_time=True)
     except OSError as error:
         failure = f"could not write {error.filename or folder}: {error.strerror or error}"
-    except Exception as error:  # whatever one run does, the others go on
+    except Exception as error:  # a failed run must not stop the others
         failure = f"{type(error).__name__}: {error}"
     return Outcome(folder.name, failure)
 
 
 @contextmanager
 def _held(folder: Path) -> Iterator[None]:
-    """`occupied`, that waits a little for a process whose study was killed and that will soon notice."""
+    """Hold the folder like `occupied`, but first wait for a process whose study was killed and that will soon end."""
     until = time.monotonic() + SECONDS_TO_LEAVE
     while True:
         held = occupied(folder)
@@ -214,7 +209,7 @@ _watched: set[int] = set()
 
 
 def _end_without(parent: int) -> None:
-    """End this process, once its parent is gone: a study that was killed leaves nobody behind who writes to its folder."""
+    """End this process once its parent is gone, so that no orphan of a killed study writes to the folder."""
     if parent in _watched:
         return
     _watched.add(parent)

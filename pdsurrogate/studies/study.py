@@ -1,4 +1,4 @@
-"""A study: what is left to do of it is done, and what there is is put into one table."""
+"""Run of a study: missing runs are carried out, and all results are put into one table."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from ..arguments import check_seconds
 from ..discretisation import memory_here
 from ..ranks import communicator
 from ..results import figures
 from ..results.contents import differences_of, told
-from ..results.files import check_writable, write_json, write_text
+from ..results.files import check_writable, remove_leftovers, write_json, write_text
 from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, occupied
+from ..run.interruption import heard
 from .description import Study, load_study
 from .designs import parameters_of_runs
 from .parallel import OUTCOME, Outcome, Workers
@@ -25,47 +27,47 @@ from .tasks import tasks_of
 TABLE, FIGURE, DESCRIPTION, RUNS = "study.csv", "study.png", "study.json", "runs"
 
 NOT_DONE = "not done yet"
-"""In the place of a failure, of a run that has not been done."""
+"""Entry in the column of failures for a run that has not been carried out."""
 
 SECONDS_BETWEEN_TABLES = 10.0
-"""The table is written this often while runs end, and at the end."""
+"""Seconds between updates of the table while runs end."""
 
 DIGITS = 16
-"""Of a digest in the name of a run's folder."""
+"""Number of digits of a digest in the name of a run's folder."""
 
 
 class StudyProgress(Protocol):
-    """Where a study reports to."""
+    """Receiver of the progress of a study."""
 
     def begin(self, runs: int, done: int, workers: Workers) -> None:
-        """How many runs there are, how many are done already, and who does the others."""
+        """Report the number of runs, how many of them are done already, and the workers for the others."""
 
     def ended(self, place: str, failure: str | None) -> None:
-        """A run has ended."""
+        """Report that a run has ended."""
 
 
 class Quiet:
-    """Progress that goes nowhere."""
+    """Receiver that ignores the progress."""
 
     def begin(self, runs: int, done: int, workers: Workers) -> None:
-        """Say nothing."""
+        """Ignore the start of a study."""
 
     def ended(self, place: str, failure: str | None) -> None:
-        """Say nothing."""
+        """Ignore the end of a run."""
 
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What a study gave.
+    """Results of a study.
 
     Attributes
     ----------
     study : Study
     folder : Path
-        With ``study.csv``, ``study.png`` and a folder for every run in ``runs``.
+        Folder with ``study.csv``, ``study.png`` and, in ``runs``, a folder for every run.
     rows : list of dict
-        One for every run, in the order of the design: ``run``, the name of its folder; parameters and quantities by their keys; and
-        ``failure``, None of a run that came to its end.
+        One row for every run, in the order of the design: ``run``, the name of its folder; parameters and quantities by their keys; and
+        ``failure``, None for a completed run.
 
     Examples
     --------
@@ -82,7 +84,7 @@ class StudyResult:
     rows: list[dict[str, Any]] = field(repr=False)
 
     def table(self):
-        """The rows as a `pandas.DataFrame` where pandas is installed, else as they are."""
+        """Return the rows as a `pandas.DataFrame`, or as they are if pandas is not installed."""
         try:
             from pandas import DataFrame
         except ImportError:
@@ -96,11 +98,11 @@ class StudyResult:
 
     @property
     def not_done(self) -> list[dict[str, Any]]:
-        """Rows of the runs that have not been done."""
+        """Rows of the runs that have not been carried out."""
         return [row for row in self.rows if row[FAILURE] == NOT_DONE]
 
     def cautions(self) -> list[str]:
-        """What the table does not say aloud: quantities that no run has, and states outside the domain of a surrogate."""
+        """Return warnings about quantities that no run has, and about states outside the domain of a surrogate."""
         found, done = [], [row for row in self.rows if row[FAILURE] is None]
         for name in self.study.quantities or ():
             summaries = [summary for row in done if (summary := _summary(self.folder / RUNS / row[RUN]))]
@@ -112,14 +114,14 @@ class StudyResult:
         return found
 
     def figure(self):
-        """Every quantity that changes against every parameter, a matplotlib figure; None where there is nothing to draw."""
+        """Return a matplotlib figure of every varying quantity against every parameter; None if there is nothing to draw."""
         places = (self.folder / RUNS / row[RUN] for row in self.rows if row[FAILURE] is None)
         units = next((summary["units"] for place in places if (summary := _summary(place)) and "units" in summary), {})
         return study_figure(self.rows, list(self.study.parameters), units)
 
 
 class StudyInterrupted(RuntimeError):
-    """A study that was stopped by Ctrl-C; what it did reach is in `result`, and the same call goes on from there.
+    """Error for a study stopped by Ctrl-C; `result` has the finished runs, and the same call resumes the study.
 
     Examples
     --------
@@ -141,29 +143,33 @@ def study(
     threads: int | None = None,
     scheduler: str | None = None,
     overwrite: bool = False,
+    max_time: float | None = None,
     progress: StudyProgress | None = None,
 ) -> StudyResult:
-    """Do what is left to do of a study, and put all that there is into one table.
+    """Carry out the missing runs of a study and return all results in one table.
 
-    Every run has a folder of its own, named after a digest of its scene and force (or of its fit), so that a run that is there is not done
-    again, also by a study with more of them; one that was ended half-way goes on from its checkpoint.  A run that fails is told in its row,
-    and the others go on.
+    Every run has its own folder, named after a digest of its scene and force (or of its fit), so that existing runs are not repeated, also
+    by a study with more runs; an interrupted run resumes from its checkpoint. If a run fails, its row gives the reason and the other runs
+    continue.
 
     Parameters
     ----------
     description : Study, mapping, str or path
         A study, a mapping of its keys, or its file.
     folder : str or path
+        Folder of the results.
     jobs : int, optional
-        Runs at the same time; by default as many as there are cores for.
+        Runs at the same time; by default the cores divided by the threads of a run.
     threads : int, optional
-        Of each run; by default the cores divided among the jobs.  Results do not depend on it.
+        Threads of each run; by default the cores divided by the jobs. Results do not depend on it.
     scheduler : str, optional
-        Address of a Dask scheduler, whose workers do the runs then.
+        Address of a Dask scheduler whose workers carry out the runs.
     overwrite : bool
-        Replace the table of a study with other runs in `folder`, whose runs stay.
+        Replace the table of a study with other runs in `folder`; their folders stay.
+    max_time : float, optional
+        Seconds after which every run ends with a checkpoint, from which the same call resumes it later; of scenes alone.
     progress : StudyProgress, optional
-        Where to report progress.
+        Receiver of the progress.
 
     Returns
     -------
@@ -172,14 +178,14 @@ def study(
     Raises
     ------
     SceneError
-        If the study or one of its runs makes no sense; nothing has been run then.
+        If the study or one of its runs is invalid; no run has been started then.
     ValueError
         If it is started on several ranks.
     FolderTaken
-        If `folder` holds a table that no study wrote, or that of a study with runs that this one has not, or another study is writing
-        there.
+        If `folder` holds a table that was not written by a study, or one with runs that this study does not have, or if another study is
+        writing there.
     StudyInterrupted
-        After Ctrl-C; the table of what was reached is written.
+        After Ctrl-C; the table of the finished runs is written.
 
     Examples
     --------
@@ -191,17 +197,21 @@ def study(
     (2, 0)
     """
     if communicator().size > 1:
-        raise ValueError("a study divides its runs among jobs or a Dask scheduler's workers, not among ranks: start it without mpiexec")
+        raise ValueError("a study runs in parallel by jobs or a Dask scheduler, not by ranks: start it without mpiexec")
     described, source, home = load_study(description)
     try:
         check_quantities(described)
         runs = parameters_of_runs(described)
-        # Of the machines of a scheduler's workers nothing is known yet.
+        # The memory of a scheduler's workers is unknown here.
         tasks = tasks_of(described, home.resolve(), runs, memory_here() if scheduler is None else math.inf)
     except ValueError as error:
         raise type(error)(f"{source}: {error}") from None
+    if max_time is not None:
+        check_seconds(max_time, "max_time")
+        if described.fit is not None:
+            raise ValueError(f"{source}: max_time: a fit has no checkpoint to go on from; leave it out")
     if not str(folder):
-        raise ValueError("a folder is needed for the results, and its name is empty")
+        raise ValueError("folder: its name is empty; name a folder for the results")
     folder = Path(folder).resolve()
     places = [task.digest[:DIGITS] for task in tasks]
     by_place = dict(zip(places, tasks, strict=True))
@@ -210,7 +220,8 @@ def study(
     check_writable(folder / RUNS)
     progress = progress or Quiet()
     with occupied(folder):
-        (folder / RUNS).mkdir(exist_ok=True)  # which all workers must see
+        remove_leftovers(folder)
+        (folder / RUNS).mkdir(exist_ok=True)  # all workers must see this folder
         ended = {place: found for place, task in by_place.items() if (found := _outcome(folder / RUNS / place, task.digest))}
         left = {place: task for place, task in by_place.items() if place not in ended}
         write_json(folder / DESCRIPTION, {"study": described.model_dump(mode="json"), "runs": places})
@@ -222,17 +233,20 @@ def study(
         progress.begin(len(by_place), len(ended), workers)
         written = time.monotonic()
         try:
-            for outcome in workers.carry_out(left, folder / RUNS):
+            for outcome in workers.carry_out(left, folder / RUNS, max_time):
+                if outcome.out_of_time:
+                    continue
                 ended[outcome.place] = outcome
                 progress.ended(outcome.place, outcome.failure)
                 if time.monotonic() - written > SECONDS_BETWEEN_TABLES:
                     _write(result())
                     written = time.monotonic()
         except KeyboardInterrupt:
-            # Those that ended meanwhile count as well.
+            heard.set()
+            # Runs that ended in the meantime are included.
             ended |= {place: found for place, task in left.items() if (found := _outcome(folder / RUNS / place, task.digest))}
             reached = result()
-            _write(reached)
+            write_text(reached.folder / TABLE, as_csv(reached.rows))  # a figure takes its time
             raise StudyInterrupted(reached) from None
         reached = result()
         _write(reached)
@@ -240,7 +254,7 @@ def study(
 
 
 def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool) -> None:
-    """Refuse a folder whose table is not of a study that this one goes on with, or adds runs to."""
+    """Raise FolderTaken if the folder holds a table that this study neither continues nor extends."""
     if not (folder / DESCRIPTION).exists():
         if (folder / TABLE).exists():
             raise FolderTaken(f"{folder / TABLE} was not written by a study and would be replaced; give another folder")
@@ -252,9 +266,9 @@ def _check_table(folder: Path, study: Study, places: list[str], overwrite: bool)
         there, lost = written["study"], set(written["runs"]) - set(places)
         differences = told(differences_of(there, study.model_dump(mode="json")))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise FolderTaken(f"{folder / DESCRIPTION} does not tell its study and would be replaced; {WAY_OUT}") from None
+        raise FolderTaken(f"{folder / DESCRIPTION} is not a valid description of a study and would be replaced; {WAY_OUT}") from None
     if lost:
-        why = f": {differences}" if differences else ", as its force or mesh was another one"
+        why = f": {differences}" if differences else ": its force or mesh differs"
         raise FolderTaken(f"{folder} holds the table of a study with {len(lost)} runs that this one has not{why}; {WAY_OUT}")
 
 
@@ -272,7 +286,7 @@ def _row(runs: Path, place: str, parameters: dict[str, Any], ended: Mapping[str,
     summary = _summary(runs / place) if place in ended else None
     quantities = quantities_in(summary, study.quantities) if summary else {}
     asked = {RUN: place, **parameters}
-    return {**asked, **quantities, **asked, FAILURE: failure}  # of a name that is both, what was asked for
+    return {**asked, **quantities, **asked, FAILURE: failure}  # if a name is both, the parameter wins
 
 
 def _summary(folder: Path) -> dict[str, Any] | None:
@@ -283,7 +297,7 @@ def _summary(folder: Path) -> dict[str, Any] | None:
 
 
 def _outcome(folder: Path, digest: str) -> Outcome | None:
-    """How a run ended that was done before; None where it was not."""
+    """Return the outcome of a run that was done before; None if there is none."""
     try:
         written = json.loads((folder / OUTCOME).read_text("utf-8"))
         return Outcome(folder.name, written["failure"]) if written["digest"] == digest else None

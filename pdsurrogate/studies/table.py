@@ -1,4 +1,4 @@
-"""What the runs of a study gave, as a table and a figure."""
+"""Table and figure of the results of a study."""
 
 from __future__ import annotations
 
@@ -21,31 +21,32 @@ _ALL = ("fraction_outside_domain", "n_force_evaluations", "seconds_total")
 OF_GRIPS = ("converged", "stretch", "nominal_stress", "peak_nominal_stress", "crack.broken_bonds", "crack.through", *_ALL)
 OF_STEPS = ("converged", "t", "forces", "moments", "probes.*.displacement", "crack.broken_bonds", "crack.through", *_ALL)
 OF_FITS = ("on_surface.rms", "on_surface.max", "cross_validated_rms", "outcome.n_iter", "seconds_total")
-"""Columns where none are asked for, of scenes with grips, of scenes with steps, and of fits: of these, what a run has."""
+"""Default columns of scenes with grips, of scenes with steps, and of fits; a table has those that its runs have."""
 
 COMPARED = ("nominal_stress", "lateral_displacement", "greatest_lateral_displacement")
-"""Of a level, what a reference may say as well."""
+"""Quantities of a level for which a reference solution may exist."""
 
 KEYS_OF_RUNS = (
     *("scene", "force", "material", "materials", "plane", "thickness", "n_points", "n_bonds", "n_directed_bonds", "n_ghost_points"),
     *("spacing", "cell_size", "horizon", "precision", "correction", "support", "ranks", "threads", "converged", "failure", "interrupted"),
     *("residual", "n_force_evaluations", "seconds_total", "seconds_compile", "ns_per_directed_bond", "fallback_fraction"),
-    "beyond_data",
+    *("status", "beyond_data"),
     *("fraction_outside_domain", "unsupported_points", "units", "grip_areas", "levels", "digests", "scene_as_run", "provenance"),
-    *("peak_nominal_stress", "n_steps", "critical_stretch", "crack"),
+    *("peak_nominal_stress", "n_steps", "dynamics", "critical_stretch", "crack"),
 )
 KEYS_OF_LEVELS = (
     *("stretch", "t", "step", "time", "forces", "moments", "displacements", "energy", "kinetic_energy", "stability", "probes"),
     *(f"{key}{ending}" for key in COMPARED for ending in ("", "_reference", "_error")),
     *("nominal_stress_grip", "nominal_stress_area", "nominal_stress_work_conjugate", "roughness", "residual", "evaluations", "method"),
+    "force_balance",
 )
-KEYS_OF_CRACKS = ("start", "tips", "broken_bonds", "failed_points", "through")
+KEYS_OF_CRACKS = ("start", "peak", "tips", "broken_bonds", "failed_points", "through")
 KEYS_OF_FITS = (
     *("material", "artefact", "stretch_range", "n_samples", "random_state", "on_surface", "off_surface", "by_strain", "at_rest"),
     *("least_slope", "least_slope_exact", "least_acoustic", "least_acoustic_exact", "least_curvature", "least_curvature_exact"),
     *("shear_modulus", "outcome", "cross_validation", "cross_validated_rms", "seconds_total"),
 )
-"""All that there may be in the summary of a run, its levels and its crack, and in that of a fit; tests hold them to what is written."""
+"""All keys that the summary of a run, its levels and its crack can have, and those of a fit; tests compare them with written files."""
 
 RUN, FAILURE = "run", "failure"
 """First and last column: the folder of the run, and why it failed."""
@@ -60,22 +61,16 @@ UNITS = {
         *("traction", "pressure"),
     ),
     "force": ("forces",),
-    "energy": ("moments", "energy", "kinetic_energy"),
+    "energy": ("moments", "energy", "kinetic_energy", "energy_put_in"),
 }
-"""Quantities of runs, and parameters of scenes, by the unit that they have: by any part of their dotted keys, but as a word of its own."""
+"""Quantities of runs, and parameters of scenes, by the kind of unit that they have; they are matched with the parts of a dotted key."""
 
 MOST_DRAWN = 6
-"""Quantities and parameters in a figure, each."""
+"""Greatest number of quantities, and of parameters, in a figure."""
 
 
 def check_quantities(study: Study) -> None:
-    """Refuse quantities that no run can have.
-
-    Raises
-    ------
-    SceneError
-        Names the nearest that there is.
-    """
+    """Raise SceneError, which names the nearest possible key, for quantities that no run can have."""
     known = KEYS_OF_FITS if study.fit is not None else dict.fromkeys((*KEYS_OF_LEVELS, *KEYS_OF_RUNS))
     for name in study.quantities or ():
         first, *others = name.split(".")
@@ -86,17 +81,10 @@ def check_quantities(study: Study) -> None:
 
 
 def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str, Any]:
-    """Quantities of a run, by column.
+    """Return the quantities of a run by column.
 
-    A name is a dotted key of the summary, or else of its last level; an asterisk stands for every key of a table.  What it leads to is a
-    column; a table or list, one column for each entry in it, of whatever depth.
-
-    Parameters
-    ----------
-    summary : dict
-        Of a run's ``summary.json``.
-    names : iterable of str, optional
-        By default what is usual of such a run.
+    A name is a dotted key of the run's `summary`, or else of its last level; an asterisk stands for every key of a table. A value becomes
+    one column; a table or list becomes one column for each entry at any depth. `names` defaults to the usual ones for the kind of run.
     """
     last = summary["levels"][-1] if summary.get("levels") else {}
     if names is None:
@@ -110,7 +98,7 @@ def quantities_in(summary: dict, names: Iterable[str] | None = None) -> dict[str
 
 
 def _leaves(place: Any, steps: list[str], before: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Numbers, words and switches at a place, each with its key."""
+    """Yield the numbers, words and flags at a place, each with its key."""
     entries = dict(place) if isinstance(place, dict) else dict(enumerate(place)) if isinstance(place, list) else None
     if entries is not None:
         for key, inner in entries.items():
@@ -121,14 +109,14 @@ def _leaves(place: Any, steps: list[str], before: tuple[str, ...]) -> Iterator[t
 
 
 def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
-    """Columns of rows that may each have some of them, in order, the failure last."""
+    """Return the columns that any of the rows has, in order of appearance, with the column of failures last."""
     found = dict.fromkeys(key for row in rows for key in row)
     found.pop(FAILURE, None)
     return [*found, FAILURE]
 
 
 def as_csv(rows: list[dict[str, Any]]) -> str:
-    """Rows as CSV; tables and lists in it as JSON, and nothing where a row has nothing."""
+    """Return the rows as CSV; tables and lists are written as JSON, missing values as nothing."""
     text = io.StringIO()
     columns = columns_of(rows)
     writer = csv.writer(text, lineterminator="\n")
@@ -147,22 +135,16 @@ def _cell(value: Any) -> str:
 
 
 def label_of(key: str, units: Mapping[str, str]) -> str:
-    """A key with its unit in brackets, where it has one."""
+    """Return a key with its unit in brackets, if it has one."""
     parts = [part.removesuffix("_reference") for part in key.split(".")]
     kind = next((kind for kind, names in UNITS.items() if set(names) & set(parts)), None)
-    return f"{key} ({units[kind]})" if kind in units else key
+    return f"{key} ({units[kind]})" if units.get(kind) else key
 
 
 def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mapping[str, str]) -> Figure | None:
-    """Every quantity that changes, against every parameter; None where there is nothing to draw.
+    """Draw every varying quantity against every varying parameter, up to `MOST_DRAWN` of each; return None if there is nothing to draw.
 
-    Parameters
-    ----------
-    rows : list of dict
-    parameters : list of str
-        Columns to draw against, the first `MOST_DRAWN` of those that change.
-    units : mapping
-        Names of the units of length, stress, force and energy, as a run's summary has them; none of fits.
+    `units` has the names of the units of length, stress, force and energy from a run's summary; it is empty for fits.
     """
     across = [key for key in parameters if len({_cell(row.get(key)) for row in rows}) > 1][:MOST_DRAWN]
     others = [key for key in columns_of(rows) if key not in (RUN, FAILURE, *parameters)]
@@ -191,7 +173,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _places(values: list[Any]) -> tuple[list[float], list[str]]:
-    """Where values stand on an axis: numbers where they are, anything else side by side, with their words."""
+    """Return positions of values on an axis, and tick labels for values that are not numbers, which stand side by side."""
     if all(_is_number(value) for value in values):
         return values, []
     words = list(dict.fromkeys(_cell(value) for value in values))

@@ -1,4 +1,4 @@
-"""What one run of a study does: it simulates a scene or fits a surrogate, and leaves what came out in a folder of its own."""
+"""Tasks of a study: a run that simulates a scene or fits a surrogate, with its results in its own folder."""
 
 from __future__ import annotations
 
@@ -28,42 +28,48 @@ from ..scenes.reading import apply_change
 from .description import FORCE, Fit, Study, scene_of
 
 SURROGATE = ("fitted", "1")
-"""Name and version of the artefact that a run of a study that fits leaves in its folder."""
+"""Name and version of the artefact that a fit leaves in its folder."""
+
+
+class OutOfTime(RuntimeError):
+    """A run whose time was over, and that goes on from its checkpoint."""
 
 
 class Task(Protocol):
-    """One run of a study, checked and ready to go, in this process or another one.
+    """One checked run of a study, which can be carried out in any process.
 
     Attributes
     ----------
     digest : str
-        Of everything that its result depends on.
+        Digest of everything that its result depends on.
     """
 
     digest: str
 
-    def carry_out(self, folder: Path, threads: int) -> str | None:
-        """Do it, in a folder that is its own; returns why it failed, if it did."""
+    def carry_out(self, folder: Path, threads: int, max_time: float | None) -> str | None:
+        """Carry out the run in its own folder; return why it failed, or None; raise `OutOfTime` if its time is over."""
 
 
 @dataclass(frozen=True)
 class SceneTask:
-    """A run of a scene; `force` is a reference that other machines read alike, or None for the default."""
+    """Run of a scene; `force` is a reference that other machines resolve alike, or None for the default."""
 
     scene: Scene
     force: str | None
     digest: str
 
-    def carry_out(self, folder: Path, threads: int) -> str | None:
+    def carry_out(self, folder: Path, threads: int, max_time: float | None) -> str | None:
         """Simulate, from the checkpoint in the folder if there is one."""
         model = _model(self.force, self.scene)
         if _scene_digest(self.scene, model) != self.digest:
-            raise RuntimeError("the mesh or the force is not the one that it was where the study was begun")
-        options = {"threads": threads, "folder": folder}
+            raise RuntimeError("the mesh or the force has changed since the study was started")
+        options = {"threads": threads, "folder": folder, "max_time": max_time}
         failure = None
         try:
             result = _resumed(self.scene, model, options) or simulate(self.scene, model, **options, overwrite=True)
-        except SimulationInterrupted:
+        except SimulationInterrupted as stopped:
+            if stopped.out_of_time:
+                raise OutOfTime(str(stopped)) from None
             raise KeyboardInterrupt from None
         except SimulationFailed as error:
             failure, result = str(error), error.result
@@ -74,7 +80,7 @@ class SceneTask:
 
 
 def _resumed(scene: Scene, model: ForceModel, options: Mapping):
-    """The result of a run that goes on from its checkpoint; None where there is none to go on from."""
+    """Return the result of a run resumed from its checkpoint; None if there is no usable checkpoint."""
     if not (options["folder"] / CHECKPOINT).is_file():
         return None
     try:
@@ -85,14 +91,14 @@ def _resumed(scene: Scene, model: ForceModel, options: Mapping):
 
 @dataclass(frozen=True)
 class FitTask:
-    """A fit."""
+    """Fit of a surrogate."""
 
     fit: Fit
     digest: str
 
-    def carry_out(self, folder: Path, threads: int) -> str | None:
-        """Fit, cross-validate, and leave the artefact with its scores."""
-        # Imported here: only those who fit have scikit-learn loaded.
+    def carry_out(self, folder: Path, threads: int, max_time: float | None = None) -> str | None:
+        """Fit, cross-validate, and store the artefact with its scores."""
+        # Imported here, since only a fit needs scikit-learn.
         from threadpoolctl import threadpool_limits
 
         from ..learning.fitting import TooInexact
@@ -102,7 +108,7 @@ class FitTask:
         place = folder / Path(*SURROGATE)
         summary = {"material": law.describe(), "artefact": "/".join(SURROGATE)}
         with threadpool_limits(threads):
-            if not place.exists():  # else written by a run that was ended between this and its summary
+            if not place.exists():  # it exists if an earlier attempt ended before writing its summary
                 try:
                     design, pipeline = settings.design(law), settings.pipeline()[0]
                     pipeline.fit(design.X, design.y)
@@ -126,31 +132,17 @@ class FitTask:
 
 
 def settings_of(fit: Fit):
-    """The choices of a fit, as the regressors' room takes them."""
+    """Return the settings of a fit in the form used by `pdsurrogate.learning`."""
     from ..learning.settings import FitSettings
 
     return FitSettings(**{key: value for key, value in fit if key != "material"})
 
 
 def tasks_of(study: Study, folder: Path, runs: list[dict[str, Any]], memory: float) -> list[Task]:
-    """All runs of a study, checked as far as that goes without a body.
+    """Return all runs of a study, checked as far as possible without building a body.
 
-    Parameters
-    ----------
-    study : Study
-    folder : Path
-        From which it names a scene file.
-    runs : list of dict
-        Parameters of each.
-    memory : float
-        Bytes that a run may take.
-
-    Raises
-    ------
-    SceneError
-        If one of them makes no sense; names the run and the key.
-    ArtifactError
-        If a force cannot be found or read.
+    `folder` is that of relative scene files, `runs` are the parameters of each run, and `memory` the bytes that a run may use. Raise
+    SceneError, which names the run and the key, if a run is invalid, and ArtifactError if a force cannot be found or read.
     """
     tasks: list[Task] = []
     for number, parameters in enumerate(runs, 1):
@@ -168,13 +160,13 @@ def _scene_task(study: Study, folder: Path, parameters: dict[str, Any], memory: 
     check_size(scene, memory)
     force = parameters.get(FORCE, study.force)
     if force is not None and not isinstance(force, str):
-        raise SceneError(f"force: must be the name or path of one, not {force!r}")
+        raise SceneError(f"force: must be the name or path of a force model, not {force!r}")
     if force is None:
         model = artifacts.default_force(scene)
     else:
         scene, model = artifacts.with_material(scene, force)
     if force is not None and force not in FORCES:
-        # The version by which it is known now; an artefact that no name leads to, by its whole path.
+        # The name with its present version; an artefact that cannot be found by name is given by its whole path.
         named, which = artifacts.find_artifact(force), artifacts.parted(force)[1]
         force = f"{named.parent.name}@{named.name}" if _found_by_name(named) else str(named.resolve())
         force += "" if which is None else f"#{which}"
@@ -195,13 +187,13 @@ def _model(force: str | None, scene: Scene) -> ForceModel:
 def _scene_digest(scene: Scene, model: ForceModel) -> str:
     described = {"scene": scene.model_dump(mode="json"), "forces": [identity_of(own) for own in checked_models(scene, model)]}
     if isinstance(scene.body, Mesh):
-        del described["scene"]["body"]["file"]  # its contents count, not where it lies
+        del described["scene"]["body"]["file"]  # the digest covers its contents, not its path
         described["mesh"] = digest_of_mesh(scene.body)
     return digest_of(described)
 
 
 def _fit_task(study: Study, parameters: dict[str, Any]) -> FitTask:
-    data = json.loads(json.dumps(study.fit))  # a copy, of tables and lists alone
+    data = json.loads(json.dumps(study.fit))  # a deep copy of tables and lists
     for key, value in parameters.items():
         apply_change(data, key, value)
     try:

@@ -21,7 +21,8 @@ print("relative errors left out:", [f"{fold['rms']:.1e}" for fold in folds])
 
 # %% Stored with its card, and run in a scene of that material.
 model.fit(samples.X, samples.y)
-path = pd.store(model, samples, law, None, "treloar-gent", None, "Gent rubber from Treloar's data up to a stretch of 3", folds)
+text = pd.CardText("Gent rubber from Treloar's data up to a stretch of 3", folds)
+path = pd.store(model, samples, law, None, "treloar-gent", None, text)
 scene = pd.load_scene("uniaxial", spacing=0.1, stretches=[1.5, 2.0], material=law.describe())
 result = pd.simulate(scene, path)
 error = result.levels[-1]["nominal_stress_error"]

@@ -18,7 +18,7 @@ pd.preview(scene).savefig("tear-scene.png")
 result = pd.simulate(scene, "bond-energy", folder="tear")
 result.save("tear")
 crack = result.summary["crack"]
-print("first bond at stretch", crack["start"]["stretch"], "near", crack["start"]["x"], "- broken:", crack["broken_bonds"])
+print("first bond broken at stretch", crack["start"]["stretch"], "at", crack["start"]["x"], "- in all:", crack["broken_bonds"])
 
 # %% Work of the grips is strain, motion, what damping took and what the crack released.
 rows = [row for row in result.history if "time" in row]

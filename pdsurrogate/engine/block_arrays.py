@@ -10,22 +10,27 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 BLOCK = 256
-"""Values per row of a block: a dozen rows stay within a 32 kB first-level cache, and it is a multiple of every vector width."""
+"""Values per row of a block: a dozen rows fit into a 32 kB first-level cache, and it is a multiple of every vector width."""
 
 STATE_ROWS = 6
-"""Rows of the states a bond force is evaluated on: a = U_nn, b = U_nm, U_mm, J, C33, and for those that read it l/horizon."""
+"""Rows of the states of a bond force: a = U_nn, b = U_nm, U_mm, J, C33, and for models that need it l/horizon."""
 
 TRACTION_ROWS = 3
-"""Rows of its result: T_nn, T_nm, T_mm, dimensionless (theory (11))."""
+"""Rows of the result of a bond force: T_nn, T_nm, T_mm, dimensionless (theory (11))."""
 
 SCRATCH_ROWS = 9
-"""Rows of doubles for a stress response: three of states, five of its result."""
+"""Rows of doubles for a stress response: three for its states, five for its result, one of working memory."""
 
 CACHE_LINE = 64
 
 
+def power_of_two(size: float) -> float:
+    """The power of two next above a size, 1 for 0: numbers are divided by it, and none of their digits changes, to be kept in single."""
+    return float(np.ldexp(1.0, int(np.frexp(size)[1]))) if size > 0 else 1.0
+
+
 def aligned_rows(shape, dtype=np.float64, value=0):
-    """Array filled with `value` that begins at a cache line, so that no vector of a row lies across two of them.
+    """Return an array filled with `value` that begins at a cache line, so that no vector of a row lies across two lines.
 
     NumPy promises 16 bytes only; half of all 32-byte loads and every 64-byte load would then touch two lines.
     """
@@ -40,10 +45,10 @@ def aligned_rows(shape, dtype=np.float64, value=0):
 
 @cache
 def rows_of(length):
-    """An intrinsic that gives the same two-dimensional array, stated to have rows of exactly `length` values.
+    """Return an intrinsic that views a two-dimensional array as one with rows of exactly `length` values.
 
-    With the row length a constant, LLVM sees that the rows of one array do not overlap; otherwise every pair of rows that a loop touches
-    costs a test at run time, and past eight of them it gives up vectorising the loop.
+    With a constant row length LLVM sees that the rows of one array do not overlap. Otherwise every pair of rows in a loop costs a test at
+    run time, and beyond eight rows the loop is not vectorised.
     """
 
     @intrinsic
@@ -79,9 +84,9 @@ pair_records, triple_records, quad_records = rows_of(2), rows_of(3), rows_of(4)
 
 @intrinsic
 def rows_from(typingctx, rows, start):
-    """The rows of a block from a given one on.
+    """Return the rows of a block from a given one on.
 
-    Of a slice LLVM does not know how far it is from its neighbours: the start is clipped to the length at run time.
+    A slice would hide from LLVM how far it is from its neighbours, since its start is clipped at run time.
     """
     signature = rows(rows, types.intp)
 
@@ -105,9 +110,9 @@ def rows_from(typingctx, rows, start):
 
 @intrinsic
 def put_column(typingctx, rows, column, values):
-    """``rows[q, column] = values[q]`` for every value of a tuple.
+    """Write ``rows[q, column] = values[q]`` for every value of a tuple.
 
-    Written as a loop over q, LLVM splits the first columns off the loop around it, whose vectors then lie across cache lines.
+    A loop over q would make LLVM split the first columns off the enclosing loop, whose vectors then lie across cache lines.
     """
 
     def codegen(context, builder, signature, arguments):
@@ -121,7 +126,7 @@ def put_column(typingctx, rows, column, values):
 
 @intrinsic
 def column_like(typingctx, rows, column, values):
-    """What `put_column` wrote of a tuple like `values`."""
+    """Return the column that `put_column` wrote, as a tuple with the length and types of `values`."""
 
     def codegen(context, builder, signature, arguments):
         found = [builder.load(place) for place in _column(context, builder, signature.args, arguments)]
@@ -131,7 +136,7 @@ def column_like(typingctx, rows, column, values):
 
 
 def _column(context, builder, kinds, arguments):
-    """Addresses of a column's values, as many as the tuple has that goes with it."""
+    """Return the addresses of a column's values, as many as the accompanying tuple has."""
     array = context.make_array(kinds[0])(context, builder, arguments[0])
     rows = [ir.Constant(context.get_value_type(types.intp), q) for q in range(len(kinds[2]))]
     return [cgutils.get_item_pointer(context, builder, kinds[0], array, [row, arguments[1]]) for row in rows]
@@ -139,7 +144,10 @@ def _column(context, builder, kinds, arguments):
 
 @intrinsic
 def stack_rows(typingctx, count, x):
-    """An array of rows on the stack, for intermediate values within a block function, in the precision of x; `count` is a literal."""
+    """Return an array of `count` rows on the stack, in the precision of x, for intermediate values of a block function.
+
+    `count` is a literal.
+    """
     if not isinstance(count, types.IntegerLiteral):
         return None
     rows = count.literal_value

@@ -1,9 +1,9 @@
-"""Keys of compiled code: digests of everything that a function's code depends on.
+"""Digests of everything that a function's compiled code depends on, which serve as keys of the disk cache.
 
-numba keys its disk cache by the file a function stands in and does not see changes in what the function calls or in constants that it
-takes from elsewhere, which it freezes.  The digest made here covers the function's code, the values of its globals, closures and
-defaults, and, recursively, the code of every function that it calls, in whatever file; comments and docstrings are not part of it.
-Functions of installed libraries count by name and version.
+numba keys its cache by the file that holds a function. It does not see changes in called functions or in imported constants, which it
+freezes. The digest made here covers the function's code, the values of its globals, closures and defaults, and, recursively, the code of
+every function that it calls, in whatever file; comments and docstrings are left out. Functions of installed libraries count by name and
+version.
 """
 
 from __future__ import annotations
@@ -26,32 +26,21 @@ from numba.core.typing.templates import builtin_registry
 from numba.extending import _Intrinsic
 
 LIBRARIES = frozenset({"numba", "numpy", "llvmlite", "scipy"})
-"""Their code counts by name and by the versions of the three that make or hold compiled code."""
+"""Libraries whose functions enter a digest by name only, together with the versions of numba, NumPy and llvmlite."""
 
 
 _FOLDERS = ("<frozen", *(os.path.dirname(module.__file__) + os.sep for module in (numba, np, llvmlite, scipy, os)))
 
 
 class NotKeyable(TypeError):
-    """A value whose influence on compiled code cannot be told from the value."""
+    """Error for a value whose influence on compiled code cannot be determined."""
 
 
 def code_digest(*values) -> str:
-    """Digest of functions with all that their code depends on, and of plain values.
+    """Return a digest of functions with everything that their code depends on, and of plain values.
 
-    Parameters
-    ----------
-    *values
-        Functions (plain, compiled by numba or intrinsic), numbers, texts, arrays, dtypes, and tuples, lists, sets and dicts of these.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    NotKeyable
-        If a function uses a value of any other kind; it is named.
+    Values are functions (plain, compiled by numba, or intrinsics), numbers, texts, arrays, dtypes, and tuples, lists, sets and dicts of
+    these. Raise NotKeyable, naming the function and the value, for a value of any other kind.
     """
     walk = _Walk()
     versions = (numba.__version__, np.__version__, llvmlite.__version__, tuple(sys.version_info[:2]))
@@ -61,7 +50,7 @@ def code_digest(*values) -> str:
 
 
 class _Walk:
-    """One walk over a function and what it depends on; every function is entered once."""
+    """Computation of one digest: it visits a function and everything that the function depends on, each function once."""
 
     def __init__(self) -> None:
         self.digest = hashlib.sha256()
@@ -126,7 +115,7 @@ class _Walk:
             return
         self._numbers[id(function)] = len(self._numbers)
         self._kept.append(function)  # an id is unique only while its object lives
-        # The module counts: what numba keeps of a function finds its globals again by the module's name.
+        # The module is included: numba's cached code finds its globals by the module's name.
         self._write("function", function.__module__)
         code = function.__code__
         self._code(code, function.__doc__ is not None and code.co_consts[:1] == (function.__doc__,))
@@ -150,14 +139,14 @@ class _Walk:
         self._write(
             "code", code.co_code, code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars, code.co_argcount, code.co_flags
         )
-        # A docstring takes the first place of the constants, where a function without one has None.
+        # A docstring is the first constant, where a function without one has None.
         for constant in (None, *code.co_consts[1:]) if documented else code.co_consts:
             self.add(constant)
 
 
 @cache
 def _names(code: python_types.CodeType) -> frozenset[str]:
-    """All names of globals and attributes that a code object and those nested in it read."""
+    """Return all names of globals and attributes that a code object and those nested in it read."""
     names = set(code.co_names)
     for constant in code.co_consts:
         if isinstance(constant, python_types.CodeType):
@@ -166,9 +155,9 @@ def _names(code: python_types.CodeType) -> frozenset[str]:
 
 
 def _values_behind(names: frozenset[str], space: dict) -> Iterator[tuple[str, object]]:
-    """Values that names have in a module, and in those of its modules that are no library's.
+    """Yield the names with the values that they have in a module, and in imported modules that belong to no library.
 
-    Which names are attributes of which module is not looked into: taking every one that a module has takes too many at most.
+    Attributes are not matched to their modules: including every name that a module has includes too much at worst.
     """
     for name in sorted(names & space.keys()):
         value = space[name]
@@ -183,7 +172,7 @@ def _root(module: str | None) -> str:
 
 
 def _is_of_library(value) -> bool:
-    """Whether a module, class or function belongs to Python or to a library whose version says what it does."""
+    """Return whether a module, class or function belongs to Python or to a library that counts by its version."""
     if inspect.ismodule(value):
         name, file = value.__name__, getattr(value, "__file__", None)
     elif isinstance(value, python_types.FunctionType):
@@ -193,12 +182,12 @@ def _is_of_library(value) -> bool:
     else:
         return False
     root = _root(name)
-    # A user's file may have the name of a module of Python's; what has no file is built in.
+    # A user's file may share the name of a standard module; a module without a file is built in.
     return (root in LIBRARIES or root in sys.stdlib_module_names) and (file is None or file.startswith(_FOLDERS))
 
 
 def _overloads() -> dict[int, list[Callable]]:
-    """What numba compiles in the place of a function, by the function's id: implementations registered with `numba.extending.overload`."""
+    """Return the implementations registered with `numba.extending.overload`, by the id of the Python function that they replace."""
     found: dict[int, list[Callable]] = {}
     for function, kind in builtin_registry.globals:
         if isinstance(function, python_types.FunctionType) and not _is_of_library(function):

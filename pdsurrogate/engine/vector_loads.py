@@ -1,10 +1,10 @@
-"""Loads and sums of short records (2 or 4 reals a point or bond), written with explicit vector instructions.
+"""Loads, stores and sums of short records, written with explicit vector instructions.
 
-A point's position is a record of two doubles, its node state one of four reals.  Left to itself LLVM turns the bond
-loops' indexed loads into gather instructions, one component at a time; loading a whole record at once is two to three
-times faster (``tests/test_kernels.py`` holds each function against its plain twin, ``pdsurrogate compare`` measures
-the passes built on them).  Records are transposed on the way into a block, so that everything after the load is an
-ordinary loop over bonds.
+A point's position is a record of two or three doubles, its state or gradient one of four or nine reals. LLVM compiles indexed loads in a
+loop over bonds into gather instructions, one component at a time; loading a whole record at once is faster. Each function states its gain
+over a plain loop, by ``python pipelines/vector_loads.py`` on a processor with AVX-512, in single and in double precision; one that gains
+less than 1.3 has no place here. ``tests/test_kernels.py`` compares the results. Records are transposed into the rows of a block, so that
+everything after the load is an ordinary loop over bonds.
 """
 
 from functools import cache
@@ -27,7 +27,7 @@ def _data(context, builder, array_type, array):
 
 
 def _element(builder, data, index, width=1):
-    """Address of ``data[index * width]``."""
+    """Return the address of ``data[index * width]``."""
     if index.type.width < 64:
         index = builder.zext(index, _INDEX)
     if width != 1:
@@ -65,10 +65,11 @@ def _scalar_of(context, array_type):
 
 @intrinsic
 def gather_pairs(typingctx, records, positions, first, second, at, sums, differences, column):
-    """Sums of the records and differences of the positions of the ends of four pairs, a row for every component.
+    """Write sums of the records and differences of the positions of the ends of four pairs in the plane, one row per component.
 
-    ``sums[r, column + k] = records[first[at + k], r] + records[second[at + k], r]`` for r in 0 … 3 and
-    ``differences[r, column + k] = positions[second[at + k], r] - positions[first[at + k], r]`` for r in 0, 1, each for k in 0 … 3.
+    ``sums[r, column + k] = records[first[at + k], r] + records[second[at + k], r]`` for r in 0 … 3 and ``differences[r, column + k] =
+    positions[second[at + k], r] - positions[first[at + k], r]`` for r in 0, 1, each for k in 0 … 3. A plain loop takes 3.7 (float32) or 2.7
+    (float64) times as long.
     """
     signature = types.void(records, positions, first, second, types.int64, sums, differences, types.int64)
 
@@ -88,7 +89,10 @@ def gather_pairs(typingctx, records, positions, first, second, at, sums, differe
 
 @intrinsic
 def gather_pairs_in_space(typingctx, records, positions, first, second, at, sums, differences, column):
-    """The same of records of nine and positions of three, a row for every component."""
+    """Write sums and differences as `gather_pairs` does, of records of nine reals and positions of three.
+
+    A plain loop takes 2.5 (float32) or 2.2 (float64) times as long.
+    """
     signature = types.void(records, positions, first, second, types.int64, sums, differences, types.int64)
 
     def codegen(context, builder, signature, arguments):
@@ -116,9 +120,10 @@ def gather_pairs_in_space(typingctx, records, positions, first, second, at, sums
 
 @cache
 def put_records(length):
-    """An intrinsic that writes four records: ``records[at + k, r] = rows[r, column + k]`` for r below `length`, each for k in 0 … 3.
+    """Return an intrinsic that writes four records: ``records[at + k, r] = rows[r, column + k]`` for r below `length`, k in 0 … 3.
 
-    Left to itself LLVM scatters records that are not of two or four reals, one component at a time, at several times the cost.
+    LLVM scatters longer records one component at a time: a plain loop takes 1.8 times as long for four reals, 2.4 (float32) or 1.4
+    (float64) times for nine. For two reals it takes no longer.
     """
 
     @intrinsic
@@ -153,19 +158,19 @@ def put_records(length):
 
 
 def _transposed(builder, rows):
-    """The columns of four vectors of four."""
+    """Return the columns of four vectors of four."""
     low = [_shuffle(builder, rows[n], rows[n + 1], [0, 4, 1, 5]) for n in (0, 2)]
     high = [_shuffle(builder, rows[n], rows[n + 1], [2, 6, 3, 7]) for n in (0, 2)]
     return [_shuffle(builder, *pair, lanes) for pair in (low, high) for lanes in ([0, 1, 4, 5], [2, 3, 6, 7])]
 
 
 def _component(builder, address, r):
-    """One real of a record."""
+    """Return one real of a record."""
     return builder.load(_element(builder, address, _constant(r)))
 
 
 def _vector(builder, values):
-    """A vector of so many reals."""
+    """Return a vector of the given reals."""
     vector = ir.Constant(ir.VectorType(values[0].type, len(values)), ir.Undefined)
     for k, value in enumerate(values):
         vector = builder.insert_element(vector, value, ir.Constant(ir.IntType(32), k))
@@ -174,7 +179,7 @@ def _vector(builder, values):
 
 @intrinsic
 def subtract_positions(typingctx, positions, first, second, at, out, column):
-    """The differences of `gather_pairs` alone."""
+    """Write the differences of positions as `gather_pairs` does, without sums; a plain loop takes 2.0 times as long."""
     signature = types.void(positions, first, second, types.int64, out, types.int64)
 
     def codegen(context, builder, signature, arguments):
@@ -188,13 +193,13 @@ def subtract_positions(typingctx, positions, first, second, at, out, column):
 
 
 def _ends(builder, left, right, at):
-    """Numbers of the points at both ends of four pairs."""
+    """Return the numbers of the points at both ends of four pairs."""
     places = [builder.add(at, _constant(k)) for k in range(4)]
     return [tuple(builder.zext(builder.load(_element(builder, ends, place)), _INDEX) for ends in (left, right)) for place in places]
 
 
 def _difference_columns(builder, positions, pairs, scalar):
-    """Components of second position minus first, one vector over four pairs each."""
+    """Return the components of second position minus first, each a vector over four pairs."""
     loaded = [[_load(builder, _element(builder, positions, end, 2), 2) for end in pair] for pair in pairs]
     rows = [builder.fsub(second, first) for first, second in loaded]
     halves = [_shuffle(builder, rows[n], rows[n + 1], [0, 1, 2, 3]) for n in (0, 2)]
@@ -211,9 +216,9 @@ def _store_rows(context, builder, array_type, array, columns, column):
 
 @intrinsic
 def sum_outer_products(typingctx, positions, neighbours, weights, start, stop, point, out):
-    """``out[point] = sum over b in start … stop of (positions[neighbours[b]] - positions[point]) (x) weights[b]``.
+    """Write ``out[point] = sum over b in start … stop of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns.
 
-    The record written is (11, 21, 12, 22), that is the matrix by columns.
+    A plain loop takes 2.2 (float32) or 1.5 (float64) times as long.
     """
     signature = types.void(positions, neighbours, weights, types.uint64, types.uint64, types.uint64, out)
 
@@ -227,7 +232,7 @@ def sum_outer_products(typingctx, positions, neighbours, weights, start, stop, p
             return _load(builder, _element(builder, source, builder.load(_element(builder, indices, position)), 2), 2)
 
         def add(ends, weights, accumulators):
-            """Two bonds side by side: their differences times the first and times the second component of their weights."""
+            """Add two bonds at once: their differences times the first and times the second component of their weights."""
             differences = builder.fsub(ends, twice)
             for accumulator, lanes in zip(accumulators, ([0, 0, 2, 2], [1, 1, 3, 3]), strict=True):
                 product = builder.fmul(differences, _shuffle(builder, weights, weights, lanes), flags=_CONTRACT)
@@ -253,7 +258,10 @@ def sum_outer_products(typingctx, positions, neighbours, weights, start, stop, p
 
 @intrinsic
 def sum_matrix_products(typingctx, matrices, neighbours, vectors, start, stop, point, out):
-    """``out[point] = sum over b in start … stop of (matrices[point] + matrices[neighbours[b]]) vectors[b]``, matrices by columns."""
+    """Write ``out[point] = sum over b in start … stop of (matrices[point] + matrices[neighbours[b]]) vectors[b]``, matrices by columns.
+
+    A plain loop takes 2.8 (float32) or 2.5 (float64) times as long.
+    """
     signature = types.void(matrices, neighbours, vectors, types.uint64, types.uint64, types.uint64, out)
 
     def codegen(context, builder, signature, arguments):
@@ -277,7 +285,10 @@ def sum_matrix_products(typingctx, matrices, neighbours, vectors, start, stop, p
 
 @intrinsic
 def sum_matrix_products_in_space(typingctx, matrices, neighbours, vectors, start, stop, point, out):
-    """The same of records of nine and vectors of three."""
+    """Write sums as `sum_matrix_products` does, of matrices of nine reals and vectors of three.
+
+    A plain loop takes 1.8 (float32) or 2.5 (float64) times as long.
+    """
     signature = types.void(matrices, neighbours, vectors, types.uint64, types.uint64, types.uint64, out)
     double = ir.DoubleType()
 
@@ -285,7 +296,7 @@ def sum_matrix_products_in_space(typingctx, matrices, neighbours, vectors, start
         source, indices, factors, target = (_data(context, builder, signature.args[n], arguments[n]) for n in (0, 1, 2, 6))
 
         def columns(number):
-            """The three columns of a matrix, each with a fourth lane that nobody reads."""
+            """Return the three columns of a matrix, each with a fourth, unused component."""
             base = _element(builder, source, number, 9)
             loaded = [_load(builder, _element(builder, base, _constant(at)), 4) for at in (0, 3, 5)]
             return [*loaded[:2], _shuffle(builder, loaded[2], loaded[2], [1, 2, 3, 3])]
@@ -313,7 +324,10 @@ def sum_matrix_products_in_space(typingctx, matrices, neighbours, vectors, start
 
 @intrinsic
 def sum_signed_records(typingctx, records, start, stop, indices, first, last, factor, point, out):
-    """``out[point] = factor * (sum of records[start … stop] - sum of records[indices[first … last]])``, summed in double."""
+    """Write ``out[point] = factor * (sum of records[start … stop] - sum of records[indices[first … last]])``, summed in double.
+
+    The records have two reals. A plain loop takes 2.3 (float32) or 1.6 (float64) times as long.
+    """
     signature = types.void(records, *[types.uint64] * 2, indices, *[types.uint64] * 2, types.float64, types.uint64, out)
 
     def codegen(context, builder, signature, arguments):
@@ -330,7 +344,7 @@ def sum_signed_records(typingctx, records, start, stop, indices, first, last, fa
 
 
 def _sum_pairs(builder, source, start, stop, places=None):
-    """Sum in double of the records of two reals at ``start … stop``, or at ``places[start … stop]``."""
+    """Return the sum, in double precision, of the records of two reals at ``start … stop``, or at ``places[start … stop]``."""
     double = ir.DoubleType()
 
     def record(position, count=2):
@@ -357,7 +371,7 @@ def _sum_pairs(builder, source, start, stop, places=None):
 
 
 def _sum_quads(builder, source, start, stop, places=None):
-    """Sum in double of the records of four reals at ``start … stop``, or at ``places[start … stop]``."""
+    """Return the sum, in double precision, of the records of four reals at ``start … stop``, or at ``places[start … stop]``."""
     double = ir.DoubleType()
 
     def add(position, accumulator):
@@ -369,7 +383,7 @@ def _sum_quads(builder, source, start, stop, places=None):
 
 
 def _accumulate_twos(builder, start, stop, add_two, add_one, count):
-    """Sum over ``start … stop``, two at a time, into `count` vectors of four doubles; an odd one alone."""
+    """Sum over ``start … stop``, two at a time, into `count` vectors of four doubles; an odd last item is added alone."""
     quad = ir.VectorType(ir.DoubleType(), 4)
     sets = [_zeros(builder, quad, count) for _ in range(2)]
 
@@ -384,7 +398,7 @@ def _accumulate_twos(builder, start, stop, add_two, add_one, count):
 
 
 def _accumulate(builder, start, stop, add, vector_type):
-    """Sum over ``start … stop``, one at a time."""
+    """Sum over ``start … stop``, one at a time, in four independent chains."""
     accumulators = _zeros(builder, vector_type, 4)
 
     def add_four(base):
@@ -398,7 +412,7 @@ def _accumulate(builder, start, stop, add, vector_type):
 
 
 def _zeros(builder, vector_type, count):
-    """Accumulators: several, so that one addition need not wait for the one before."""
+    """Return zero accumulators; there are several, so that one addition need not wait for the one before."""
     zero = ir.Constant(vector_type, [0.0] * vector_type.count)
     accumulators = [cgutils.alloca_once(builder, vector_type) for _ in range(count)]
     for accumulator in accumulators:
@@ -407,7 +421,7 @@ def _zeros(builder, vector_type, count):
 
 
 def _in_steps(builder, start, stop, step, body):
-    """Loop over ``start … stop`` in whole steps, a power of two long; returns where the rest begins."""
+    """Loop over ``start … stop`` in whole steps of a power of two; return where the rest begins."""
     shift = _constant(step.bit_length() - 1)
     steps = builder.lshr(builder.sub(stop, start), shift)
     with cgutils.for_range(builder, steps) as loop:
@@ -417,7 +431,10 @@ def _in_steps(builder, start, stop, step, body):
 
 @intrinsic
 def outer_products(typingctx, positions, neighbours, weights, start, stop, point, out):
-    """``out[b - start] = (positions[neighbours[b]] - positions[point]) (x) weights[b]`` for b in start … stop, by columns."""
+    """Write ``out[b - start] = (positions[neighbours[b]] - positions[point]) (x) weights[b]`` for b in start … stop, by columns.
+
+    A plain loop takes 1.4 times as long.
+    """
     signature = types.void(positions, neighbours, weights, types.uint64, types.uint64, types.uint64, out)
 
     def codegen(context, builder, signature, arguments):
@@ -439,7 +456,10 @@ def outer_products(typingctx, positions, neighbours, weights, start, stop, point
 
 @intrinsic
 def sum_listed_records(typingctx, records, listed, start, stop, out, at):
-    """``out[at] = sum of records[listed[b]] for b in start … stop``, records of four doubles."""
+    """Write ``out[at] = sum of records[listed[b]] for b in start … stop``, records of four doubles.
+
+    A plain loop takes 3.1 times as long.
+    """
     signature = types.void(records, listed, types.uint64, types.uint64, out, types.uint64)
 
     def codegen(context, builder, signature, arguments):
@@ -453,7 +473,10 @@ def sum_listed_records(typingctx, records, listed, start, stop, out, at):
 
 @intrinsic
 def sum_quad_records(typingctx, records, start, stop, indices, first, last, point, out):
-    """``out[point] = sum of records[start … stop] + sum of records[indices[first … last]]``, records of four, summed in double."""
+    """Write ``out[point] = sum of records[start … stop] + sum of records[indices[first … last]]``, records of four, summed in double.
+
+    A plain loop takes 3.8 (float32) or 1.8 (float64) times as long.
+    """
     signature = types.void(records, *[types.uint64] * 2, indices, *[types.uint64] * 2, types.uint64, out)
 
     def codegen(context, builder, signature, arguments):
@@ -467,22 +490,22 @@ def sum_quad_records(typingctx, records, start, stop, indices, first, last, poin
 
 
 def _parts(length):
-    """Where the vectors of four, and of two at the end, begin that a record of so many reals is read in."""
+    """Return the first index and the length of each vector, four or at the end two reals long, into which a record is cut."""
     return [(at, 4) for at in range(0, length - 3, 4)] + [(length - 2, 2)] * (length % 4 == 2)
 
 
 def _record(builder, data, index, length):
-    """A record as vectors, see `_parts`."""
+    """Return the record at an index as a list of vectors, cut as `_parts` defines."""
     base = _element(builder, data, index, length)
     return [_load(builder, _element(builder, base, _constant(at)), count) for at, count in _parts(length)]
 
 
 @cache
 def multiply_pairs(dimension):
-    """An intrinsic that multiplies the records of pairs with those of their ends, all of d + d d reals in single precision.
+    """Return an intrinsic that multiplies the records of pairs with those of their ends, all of d + d d reals in single precision.
 
     ``out[b] = records[b] . (points[second[b]] + s * points[first])`` for b in start … stop, where s is -1 for the first d reals and 1 for
-    the others.
+    the others. A plain loop takes 1.9 times as long in the plane and 2.3 times in three dimensions.
     """
     length = dimension + dimension**2
 
@@ -518,10 +541,11 @@ def multiply_pairs(dimension):
 
 @cache
 def sum_scaled_records(dimension):
-    """An intrinsic that sums records of pairs, of d + d d reals in single precision, each times a factor.
+    """Return an intrinsic that sums records of pairs, of d + d d reals in single precision, each times a factor.
 
-    Over b in start … stop and, at ``indices[first … last]``, over pairs of which the point is the other end: ``vectors[point]`` is the
-    difference of both sums of the first d reals, ``matrices[point]`` the sum of those of the others.
+    The sums run over b in start … stop and, at ``indices[first … last]``, over pairs of which the point is the other end:
+    ``vectors[point]`` is the difference of both sums of the first d reals, ``matrices[point]`` the sum of those of the others. A plain loop
+    takes 5 times as long.
     """
     length = dimension + dimension**2
 
@@ -569,9 +593,10 @@ def sum_scaled_records(dimension):
 
 @cache
 def sum_weighted_rows(width):
-    """An intrinsic that sums rows of as many reals in single precision: ``out[point] = sum over e in start … stop of w[e] x[columns[e]]``.
+    """Return an intrinsic for rows of `width` reals in single precision: ``out[point] = sum over e in start … stop of w[e] x[columns[e]]``.
 
-    Left to itself LLVM gathers eight entries at a time, which rows of seven never fill.
+    LLVM gathers eight entries at a time, which rows of seven never fill: a plain loop takes 3.7 times as long for seven reals, 2.2 times
+    for two, 1.2 times for one.
     """
 
     @intrinsic

@@ -1,15 +1,14 @@
 """Passes over a body: functions that work on one chunk of it, run on all of numba's threads by one small parallel driver.
 
-numba compiles a function with ``prange`` twice and its arrays' handling besides, which takes as long as all else.  A pass is therefore a
-serial function of a chunk; the driver, compiled once for all of them, calls it by its address.  The arrays of a pass are handed over
-once, when it is bound: a call costs a microsecond or two, whatever it works on.
+numba compiles a function with ``prange`` twice, and its array arguments besides, which takes as long as all else. A pass is therefore a
+serial function of a chunk, which the driver, compiled once for all passes, calls by its address. The arrays of a pass are handed over once,
+when it is bound: a call costs a microsecond or two, whatever it works on.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
-from importlib import import_module
+from collections.abc import Callable
 
 import numba
 import numpy as np
@@ -21,17 +20,17 @@ from numba.extending import intrinsic, overload
 
 from .block_arrays import CACHE_LINE, aligned_rows
 from .compile import INLINE_OPTIONS, compile_block_function, compiled_digest, inlined, kernel, parallel_kernel, plain_function
-from .threads import Chunks, chunks_of
+from .threads import Chunks, chunks_of, threads_are_lost
 
 WORDS_PER_LINE = CACHE_LINE // 8
 
 CHUNK_FUNCTION = types.int64(types.CPointer(types.int64), types.int64, types.int64, types.int64)
-"""``function(arguments, thread, chunk, chunks)``: what the driver calls; returns a count."""
+"""Signature ``function(arguments, thread, chunk, chunks)`` of the functions that the driver calls; they return a count."""
 
 
 @intrinsic
 def _call_chunk(typingctx, code, arguments, thread, chunk, chunks):
-    """Call the function at an address on one chunk, its arguments at another; see `CHUNK_FUNCTION`."""
+    """Call the function at an address on one chunk, with its arguments at another address; see `CHUNK_FUNCTION`."""
     signature = types.int64(*[types.int64] * 5)
 
     def codegen(context, builder, signature, values):
@@ -45,7 +44,7 @@ def _call_chunk(typingctx, code, arguments, thread, chunk, chunks):
 
 @intrinsic
 def _take(typingctx, numbers, row):
-    """The first number in a row, which becomes one greater, whoever else takes one at the same time."""
+    """Return the first number in a row and increment it, atomically."""
 
     def codegen(context, builder, signature, values):
         array = context.make_array(signature.args[0])(context, builder, values[0])
@@ -57,17 +56,11 @@ def _take(typingctx, numbers, row):
 
 @parallel_kernel
 def _run_on_threads(calls, following, counts, found):
-    """Run passes one after another, the chunks of each in parallel.
+    """Run passes one after another, the chunks of each in parallel; `calls` holds code and argument addresses and the number of chunks.
 
-    Each thread has a share of the chunks, the same in every pass, so that what it works on stays in its cache.  Who is done takes on what
-    others have not begun: a thread that starts late or is held up delays the others by one chunk, and not by its share.
-
-    Parameters
-    ----------
-    calls : (n, 3) addresses of code and arguments of the passes, and their numbers of chunks.
-    following : (threads, WORDS_PER_LINE) working memory: in the first column the chunk that is next of each thread's share.
-    counts : (n, threads) working memory.
-    found : (n,) out: what each pass has counted.
+    Each thread has the same share of the chunks in every pass, so that its data stay in its cache. A thread that has finished takes over
+    chunks that others have not begun: a late thread delays the others by one chunk, and not by its share. `following` and `counts` are
+    working memory; `found` receives the count of each pass.
     """
     threads = following.shape[0]
     for number in range(calls.shape[0]):
@@ -91,13 +84,15 @@ def _run_on_threads(calls, following, counts, found):
 
 @kernel
 def _run_here(calls, found):
-    """Run passes one after another as one chunk each, on the thread that calls."""
+    """Run passes one after another, chunk by chunk, on the calling thread."""
     for number in range(calls.shape[0]):
-        found[number] = _call_chunk(calls[number, 0], calls[number, 1], 0, 0, 1)
+        found[number] = 0
+        for chunk in range(calls[number, 2]):
+            found[number] += _call_chunk(calls[number, 0], calls[number, 1], 0, chunk, calls[number, 2])
 
 
 def _count(found):
-    """What a pass has counted; 0 where it counts nothing."""
+    """Return the count of a pass; 0 if the pass returns nothing."""
     return found
 
 
@@ -109,7 +104,7 @@ def _count_of(found):
 
 
 def _unpacker(kinds: tuple):
-    """An intrinsic that reads the arguments of a pass from the words that `BoundPass` wrote: of an array its address and shape."""
+    """Return an intrinsic that reads the arguments of a pass from the words that `BoundPass` wrote: address and shape of each array."""
 
     @intrinsic
     def unpack(typingctx, words):
@@ -153,13 +148,10 @@ def _unpacker(kinds: tuple):
 
 
 class Pass:
-    """A function of a chunk, compiled for the arrays that it is bound to.
+    """Function that works on one chunk of a body, compiled for the types of the arrays that it is bound to.
 
-    Parameters
-    ----------
-    function : callable
-        ``function(chunk, chunks, ...)`` works on its share of the body and returns a count, or nothing.  ``function(thread, chunk, chunks,
-        ...)`` has working memory for every thread besides.
+    ``function(chunk, chunks, ...)`` works on chunk number `chunk` out of `chunks` and returns a count, or nothing. ``function(thread,
+    chunk, chunks, ...)`` can also use working memory of its thread.
     """
 
     def __init__(self, function: Callable) -> None:
@@ -172,23 +164,15 @@ class Pass:
         self._compiled = plain_function(function)
 
     def bind(self, *arguments, chunks: Chunks | None = None) -> BoundPass:
-        """Hand over the arguments, arrays in C order and numbers.
-
-        Parameters
-        ----------
-        *arguments
-            As the function takes them after chunk and chunks.
-        chunks : Chunks, optional
-            By default one for each of the threads that numba has now.
-        """
+        """Bind the pass to its arguments after chunk and chunks, arrays in C order and numbers; by default one chunk for each thread."""
         return BoundPass(self, arguments, chunks or chunks_of(0))
 
     def __call__(self, *arguments):
-        """Run once."""
+        """Run the pass once."""
         return self.bind(*arguments)()
 
     def address(self, kinds: tuple) -> int:
-        """Of the code for arguments of the given numba types."""
+        """Return the address of the code for arguments of the given numba types."""
         if kinds not in self._code:
             function, unpack = self._compiled, _unpacker(kinds)
             digest = compiled_digest(self.function, unpack, _count, [str(kind) for kind in kinds])
@@ -207,39 +191,14 @@ class Pass:
         return self._code[kinds].address
 
 
-class ByDimension(Mapping):
-    """What is written once over an algebra, made for a dimension when it is first asked for: a sheet compiles nothing of space.
-
-    Parameters
-    ----------
-    build : callable
-        ``build(algebra)``, given `pdsurrogate.kernels.algebra2` or `algebra3`.
-    """
-
-    def __init__(self, build: Callable) -> None:
-        self._build, self._made = build, {}
-        self.__doc__ = build.__doc__
-
-    def __getitem__(self, dimension: int):
-        if dimension not in self._made:
-            self._made[dimension] = self._build(import_module(f".algebra{dimension}", __package__))
-        return self._made[dimension]
-
-    def __iter__(self):
-        return iter((2, 3))
-
-    def __len__(self) -> int:
-        return 2
-
-
 @inlined
 def share_of(size, chunk, chunks):
-    """First and last but one of what falls to a chunk of so many things."""
+    """Return the first index, and the index after the last, of the items that fall to a chunk."""
     return chunk * size // chunks, (chunk + 1) * size // chunks
 
 
 class BoundPass:
-    """A pass with the arrays that it works on; called, it runs over all chunks and returns the sum of their counts."""
+    """Pass bound to its arrays; calling it runs all chunks and returns the sum of their counts."""
 
     def __init__(self, what: Pass, arguments: tuple, chunks: Chunks) -> None:
         if len(arguments) != len(what.names):
@@ -259,7 +218,7 @@ class BoundPass:
             else:
                 kind = types.int64
                 words.append(int(value))
-            # Whether an array may be written to says nothing about the code.
+            # Read-only arrays share the code of writable ones.
             kinds.append(types.Array(kind.dtype, kind.ndim, "C") if isinstance(kind, types.Array) else kind)
         self._words = np.array(words, dtype=np.int64)
         self.threads = chunks.threads
@@ -270,25 +229,20 @@ class BoundPass:
         return self._run()[0]
 
     def give(self, name: str, array: np.ndarray) -> None:
-        """Put another array of the same kind in the place of an argument."""
+        """Replace an argument by another array of the same type and shape."""
         before = self._kept[name]
         if array is before:
             return
         if array.dtype != before.dtype or array.shape != before.shape or not array.flags.c_contiguous:
-            raise TypeError(f"{self._pass.__name__}: {name} must be an array like the one before, in C order")
+            raise TypeError(f"{self._pass.__name__}: {name} must be an array in C order with the type and shape of the one it replaces")
         self._kept[name] = array
         self._words[self._places[name]] = _address(array)
 
 
 class Chain:
-    """Passes that run one after another in a single call, which returns what each has counted.
+    """Passes, bound for the same number of threads, that run one after another in a single call, which returns the count of each.
 
-    Threads that wait between two of them wait for less than a turn of Python, and do not fall asleep.
-
-    Parameters
-    ----------
-    *passes : BoundPass
-        Bound for the same number of threads.
+    Threads that wait between two passes do so more briefly than between two calls from Python, and do not fall asleep.
     """
 
     def __init__(self, *passes: BoundPass) -> None:
@@ -301,7 +255,7 @@ class Chain:
 
 
 class _Run:
-    """Calls of passes by their addresses; whoever holds this keeps what they stand for."""
+    """Calls of passes by their addresses; the owner keeps their code and arrays alive."""
 
     def __init__(self, calls: list[tuple[int, int, int]], threads: int) -> None:
         self._calls = np.array(calls, dtype=np.int64)
@@ -310,7 +264,7 @@ class _Run:
         self._found = np.zeros(len(calls), dtype=np.int64)
 
     def __call__(self) -> list[int]:
-        if len(self._following) == 1:
+        if len(self._following) == 1 or threads_are_lost():
             _run_here(self._calls, self._found)
         else:
             _run_on_threads(self._calls, self._following, self._counts, self._found)

@@ -1,23 +1,28 @@
-"""How every kernel of the project is compiled, cached and handed around.
+"""Compilation, caching and addresses of all compiled code of the project.
 
-Three kinds of compiled code exist:
+There are three kinds of compiled code:
 
 * ``kernel`` and ``parallel_kernel``: functions on plain arrays, compiled for the types they are called with;
-* *block functions*: loops over a block of states, compiled for an explicit signature on pointers and handed to the
-  kernels by their address. A kernel that takes one is compiled once, whatever material law or network stands behind
-  the address.
+* *passes* (`pdsurrogate.engine.passes`): functions on a chunk of a body, bound to their arrays and run on threads;
+* *block functions*: loops over a block of states, compiled for an explicit signature on pointers and called by their address. A pass that
+  calls one is compiled once, whatever material law or network the address belongs to.
 
-All are cached on disk, in files named by a digest of everything that their code depends on (`pdsurrogate.kernels.keys`): a change in what a
-function calls or in a constant that it takes compiles it anew, and nothing else does.
+All are cached on disk, in files named by a digest of everything that their code depends on (`pdsurrogate.engine.keys`): a change of a
+called function or of a constant recompiles the function, and nothing else does.
 """
 
 from __future__ import annotations
 
+import logging
+import pickle
 import sys
 import time
 import types as python_types
+import zlib
 from collections.abc import Callable
 from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -31,31 +36,53 @@ from numba.extending import intrinsic, is_jitted, register_jitable
 from .keys import NotKeyable, code_digest
 from .threads import start_threads
 
-# `nnan` and `ninf` are left out on purpose: they delete the tests by which the solver finds a diverging run.
+logger = logging.getLogger(__name__)
+
+# `nnan` and `ninf` are left out on purpose: they delete the tests by which the solver detects a diverging run.
 FASTMATH = {"nsz", "arcp", "contract", "afn", "reassoc"}
 
 # Without error_model="numpy" every division may raise, and no loop with a division is vectorised.
 OPTIONS = {"error_model": "numpy", "fastmath": FASTMATH}
 
-# Functions called within a vectorised loop must carry the same options, and be part of the loop's own code.
+# Functions called within a vectorised loop must have the same options and be inlined into the loop.
 INLINE_OPTIONS = {**OPTIONS, "forceinline": True}
 
 
 def compiled_digest(*values) -> str:
-    """Digest of what functions depend on, see `code_digest`, and of how they are compiled here."""
+    """Return the digest of the values that compiled code depends on, see `code_digest`, and of the compiler options used here."""
     return code_digest(*values, OPTIONS, INLINE_OPTIONS)
 
 
-class DigestCache(FunctionCache):
-    """numba's disk cache, in files named by the digest of what a function's code depends on.
+class CacheFile(IndexDataCacheFile):
+    """numba's files of a cache; what cannot be read, as after a full disk or a power cut, is not there, and is written anew."""
 
-    Parameters
-    ----------
-    function : callable
-    digest : str, optional
-        By default it is formed when something is first looked up, when everything that the function calls has been defined.
-    parallel : bool
-        Whether it runs on numba's threads, which then have to be started before it is compiled or loaded.
+    def _load_index(self):
+        try:
+            return super()._load_index()
+        except Exception:  # whatever a damaged pickle raises
+            return {}
+
+    def _save_data(self, name, data):
+        data = self._dump(data)
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(_checksum(data) + data)
+
+    def _load_data(self, name):
+        kept = Path(self._data_path(name)).read_bytes()
+        if _checksum(kept[4:]) != kept[:4]:
+            raise OSError(f"{name} is damaged")  # which numba takes for a file that is not there
+        return pickle.loads(kept[4:])
+
+
+def _checksum(data: bytes) -> bytes:
+    return zlib.crc32(data).to_bytes(4, "little")
+
+
+class DigestCache(FunctionCache):
+    """numba's disk cache, in files named by the digest of everything that a function's code depends on.
+
+    Without a given `digest` it is computed at the first look-up, when everything that the function calls is defined. A `parallel` function
+    needs numba's threads started before it is compiled or loaded.
     """
 
     def __init__(self, function: Callable, digest: str | None = None, parallel: bool = False) -> None:
@@ -64,7 +91,7 @@ class DigestCache(FunctionCache):
         self._cache_file = None
 
     def _open(self) -> None:
-        """Find the cache's file; there is none for a function whose dependences cannot be told."""
+        """Find the cache's file; a function whose dependencies cannot be determined is not cached."""
         if self._parallel:
             start_threads()
         if self._cache_file is not None or not self._enabled:
@@ -76,10 +103,10 @@ class DigestCache(FunctionCache):
             return
         name = self._py_func.__qualname__.replace("<", "").replace(">", "")
         python = f"py{sys.version_info[0]}{sys.version_info[1]}"
-        self._cache_file = IndexDataCacheFile(self._cache_path, f"{name}-{digest[:20]}.{python}", digest)
+        self._cache_file = CacheFile(self._cache_path, f"{name}-{digest[:20]}.{python}", digest)
 
     def _index_key(self, sig, codegen):
-        # All that the function closes over is in the digest.
+        # The digest covers all that the function closes over.
         return sig, codegen.magic_tuple()
 
     def load_overload(self, sig, target_context):
@@ -88,11 +115,20 @@ class DigestCache(FunctionCache):
 
     def save_overload(self, sig, data):
         self._open()
-        super().save_overload(sig, data)
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            self.disable()
+            _tell_not_kept(self._cache_path, error.strerror or str(error))
+
+
+@cache
+def _tell_not_kept(folder: str, why: str) -> None:
+    logger.warning("compiled code is not kept in %s, and is compiled anew by every process: %s", folder, why)
 
 
 def _enable_cache(compiled, function: Callable, digest: str | None = None, parallel: bool = False) -> None:
-    # Without a source file (an interactive session) or a writable folder there is no cache, and each process compiles anew.
+    # Without a source file (an interactive session) or a writable folder nothing is cached, and each process compiles anew.
     with suppress(RuntimeError):
         compiled._cache = DigestCache(function, digest, parallel)
 
@@ -100,8 +136,8 @@ def _enable_cache(compiled, function: Callable, digest: str | None = None, paral
 def kernel(function: Callable) -> Callable:
     """Compile a function on plain arrays, cached on disk.
 
-    What a pass calls is to be `inline`: of a function with code of its own the pass has a copy, optimised once more, and which of the two
-    is called hangs on what was compiled or loaded before; their last bits may differ.
+    Functions called by a pass should be `inline`. Of a `kernel` the pass would keep a copy, optimised once more; which of the two versions
+    is called would depend on what was compiled or loaded before, and their last bits may differ.
     """
     dispatcher = numba.njit(**OPTIONS)(function)
     _enable_cache(dispatcher, function)
@@ -109,19 +145,24 @@ def kernel(function: Callable) -> Callable:
 
 
 def plain_function(function: Callable) -> Callable:
-    """Compile a function without a cache of its own: its code is kept as part of what it is called from."""
+    """Compile a function without its own cache; its code is stored as part of its callers."""
     return numba.njit(**OPTIONS)(function)
 
 
 def inline(function: Callable) -> Callable:
-    """Compile an elementwise function into the code of every kernel that calls it."""
+    """Compile an elementwise function that is inlined into every kernel that calls it."""
     dispatcher = numba.njit(**INLINE_OPTIONS)(function)
     _enable_cache(dispatcher, function)
     return dispatcher
 
 
+def expanded(function: Callable) -> Callable:
+    """Compile a function whose code is copied into its callers before they are optimised, so that its loops use their vector width."""
+    return numba.njit(inline="always", **OPTIONS)(function)
+
+
 def parallel_kernel(function: Callable) -> Callable:
-    """As `kernel`, with ``prange`` loops spread over numba's threads."""
+    """Compile a function like `kernel`, with its ``prange`` loops spread over numba's threads."""
     dispatcher = numba.njit(parallel=True, **OPTIONS)(function)
     _enable_cache(dispatcher, function, parallel=True)
     return dispatcher
@@ -131,24 +172,24 @@ _real = types.CPointer(types.float64)
 
 
 def stress_response_signature(dtype):
-    """``response(states, parameters, result)`` over the rows of a block; see `pdsurrogate.materials.response` for the rows.
+    """Return the signature ``response(states, parameters, result)`` over the rows of a block.
 
-    Parameters are doubles in any precision of the rows.
+    States and results are in `dtype`, parameters always in double precision; `pdsurrogate.materials.response` lists the rows.
     """
     real = types.CPointer(types.float32 if np.dtype(dtype) == np.float32 else types.float64)
     return types.void(real, _real, real)
 
 
 STRESS_RESPONSE = stress_response_signature(np.float64)
-"""That of laws, which are evaluated in double precision."""
+"""Signature of the responses of laws, which are evaluated in double precision."""
 
 
 def bond_force_signature(dtype):
-    """``bond_force(states, sizes, weights, response, parameters, work, scratch, traction)``; see `pdsurrogate.forces.protocol`.
+    """Return the signature ``bond_force(states, sizes, weights, response, parameters, work, scratch, traction)``.
 
-    ``sizes`` and ``weights`` are the model's own constants; ``response`` and ``parameters`` are the material law's,
-    for models computed from it; ``work`` and ``scratch`` are rows for intermediate values, in the model's precision
-    and in double.
+    ``sizes`` and ``weights`` are the model's own constants; ``response`` and ``parameters`` are the material law's, for models computed
+    from it; ``work`` and ``scratch`` are rows for intermediate values, in the model's precision and in double. See
+    `pdsurrogate.forces.protocol`.
     """
     real = types.CPointer(types.float32 if np.dtype(dtype) == np.float32 else types.float64)
     return types.void(real, types.CPointer(types.int64), real, types.int64, _real, real, _real, real)
@@ -156,10 +197,10 @@ def bond_force_signature(dtype):
 
 @intrinsic
 def call_block(typingctx, address, *arguments):
-    """Call the block function at an address; arrays are handed over as pointers to their data.
+    """Call the block function at an address; arrays are passed as pointers to their data.
 
-    numba's own first-class functions would do, but take some 40 microseconds to unpack at every call of a kernel.  Nothing checks that the
-    arguments fit: the signatures above are the contract.
+    numba's first-class functions would serve, but take some 40 microseconds to unpack at every call of a kernel. The arguments are not
+    checked: they must fit the signatures above.
     """
     arguments = arguments[0] if len(arguments) == 1 and isinstance(arguments[0], types.BaseTuple) else arguments
     signature = types.void(address, types.StarArgTuple(arguments))
@@ -180,15 +221,15 @@ def call_block(typingctx, address, *arguments):
 
 @intrinsic
 def widest_vectors(typingctx):
-    """Let LLVM use the processor's widest vectors in the function this stands in.
+    """Let LLVM use the processor's widest vectors in the calling function.
 
-    LLVM keeps to 256 bits on processors with AVX-512, for the sake of code whose few wide instructions would lower the clock of all else;
-    here they are most of the work.  Where there are none wider, this changes nothing.  Spilled registers are aligned, too.
+    LLVM limits itself to 256 bits on processors with AVX-512, because in most code a few wide instructions would lower the clock of all the
+    rest; here they are most of the work. On other processors nothing changes. Spilled registers are aligned, too.
     """
 
     def codegen(context, builder, signature, arguments):
-        # llvmlite knows no attributes with a value; added past its check they are written out as they stand.  Inlined, the function would
-        # lose them.
+        # llvmlite does not support attributes with a value; added without its check they are written out verbatim.  An inlined function
+        # would lose them.
         set.update(builder.function.attributes, {'"prefer-vector-width"="512"', '"stackrealign"', "noinline"})
         return context.get_dummy_value()
 
@@ -196,22 +237,20 @@ def widest_vectors(typingctx):
 
 
 _BLOCK_FUNCTIONS: dict[tuple, CFunc] = {}
-"""Those compiled or loaded in this process, by digest and signature."""
+"""Block functions compiled or loaded in this process, by digest and signature."""
 
 _NOT_KEYABLE: list[CFunc] = []
-"""The others: their addresses are handed around, so they live as long as the process."""
+"""Block functions without a digest; they live as long as the process, since their addresses are in use."""
+
+
+class CompilerSwitchedOff(RuntimeError):
+    """numba does not compile, because the environment tells it so."""
 
 
 def compile_block_function(function: Callable, signature, digest: str | None = None) -> CFunc:
-    """Compile a block function for one signature, cached on disk; its ``address`` is what kernels take.
-
-    Parameters
-    ----------
-    function : callable
-    signature : numba signature
-    digest : str, optional
-        Of all that it depends on; by default that of the function.
-    """
+    """Compile a block function for one signature, cached on disk under `digest`, by default its own; kernels take its ``address``."""
+    if numba.config.DISABLE_JIT:
+        raise CompilerSwitchedOff("NUMBA_DISABLE_JIT is set in the environment, and forces are evaluated by compiled code alone: unset it")
     compiled = CFunc(function, numba.core.sigutils.normalize_signature(signature), locals={}, options=dict(OPTIONS))
     _enable_cache(compiled, function, digest)
     compiled.compile()
@@ -219,20 +258,14 @@ def compile_block_function(function: Callable, signature, digest: str | None = N
 
 
 def block_function_of(build: Callable, signature, *parts) -> CFunc:
-    """The block function that a builder writes around elementwise functions, compiled anew when anything that they depend on has changed.
+    """Return the block function ``build(*parts)``, compiled anew if the builder or any part has changed.
 
-    Parameters
-    ----------
-    build : callable
-        ``build(*parts)`` returns the block function.  It is given the functions among the parts ready to be called from compiled code.
-    signature : numba signature
-    *parts
-        Elementwise functions, and plain values.
+    The parts are elementwise functions, which the builder receives ready to be called from compiled code, and plain values.
     """
     try:
         digest = compiled_digest(build, *parts)
     except NotKeyable:
-        # Nobody can tell whether what was compiled before still holds.
+        # It is unknown whether previously compiled code is still valid.
         _NOT_KEYABLE.append(compile_block_function(build(*_ready(parts)), signature))
         return _NOT_KEYABLE[-1]
     key = digest, str(signature)
@@ -242,7 +275,7 @@ def block_function_of(build: Callable, signature, *parts) -> CFunc:
 
 
 def _ready(parts: tuple) -> list:
-    # Copies: numba keeps what it compiled of a function, with the constants that it found then.
+    # Copies are needed because numba keeps the code that it compiled for a function, with the constants of that time.
     return [inlined(_copy(part)) if callable(part) else part for part in parts]
 
 
@@ -256,15 +289,15 @@ def _copy(function: Callable) -> Callable:
 
 
 def inlined(function: Callable) -> Callable:
-    """Make a plain elementwise function callable from compiled code, as part of the code that calls it; Python calls it as before."""
+    """Make a plain elementwise function callable from compiled code, inlined into its callers; Python calls it as before."""
     function = function.py_func if is_jitted(function) else function
     return register_jitable(**INLINE_OPTIONS)(function)
 
 
 class CompilationClock(event.Listener):
-    """Sums the seconds spent compiling, and says once that compiling has begun.
+    """Clock that sums the seconds spent compiling, and announces the first compilation by calling `announce`.
 
-    Loading from the disk cache runs no compiler pass and counts as nothing.
+    Loading from the disk cache runs no compiler pass and counts as zero.
     """
 
     def __init__(self, announce: Callable[[], None] | None = None) -> None:
@@ -289,7 +322,7 @@ class CompilationClock(event.Listener):
 
 @contextmanager
 def compilation_clock(announce: Callable[[], None] | None = None):
-    """Context in which compile time is measured; yields the `CompilationClock`."""
+    """Measure the compile time within a context; yields the `CompilationClock`."""
     clock = CompilationClock(announce)
     event.register("numba:run_pass", clock)
     try:

@@ -1,0 +1,66 @@
+"""Instructions that numba lacks: bit patterns of reals, a quotient without infinities, tuples of array entries, a shared counter."""
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+INT_OF = {types.float32: types.int32, types.float64: types.int64}
+REAL_OF = {types.int32: types.float32, types.int64: types.float64}
+
+
+@intrinsic
+def bits_of(typingctx, value):
+    """Return the bit pattern of a real as an integer of the same width."""
+
+    def codegen(context, builder, signature, arguments):
+        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
+
+    return INT_OF[value](value), codegen
+
+
+@intrinsic
+def real_of(typingctx, bits):
+    """Return the real with the given bit pattern."""
+
+    def codegen(context, builder, signature, arguments):
+        return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
+
+    return REAL_OF[bits](bits), codegen
+
+
+@intrinsic
+def finite_quotient(typingctx, x, y):
+    """Return x/y, compiled on the promise that nothing is infinite, so that the processor's estimate of 1/y may be used and refined."""
+
+    def codegen(context, builder, signature, arguments):
+        return builder.fdiv(*arguments, flags=("ninf", "arcp", "contract"))
+
+    return x(x, y), codegen
+
+
+@intrinsic
+def tuple_of(typingctx, array, count):
+    """Return the first `count` values of an array, a literal number of them, as a tuple: scalars that a loop need not load again."""
+    if not isinstance(count, types.IntegerLiteral):
+        return None
+    result_type = types.UniTuple(array.dtype, count.literal_value)
+
+    def codegen(context, builder, signature, arguments):
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        values = [builder.load(builder.gep(data, [ir.Constant(ir.IntType(64), n)])) for n in range(count.literal_value)]
+        return cgutils.pack_array(builder, values)
+
+    return result_type(array, count), codegen
+
+
+@intrinsic
+def add_to(typingctx, address, count):
+    """Add to the counter at an address, atomically."""
+
+    def codegen(context, builder, signature, arguments):
+        pointer = builder.inttoptr(arguments[0], context.get_value_type(types.int64).as_pointer())
+        builder.atomic_rmw("add", pointer, arguments[1], "monotonic")
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64), codegen

@@ -1,0 +1,171 @@
+"""Number of threads of the kernels, and how they wait for each other."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import numba
+from numba.np.ufunc import parallel
+
+SPIN_COUNT = 1000
+"""Iterations for which a waiting thread of GNU OpenMP spins before it sleeps.
+
+The default of GNU OpenMP, 300,000, lasts some milliseconds, during which a waiting thread occupies a core that the thread it waits for may
+need. `python pipelines/threads.py` compares this choice with others, on free and on busy cores.
+"""
+
+PAIRS_PER_THREAD = 5_000
+"""Pairs of points below which a further thread costs more in waiting than it saves (`python pipelines/threads.py`)."""
+
+PAIRS_PER_CHUNK = 1_000
+"""Pairs of points in a chunk of a pass. A chunk takes some ten microseconds, less than `SPIN_COUNT` iterations, so that threads that finish
+half a chunk apart do not fall asleep.
+"""
+
+_WAITING = ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")
+"""Environment variables by which a user sets how threads wait."""
+
+
+class ThreadsSpinWarning(RuntimeWarning):
+    """Warning that waiting threads occupy their cores, because numba's threads were started before pdsurrogate could change that."""
+
+
+_started = False
+
+
+def start_threads() -> None:
+    """Start numba's threads such that a waiting thread soon sleeps, unless the user has set how threads wait; warn once if it is too late.
+
+    GNU OpenMP reads the setting from the environment when it is loaded; the environment is restored afterwards.
+    """
+    global _started
+    if _started:
+        return
+    _started = True
+    if any(variable in os.environ for variable in _WAITING):
+        return
+    if _runs_already():
+        warnings.warn(
+            "numba's threads were started before pdsurrogate could set how they wait: if other work uses the cores, two threads may be "
+            f"far slower than one; set GOMP_SPINCOUNT={SPIN_COUNT} in the environment, or import and use pdsurrogate first",
+            ThreadsSpinWarning,
+            stacklevel=2,
+        )
+        return
+    os.environ["GOMP_SPINCOUNT"] = str(SPIN_COUNT)
+    try:
+        parallel._launch_threads()
+    finally:
+        del os.environ["GOMP_SPINCOUNT"]
+
+
+class ThreadsLostWarning(RuntimeWarning):
+    """The process was forked from one whose kernels had threads, and has none itself."""
+
+
+_lost = False
+
+
+def threads_are_lost() -> bool:
+    """Whether the kernels of this process run on the thread that calls, because it was forked from one that had started threads."""
+    return _lost
+
+
+def _say_lost() -> None:
+    warnings.warn(
+        "this process was forked from one whose kernels had started threads, which do not survive that: it takes one thread; for more, "
+        "start processes by 'spawn' or 'forkserver', as multiprocessing.get_context does",
+        ThreadsLostWarning,
+        stacklevel=3,
+    )
+
+
+def _after_fork() -> None:
+    """Note in a new process that GNU OpenMP, once started, does not survive a fork: numba ends a process that calls it then."""
+    global _lost
+    _lost = parallel._is_initialized and numba.threading_layer() == "omp"
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
+
+
+def _runs_already() -> bool:
+    """Return whether numba's threads already run on GNU OpenMP, or another library has loaded the same copy of it."""
+    if parallel._is_initialized:
+        return numba.threading_layer() == "omp"
+    if sys.platform != "linux":
+        return False
+    # Wheels bring their own copies, which numba does not use.
+    mapped = {line.split()[-1] for line in Path("/proc/self/maps").read_text().splitlines() if "/libgomp" in line}
+    return any("site-packages" not in file for file in mapped)
+
+
+def threads_in_use() -> int:
+    """Return the number of threads for passes that are bound now."""
+    start_threads()
+    return numba.get_num_threads()
+
+
+_most: int | None = None
+
+
+def most_threads() -> int:
+    """Return the number of threads that numba was started with, or the limit set by `at_most`; 1 where they did not survive a fork."""
+    return 1 if _lost else _most or numba.config.NUMBA_NUM_THREADS
+
+
+@contextmanager
+def at_most(threads: int | None) -> Iterator[None]:
+    """Limit everything within the context to a number of threads, None for all; raise ValueError if there are fewer."""
+    global _most
+    before = _most
+    with thread_count(threads):
+        _most = threads or before
+        try:
+            yield
+        finally:
+            _most = before
+
+
+def threads_for(pairs: int) -> int:
+    """Return how many threads are worthwhile for a body with this number of pairs of points, at most `most_threads`."""
+    if _lost and pairs >= 2 * PAIRS_PER_THREAD:
+        _say_lost()
+    return max(1, min(most_threads(), pairs // PAIRS_PER_THREAD))
+
+
+class Chunks(NamedTuple):
+    """Number of threads of a pass, and number of chunks that they share."""
+
+    threads: int
+    number: int
+
+
+def chunks_of(pairs: int) -> Chunks:
+    """Return the chunks of passes over a body with this number of pairs, at least one for each thread in use."""
+    threads = threads_in_use()
+    return Chunks(threads, 1 if threads == 1 else max(threads, pairs // PAIRS_PER_CHUNK))
+
+
+@contextmanager
+def thread_count(threads: int | None) -> Iterator[int]:
+    """Use this number of threads within the context, None for all, and yield it; raise ValueError if there are fewer."""
+    if _lost and threads not in (None, 1):
+        _say_lost()
+        threads = 1
+    most = most_threads()
+    if threads is not None and not 1 <= threads <= most:
+        raise ValueError(f"threads must be between 1 and {most} on this machine, not {threads}")
+    before = threads_in_use()
+    numba.set_num_threads(threads or most)
+    try:
+        yield threads or most
+    finally:
+        numba.set_num_threads(before)

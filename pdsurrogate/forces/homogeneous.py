@@ -1,0 +1,99 @@
+"""Homogeneous states of a small body by any force model: what a simulation gives where a test piece is stretched evenly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..body import Body, grid
+from ..materials import Law, dimension_of
+from ..materials.homogeneous import sheet_states
+from .protocol import ForceModel
+from .settings import ForceSettings
+
+SPACING = 0.25
+"""Of the points of the unit square or cube."""
+
+TOLERANCE = 1e-9
+"""Of the free stretches of a state, relative."""
+
+MOST_STEPS = 30
+"""Of the search for them."""
+
+
+def nominal_stresses(model: ForceModel, law: Law, stretches: Sequence[tuple[float, float]]) -> np.ndarray:
+    """Nominal stresses of a test piece by a force model bound to a small body, which is stretched evenly.
+
+    The positions are given; what nothing holds is found: the thickness by the force model itself, or, of a model of bodies in space, as
+    the stretch at which it has no stress, and the sides in uniaxial tension likewise.
+
+    Parameters
+    ----------
+    model : ForceModel
+    law : Law
+        Of the body.
+    stretches : ndarray, shape (n, 2)
+        Along the stress and across it; the latter is NaN where nothing holds the sides.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        P11, in the unit of the shear modulus; NaN where the model has no such state.
+
+    Raises
+    ------
+    ValueError
+        If the model does not describe the law, or takes bodies in plane strain alone.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> from pdsurrogate.forces.homogeneous import nominal_stresses
+    >>> stress = nominal_stresses(pd.load_surrogate("neo-hookean"), pd.NeoHookean(), [(1.5, float("nan"))])
+    >>> round(float(stress[0]), 3)
+    1.05
+    """
+    plane = "stress" if "stress" in model.honoured("stress").get("plane", ("stress",)) else "space"
+    points = grid((0.0,) * dimension_of(plane), (1.0,) * dimension_of(plane), SPACING)
+    body = Body(points, np.full(len(points), 1 / len(points)), 3.015 * SPACING, SPACING)
+    force = model.bind(body, law, ForceSettings(precision="float64", plane=plane))
+    out = np.empty_like(body.points)
+
+    def stress_at(given: np.ndarray) -> np.ndarray:
+        force(body.points * given, out)
+        return np.diag(force.mean_stress())
+
+    found = []
+    for first, second in stretches:
+        at = np.array([first, second, 1.0])[: body.dimension]
+        free = [axis for axis in range(1, body.dimension) if axis == 2 or np.isnan(second)]
+        J3 = float(sheet_states(law, np.array([first]), np.array([second]))[1][0])
+        # Free sides and thickness have the same stretch; the law's own state is where the search begins.
+        at[free] = np.sqrt(J3 / first) if np.isnan(second) else J3 / (first * second)
+        try:
+            found.append(_relaxed(stress_at, at, free)[0] if np.isfinite(J3) else np.nan)
+        except RuntimeError:  # past the law's limit, or turned inside out
+            found.append(np.nan)
+    return np.array(found)
+
+
+def _relaxed(stress_at, at: np.ndarray, free: list[int]) -> np.ndarray:
+    """Stresses where those along the free axes, which share one stretch, are zero, by the secant method; NaN if it does not come there."""
+    stress = stress_at(at)
+    if not free:
+        return stress
+    before, residual = at[free[0]] * (1 + 1e-4), stress[free].mean()
+    at, previous = at.copy(), None
+    for _ in range(MOST_STEPS):
+        if previous is None:
+            moved = before
+        else:
+            moved = at[free[0]] - residual * (at[free[0]] - previous[0]) / (residual - previous[1])
+        previous = at[free[0]], residual
+        at[free] = moved
+        stress = stress_at(at)
+        residual = stress[free].mean()
+        if abs(moved / previous[0] - 1) < TOLERANCE or residual == previous[1]:
+            return stress
+    return np.full_like(stress, np.nan)

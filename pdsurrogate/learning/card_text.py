@@ -1,0 +1,54 @@
+"""What the card of an artefact says beside what is found out of the model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..arguments import check_tables, check_text, kind_of
+from ..artifacts.card import check_plain
+
+
+@dataclass(frozen=True)
+class CardText:
+    """What the card of an artefact says beside what is found out of the model.
+
+    Parameters
+    ----------
+    description : str
+        What the artefact is for, in a sentence.
+    cross_validation : list of dict, optional
+        Errors by fold, as `pdsurrogate.cross_validate` returns them.
+    search : list of dict, optional
+        What was tried, and its errors; by default the table of the search, if the model is one.
+    identification : dict, optional
+        How the parameters of the law were found (`pdsurrogate.identification.report`).
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a card cannot hold it; names what.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pd
+    >>> pd.CardText("Neo-Hookean, 20 units").description
+    'Neo-Hookean, 20 units'
+    """
+
+    description: str
+    cross_validation: list[dict] | None = None
+    search: list[dict] | None = None
+    identification: dict | None = None
+
+    def __post_init__(self) -> None:
+        check_text(self.description, "description")
+        check_tables(self.cross_validation, "cross_validation")
+        check_tables(self.search, "search")
+        if not isinstance(self.identification, dict | None):
+            raise TypeError(f"identification must be a dictionary, or None, not {kind_of(self.identification)}")
+        check_plain({"cross_validation": self.cross_validation, "search": self.search, "identification": self.identification})
+
+    @classmethod
+    def of(cls, text: str | CardText) -> CardText:
+        """Return a description as a text that says nothing else."""
+        return text if isinstance(text, cls) else cls(text)

@@ -1,0 +1,123 @@
+"""Supports at places between points: the points that are equally near to a place move in the mean as is prescribed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..body import Body
+from .preconditioner import Preconditioner
+from .reductions import LocalReductions
+
+if TYPE_CHECKING:
+    from .conditions import HeldPoints
+
+
+@dataclass(frozen=True)
+class SupportAtPlace:
+    """The points that are equally near to a place, one of which moves so that they all do in the mean what is prescribed.
+
+    Attributes
+    ----------
+    place : ndarray, shape (d,)
+        Mean of their places at rest.
+    count : int
+        How many they are.
+    others : ndarray of int, shape (count - 1,)
+        All but the held one; on several ranks those that are here.
+    """
+
+    place: np.ndarray
+    count: int
+    others: np.ndarray
+
+
+class Supports:
+    """The supports at places of a body: they move their held points in every state, and hand the forces on these to the others.
+
+    With u_0 = count g - sum u_k the energy's derivative by u_k is f_k - f_0, as of a body that is held by forces at the place itself.
+
+    Parameters
+    ----------
+    body : Body
+    parts : sequence of HeldPoints
+        Those with a support.
+    reductions : LocalReductions
+
+    Attributes
+    ----------
+    response : callable
+        Displacements of the body, shape (n, d), about where held components are displaced by (n, d); set by the conditions of the body.
+    """
+
+    def __init__(self, body: Body, parts: tuple[HeldPoints, ...], reductions: LocalReductions) -> None:
+        self._body, self._parts, self._reductions = body, parts, reductions
+        self.response: Callable[[np.ndarray], np.ndarray]
+        self.set(0.0)
+
+    def set(self, parameter: float) -> None:
+        """Take what is prescribed at a value of the loading parameter."""
+        self._goals = [part.displacement(parameter) for part in self._parts]
+
+    def place(self, positions: np.ndarray) -> None:
+        """Move the held points to where the others leave them."""
+        self._body.part.fill(positions)
+        for part, goal in zip(self._parts, self._goals, strict=True):
+            others = part.support.others
+            if len(others) == part.support.count - 1:  # on another rank there may be fewer, and a copy of the held point
+                for component in part.components:
+                    moved = positions[others, component] - self._body.points[others, component]
+                    target = part.support.count * goal[..., component] - moved.sum()
+                    positions[part.points, component] = self._body.points[part.points, component] + target
+
+    def fold(self, forces: np.ndarray) -> None:
+        """Hand the forces on held points to the others."""
+        self._body.part.fill(forces)
+        for part in self._parts:
+            for component in part.components if len(part.points) else ():
+                forces[part.support.others, component] -= forces[part.points, component]
+
+    @cached_property
+    def fields(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """By support and component: weights (n, d) of the mean, and how the body follows its held point, scaled to a mean of 1."""
+        found = []
+        for part in self._parts:
+            for component in part.components:
+                moved, weights = np.zeros((2, *self._body.points.shape))
+                moved[part.points, component] = 1.0
+                weights[part.every, component] = 1 / part.support.count
+                follows = self.response(moved)
+                found.append((weights, follows / self._reductions.dot(weights, follows)))
+        return found
+
+
+class SupportedPreconditioner:
+    """A preconditioner of a body that is held at points, for the same held at places: R M R^T, with R u = u less what moves a place.
+
+    Parameters
+    ----------
+    inner : Preconditioner
+    supports : Supports
+    reductions : LocalReductions
+    """
+
+    def __init__(self, inner: Preconditioner, supports: Supports, reductions: LocalReductions) -> None:
+        self._inner, self._fields, self._reductions = inner, supports.fields, reductions
+
+    def update(self) -> None:
+        """See `Preconditioner`."""
+        self._inner.update()
+
+    def solve(self, forces: np.ndarray) -> np.ndarray:
+        """See `Preconditioner`."""
+        balanced = forces.copy()
+        for weights, follows in self._fields:
+            balanced -= weights * self._reductions.dot(follows, balanced)
+        moved = self._inner.solve(balanced)
+        for weights, follows in reversed(self._fields):
+            moved -= follows * self._reductions.dot(weights, moved)
+        return moved
