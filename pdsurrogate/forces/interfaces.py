@@ -42,7 +42,7 @@ YIELDING = 4.0
 """Contrast of the shear moduli beyond which the energy of the stiffer material is that of its own points alone.
 
 What it saw of a softer one would be right but for an error of the fit, and its own modulus times that error is a force on the softer one: a
-layer of 4 cells is 29 % too stiff beside halves ten times as stiff, and 85 % beside such a hundred times as stiff.  Below, both sides see
+layer of 4 cells moves 33 % too little beside halves ten times as stiff, and 83 % beside such a hundred times as stiff.  Below, both sides see
 each other, which is more exact: homogeneous states are in equilibrium.
 """
 
