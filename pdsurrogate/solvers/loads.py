@@ -493,6 +493,10 @@ class LoadedForce:
         """See `InternalForce`."""
         return self.internal.pair_forces(pairs)
 
+    def forces_beside_pairs(self) -> np.ndarray | None:
+        """See `InternalForce`."""
+        return self.internal.forces_beside_pairs()
+
     def linearised_dilatation(self):
         """See `InternalForce`."""
         return self.internal.linearised_dilatation()
