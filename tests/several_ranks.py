@@ -18,8 +18,12 @@ several = pytest.mark.skipif(
 )
 
 
+SLEEPING = {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1", "MPIR_CVAR_POLLS_BEFORE_YIELD": "1"}
+"""With these ranks of MPICH that wait sleep between polls, and leave the core to the rank that they wait for and to other tests."""
+
+
 def environment():
-    return {**os.environ, "NUMBA_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(map(str, (HERE.parent, HERE)))}
+    return {**os.environ, **SLEEPING, "NUMBA_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(map(str, (HERE.parent, HERE)))}
 
 
 def run(ranks, *arguments, mpi4py=True, expected=0, cwd=None):

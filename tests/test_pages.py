@@ -14,6 +14,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from several_ranks import SLEEPING
 
 import pdsurrogate as pd
 
@@ -61,7 +62,7 @@ def type_in(page: Path, folder: Path) -> list[str]:
         (folder / "typed.py").write_text(script)
         commands.insert(0, [sys.executable, "typed.py"])
     # The commands of the environment that the tests run in, as where it is active.
-    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    environment = {**os.environ, **SLEEPING, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
     printed = []
     for command in commands:
         done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=600, check=False)
