@@ -128,13 +128,13 @@ PAGES = {
 }
 """Pages that are typed, and what must be there then."""
 
-QUICK = ("tutorial/first-sheet.md", "tutorial/own-scene.md")
+QUICK = ("tutorial/own-scene.md",)
 
 NEEDS_MPI = pytest.mark.skipif(importlib.util.find_spec("mpi4py") is None, reason='no MPI is installed: pip install "pdsurrogate[mpi]"')
 
 
 def _marked(name: str):
-    marks = [] if name in QUICK else [pytest.mark.slow]  # fits, processes, cracks
+    marks = [] if name in QUICK else [pytest.mark.slow]  # pictures and pages, fits, processes, cracks
     return pytest.param(name, marks=[*marks, NEEDS_MPI] if name == "tutorial/ranks.md" else marks, id=Path(name).stem)
 
 
