@@ -102,6 +102,23 @@ def test_small_stretches_have_the_stress_of_linear_elasticity(force, strain):
     assert level["force_balance"] < PART
 
 
+def test_small_stretches_between_places():
+    """A sheet that is pulled between two places by 1e-7 is in balance; single precision does not resolve its strain."""
+    scene = pd.Scene(
+        name="places",
+        body={"size": [2.0, 1.0]},
+        spacing=0.25,
+        material={"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0},
+        prescribed=[{"region": {"near": [0.0, 0.5]}, "x1": 0, "x2": 0}, {"region": {"near": [2.0, 0.5]}, "x1": 1e-7, "x2": 0}],
+        steps=[1.0],
+    )
+    result = simulate(scene, "neo-hookean@2")
+    one, other = result.levels[0]["forces"].values()
+    assert other[0] > 1e-8
+    assert one[0] == pytest.approx(-other[0], rel=PART)
+    assert result.summary["precision"] == "float64"
+
+
 def test_a_load_on_stiff_plates_moves_a_soft_layer():
     """The residual of a plate is in its own modulus: 8e4 times the layer's, it let all of the load pass."""
     scene = pd.Scene(

@@ -472,9 +472,10 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
 def default_force(scene: Scene) -> ForceModel:
     """The force model to run a scene with where none is asked for.
 
-    `surrogate_for` the scene's material under plane stress; in plane strain and in space the exact selective energy, which does not lock.
+    `surrogate_for` the scene's material under plane stress; in plane strain and in space the exact selective energy, which does not lock,
+    and the exact energy wherever there are several materials.
     """
-    if scene.plane != "stress":
+    if scene.plane != "stress" or scene.materials:
         return load_surrogate("bond-energy")
     return surrogate_for(scene.law())
 

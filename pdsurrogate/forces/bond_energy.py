@@ -527,8 +527,7 @@ class EnergyOfPairs(Evaluation):
         starts, counts = bonds.pointers[touched].astype(np.int64), np.diff(bonds.pointers).astype(np.int64)[touched]
         entries = np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
         around = np.unique(bonds.pair_of[entries])
-        directed = bonds.pointers, bonds.neighbours, bonds.pair_of
-        bond_shares[body.dimension](touched, *directed, body.all_points, body.volumes, self._counted, body.horizon, self.bond_shares)
+        self._share(touched, bonds.pair_of, self._counted)
         if body.part.divided:
             body.part.fill_bonds(self.bond_shares, body)
             around = np.union1d(around, body.part.beside_halo(bonds.first, bonds.second))
@@ -539,6 +538,12 @@ class EnergyOfPairs(Evaluation):
         ratio = volumes[self._ghost_neighbours] / volumes[bonds.neighbours[self._ghost_bonds]]
         self._ghost_weighted_bonds[:] = -bond * ratio[:, None]
         return around
+
+    def _share(self, rows: np.ndarray, numbers: np.ndarray, strength: np.ndarray) -> None:
+        """Divide the volumes of points among their directed bonds, whose strengths have these numbers."""
+        body, bonds = self.body, self.body.bonds
+        directed = bonds.pointers, bonds.neighbours, numbers
+        bond_shares[body.dimension](rows, *directed, body.all_points, body.volumes, strength, body.horizon, self.bond_shares)
 
     def _diagnose(self) -> str:
         """Say which bond has no energy, and why."""

@@ -15,6 +15,7 @@ from ..kernels.elementary import sum_in_order
 from ..materials import Law
 from .bond_energy import EnergyOfPairs, PairEnergies, pair_geometry
 from .evaluation import DomainWatch
+from .kinematics import matrices
 from .portions import EvaluationOfPortions, common_precision
 from .protocol import InvalidState, Portion
 from .selective_energy import SelectivePairs, Smoothing
@@ -71,8 +72,36 @@ class EnergyOfPortions(EnergyOfPairs, EvaluationOfPortions):
             `pair_geometry` of the pairs of every portion.
         """
 
+    def _share(self, rows: np.ndarray, numbers: np.ndarray, strength: np.ndarray) -> None:
+        strength = strength[numbers]
+        strength[self._kinematics.interfaces.left_out] = 0.0
+        super()._share(rows, np.arange(len(numbers), dtype=numbers.dtype), strength)
+
     def _form(self) -> None:
         self.form_views()
+
+    def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
+        forces, bonds, left = super().pair_forces(pairs), self.body.bonds, self._kinematics.interfaces.one_sided_bonds
+        if left is None:
+            return forces
+        numbers, owners, changes = left
+        d, rows = self.body.dimension, np.triu_indices(self.body.dimension)
+        # The moments of the points as they were before their shapes weighed them.
+        points, places = np.unique(owners, return_inverse=True)
+        shapes = np.zeros((len(points), d, d))
+        shapes[:, rows[0], rows[1]] = shapes[:, rows[1], rows[0]] = self._kinematics.inverse_shape[points]
+        moments = matrices(self._stresses[points]) @ np.linalg.inv(shapes) * self.body.volumes[points, None, None]
+        pulls = np.einsum("bij,bj->bi", moments[places], changes)
+        pulls[bonds.first[bonds.pair_of[numbers]] != owners] *= -1
+        changed = np.stack([np.bincount(bonds.pair_of[numbers], pull, self._n_pairs) for pull in pulls.T], axis=1)
+        if len(self.body.ghosts):
+            outer, mirrored = self._mirrored_pairs
+            parity = self.body.ghosts.parity[bonds.second[outer] - len(self.body)]
+            changed[outer] -= parity * changed[mirrored]
+        return forces + (changed if pairs is None else changed[pairs])
+
+    def forces_beside_pairs(self) -> np.ndarray:
+        return self._kinematics.interfaces.on_jumps
 
     def _on_jumps(self, moments: np.ndarray) -> np.ndarray:
         """Forces on the points from what the energy says about the jumps at interfaces."""
@@ -163,7 +192,7 @@ class SelectiveEnergyOfPortions(EnergyOfPortions):
         invalid, part_of_body = self._form_volumes(), self.body.part
         if part_of_body.any(invalid):
             return [0] * len(self._parts), invalid, 0
-        energies = np.empty(len(self.body))
+        energies = np.zeros(len(self.body))
         with np.errstate(all="ignore"):  # what is not finite shows in the energy
             for law, points in self.laws:
                 U, self._slopes[points], _ = law.volumetric(self._smoothed[points], law.parameters)
@@ -192,4 +221,4 @@ class SelectiveEnergyOfPortions(EnergyOfPortions):
     def volume_ratios(self) -> np.ndarray:
         self.form_views()
         self.body.part.agree(InvalidState(self._diagnose()) if self._form_volumes() else None)
-        return self._smoothed.copy()
+        return np.where(self.portion_of[: len(self.body)] < len(self.portions), self._smoothed, 1.0)

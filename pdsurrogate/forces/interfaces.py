@@ -7,7 +7,14 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from ..body import Body
+from ..kernels.reference_state import shape_rows
 from .kinematics import Kinematics
+
+NEAREST = (1.6, 2.2, 3.0, 4.0, 6.0)
+"""Cells about a place within which points are taken for its value: the first that has enough of them."""
+
+WORST_SPREAD = 1e4
+"""Condition number up to which points are spread enough to say a linear function."""
 
 CENTRINGS = 3
 """Times that the straight interface beside a point is fitted, each time about the place found before."""
@@ -24,6 +31,20 @@ FARTHEST = 1.5
 
 SIGHT = FARTHEST + REACH
 """Horizons around a point of a body in parts within which there must be others for its jump to be found."""
+
+ASTRAY = 0.06
+"""Share of a horizon's volume on the wrong side of a plane beyond which an interface is not straight, as at a corner."""
+
+SECTOR = 0.5
+"""Sine of the angle by which a point may lie beyond the plane that touches an interface, on the side of the other material."""
+
+YIELDING = 4.0
+"""Contrast of the shear moduli beyond which the energy of the stiffer material is that of its own points alone.
+
+What it saw of a softer one would be right but for an error of the fit, and its own modulus times that error is a force on the softer one: a
+layer of 4 cells moves 33 % too little beside halves ten times as stiff, and 83 % beside such a hundred times as stiff.  Below, both sides
+see each other, which is more exact: homogeneous states are in equilibrium.
+"""
 
 WORST_CONDITION = 1e6
 """Condition number up to which a fit is taken; lengths are in units of its reach.  A layer of two rows has one of 1e3."""
@@ -46,10 +67,12 @@ class Interfaces:
         Of the body.
     portion_of : ndarray of int, shape (n + m,)
         Material of every point and image.
+    moduli : ndarray, shape (n + m,)
+        Shear modulus of every point and image; infinite of rigid ones.
     quadratic : bool
-        What the motion on either side is fitted with.  Linear fits leave an error of first order in c, which plane strain feels K times;
-        quadratic ones weigh single points more, and bond forces, which are no gradient, find no equilibrium beside a material a hundred
-        times as stiff.
+        What the motion on either side is fitted with, and whether much stiffer material does without what is beyond.  Linear fits
+        leave an error of first order in c, which plane strain feels K times; quadratic ones weigh single points more, and bond
+        forces, which are no gradient, find no equilibrium beside a material a hundred times as stiff.
 
     Attributes
     ----------
@@ -57,9 +80,15 @@ class Interfaces:
         Distance of the points from their interface; 0 of those that have none.
     normals : ndarray, shape (n, d)
         From every point towards its interface.
+    left_out : ndarray of int
+        Directed bonds across an interface that the gradient and the energy of their first point do without.
+    one_sided_bonds : tuple or None
+        Directed bonds of the points that have such, their points, and the change of their weights in the gradients.
+    on_jumps : ndarray, shape (n, d)
+        Forces on the points from what an energy says about the jumps, as last handed on.
     """
 
-    def __init__(self, body: Body, kinematics: Kinematics, portion_of: np.ndarray, quadratic: bool) -> None:
+    def __init__(self, body: Body, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool) -> None:
         self._body = body
         n, total, bonds = len(body), len(body.all_points), body.bonds
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
@@ -71,14 +100,23 @@ class Interfaces:
         part = body.part
         for i in part.own_points(near):
             found = _interface_beside(body, everywhere, portion_of, i)
+            if quadratic and (found is None or found[3] > ASTRAY):
+                found = _nearest_softer(body, everywhere, portion_of, moduli, i) or found
             if found is None:
                 continue
-            depth, normal, other = found
+            depth, normal, other, _ = found
             place, reach = body.points[i] + depth * normal, REACH * body.horizon
             around = np.array(tree.query_ball_point(place, reach * (1 + 1e-9), return_sorted=True), dtype=np.int64)
             around = around[(portion_of[around] == portion_of[i]) | (portion_of[around] == other)]
             x, beyond = (body.points[around] - place) / reach, portion_of[around] == other
-            jump = _jump_of_slopes(x, body.volumes[around], beyond, normal, quadratic)
+            # Beyond a thin layer, or across a gap, the same material begins again: it tells nothing of this interface.
+            astray = np.where(beyond, -1.0, 1.0) * (x @ normal) > SECTOR * np.linalg.norm(x, axis=1)
+            around, x, beyond = around[~astray], x[~astray], beyond[~astray]
+            V = body.volumes[around]
+            if quadratic and beyond.any() and moduli[i] > YIELDING * moduli[around[beyond][0]]:
+                jump = _mirrored(x, V, beyond, normal, depth / reach, body.spacing / reach, around == i)
+            else:
+                jump = _jump_of_slopes(x, V, beyond, normal, quadratic)
             if jump is None:
                 continue
             self.depths[i], self.normals[i] = depth, normal
@@ -93,14 +131,81 @@ class Interfaces:
         part.fill(self.depths[:n])
         part.fill(self.normals)
         body.ghosts.fill(self.depths)
-        weights = kinematics.gradient_weights()[across] * self.depths[bonds.neighbours[across], None]
-        shape = (n, total)
-        d, entries = body.dimension, (owners[across], bonds.neighbours[across])
+        shape, d = (n, total), body.dimension
+        self.on_jumps = np.zeros((n, d))
+        self.one_sided_bonds: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._one_sided: list[tuple[sparse.csr_array, sparse.csr_array]] = []
+        weights = kinematics.gradient_weights()
+        self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
+        if part.any(len(self.left_out) > 0):
+            weights = self._leave_out(kinematics, owners, weights)
+        weights = weights[across] * self.depths[bonds.neighbours[across], None]
+        entries = owners[across], bonds.neighbours[across]
         self._corrections = [sparse.csr_array((weights[:, b], entries), shape=shape) for b in range(d)]
         self._corrections_back = [matrix.T.tocsr() for matrix in self._corrections]
         self._gradient_ghosts = kinematics.gradient_ghosts
         self.jumps, self.seen_positions = np.zeros((2, total, d))
         self.seen_gradients, self._changes = np.zeros((2, total, d * d))
+
+    def _unseen(self, owners: np.ndarray, across: np.ndarray, moduli: np.ndarray) -> np.ndarray:
+        """Directed bonds across an interface that the energy of their point does without."""
+        body, neighbours = self._body, self._body.bonds.neighbours[across]
+        normals = np.vstack([self.normals, body.ghosts.reflection * self.normals[body.ghosts.source]])[neighbours]
+        arms = body.all_points[owners[across]] - body.all_points[neighbours]
+        behind = (self.depths[neighbours] > 0) & (np.einsum("bi,bi->b", arms, normals) <= 0)
+        return across[(moduli[owners[across]] > YIELDING * moduli[neighbours]) | behind]
+
+    def _leave_out(self, kinematics: Kinematics, owners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Take bonds out of the gradients of their points; returns the weights of the bonds that are left, see `gradient_weights`."""
+        body, bonds = self._body, self._body.bonds
+        n, total = len(body), len(body.all_points)
+        for _ in range(2):
+            kept = kinematics.weighted_bonds.copy()
+            kept[self.left_out] = 0.0
+            inverse, supported = np.zeros_like(kinematics.inverse_shape), np.zeros_like(kinematics.supported)
+            rows = np.unique(owners[self.left_out]).astype(np.uint32)
+            shape_rows[body.dimension](rows, bonds.pointers, bonds.neighbours, body.all_points, kept, inverse, supported)
+            body.part.fill(inverse[:n])
+            body.part.fill(supported[:n])
+            self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
+        touched = np.flatnonzero(supported[owners])
+        if not len(touched):
+            return weights
+        found = kinematics.gradient_weights(kept, inverse)
+        changes = found[touched] - weights[touched]
+        weights = weights.copy()
+        weights[touched] = found[touched]
+        ends = owners[touched], bonds.neighbours[touched]
+        self.one_sided_bonds = touched, owners[touched], changes
+        for b in range(body.dimension):
+            own = np.bincount(ends[0], changes[:, b], n)
+            numbers = np.flatnonzero(own)
+            values = np.concatenate([changes[:, b], -own[numbers]])
+            matrix = sparse.csr_array((values, (np.concatenate([ends[0], numbers]), np.concatenate([ends[1], numbers]))), shape=(n, total))
+            self._one_sided.append((matrix, matrix.T.tocsr()))
+        return weights
+
+    def cells_across(self, portion_of: np.ndarray, number: int, most: int) -> float:
+        """How many cells a material is thick behind its interfaces, in the median over them; at most `most`, 0 where none is found.
+
+        Parameters
+        ----------
+        portion_of : ndarray of int, shape (n + m,)
+        number : int
+            Of the material.
+        most : int
+        """
+        body = self._body
+        beside = np.flatnonzero((portion_of[: len(body)] == number) & (self.depths[: len(body)] > 0))
+        beside = beside[self.depths[beside] < body.spacing]
+        if not len(beside):
+            return 0.0
+        inwards = (np.arange(most) + 0.5) * body.spacing
+        faces = body.points[beside] + self.depths[beside, None] * self.normals[beside]
+        places = faces[:, None] - inwards[:, None] * self.normals[beside, None]
+        distance, nearest = cKDTree(body.all_points).query(places)
+        within = (distance < body.spacing) & (portion_of[nearest] == number)
+        return float(np.median(np.where(within.all(axis=1), most, within.argmin(axis=1))))
 
     def correct(self, positions: np.ndarray, gradients: np.ndarray) -> None:
         """Find the jumps, and take from the points' gradients what they have of the other side.
@@ -116,6 +221,8 @@ class Interfaces:
         self._body.part.fill(self.jumps[:n])
         if len(ghosts):
             self.jumps[n:] = ghosts.parity * self.jumps[ghosts.source]
+        for b, (matrix, _) in enumerate(self._one_sided):
+            self._column(gradients, b)[:n] += matrix @ positions
         for b, matrix in enumerate(self._corrections):
             self._column(gradients, b)[:n] -= matrix @ self.jumps
 
@@ -153,15 +260,22 @@ class Interfaces:
         if len(ghosts):
             np.add.at(own, ghosts.source, ghosts.parity * on_jumps[n:])
         self._body.part.fill(own)
-        return self._jump_back @ own
+        self.on_jumps = self._jump_back @ own
+        found = self.on_jumps.copy() if self._one_sided else self.on_jumps
+        for b, (_, back) in enumerate(self._one_sided):
+            pulls = back @ self._column(own_moments, b)
+            found -= pulls[:n]
+            if len(ghosts):
+                np.subtract.at(found, ghosts.source, ghosts.parity * pulls[n:])
+        return found
 
 
 def _sources(body: Body) -> np.ndarray:
     return np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])
 
 
-def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> tuple[float, np.ndarray, int] | None:
-    """Distance and direction of the straight interface beside a point, and the material beyond it; None where there is none."""
+def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int) -> tuple[float, np.ndarray, int, float] | None:
+    """Distance and direction of the interface beside a point, the material beyond, and the share of the volume that lies astray of it."""
     points, volumes, own = body.all_points, body.all_volumes, portion_of[i]
     place = points[i]
     for _ in range(CENTRINGS):
@@ -187,7 +301,25 @@ def _interface_beside(body: Body, tree: cKDTree, portion_of: np.ndarray, i: int)
         if abs(depth) > FARTHEST * body.horizon:
             return None
         place = points[i] + depth * normal
-    return (float(depth), normal, int(kinds[0])) if depth > 0 else None
+    astray = V[others != (along > along[order[behind - 1]] + 1e-9 * body.spacing)].sum() / V.sum()
+    return (float(depth), normal, int(kinds[0]), float(astray)) if depth > 0 else None
+
+
+def _nearest_softer(
+    body: Body, tree: cKDTree, portion_of: np.ndarray, moduli: np.ndarray, i: int
+) -> tuple[float, np.ndarray, int, float] | None:
+    """What `_interface_beside` returns, from the nearest points of a much softer material alone, half a cell beyond the interface."""
+    around = np.array(tree.query_ball_point(body.points[i], body.horizon * (1 + 1e-9), return_sorted=True), dtype=np.int64)
+    softer = around[moduli[around] * YIELDING < moduli[i]]
+    if not len(softer):
+        return None
+    arms = body.all_points[softer] - body.points[i]
+    distance = np.linalg.norm(arms, axis=1)
+    nearest = distance < distance.min() * (1 + 1e-6)
+    normal = arms[nearest].mean(axis=0)
+    length = np.linalg.norm(normal)
+    depth = length - body.spacing / 2 if length > 0 else 0.0
+    return (float(depth), normal / length, int(portion_of[softer[nearest][0]]), 0.0) if depth > 0 else None
 
 
 def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, normal: np.ndarray, quadratic: bool) -> np.ndarray | None:
@@ -219,4 +351,52 @@ def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, norm
         second = values.T @ (weights[:, None] * values) / weights.sum()
         if np.linalg.cond(second) < WORST_CONDITION:
             return weights * (values @ np.linalg.solve(second, np.eye(len(functions))[1] - np.eye(len(functions))[0])) / weights.sum()
+    return None
+
+
+def _mirrored(
+    x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, normal: np.ndarray, depth: float, spacing: float, own: np.ndarray
+) -> np.ndarray | None:
+    """Weights of the values at points in the jump with which a point is seen as an odd mirror image of softer material.
+
+    As those of a clamp, theory (22): beside material that is not deformed they bear its stress without a disturbance.  None, where the
+    points say no value at the interface or at the mirrored place.
+
+    Parameters
+    ----------
+    x : ndarray, shape (k, d)
+        The points from the place on the interface.
+    volumes : ndarray, shape (k,)
+    beyond : ndarray of bool, shape (k,)
+        Which of them are of the softer material.
+    normal : ndarray, shape (d,)
+    depth, spacing : float
+        In the unit of x.
+    own : ndarray of bool, shape (k,)
+        Which of them is the point.
+    """
+    at_interface = _interpolation(x[~beyond], volumes[~beyond], np.zeros_like(normal), spacing)
+    mirrored = _interpolation(x[beyond], volumes[beyond], depth * normal, spacing)
+    if at_interface is None or mirrored is None:
+        return None
+    jump = own / depth
+    jump[~beyond] -= 2 * at_interface / depth
+    jump[beyond] += mirrored / depth
+    return jump
+
+
+def _interpolation(x: np.ndarray, volumes: np.ndarray, place: np.ndarray, spacing: float) -> np.ndarray | None:
+    """Weights of the values at points (k, d) at a place, exact for linear functions, of as few of the nearest points as say them."""
+    arms = x - place
+    distance = np.linalg.norm(arms, axis=1) / spacing
+    values = np.column_stack([np.ones(len(x)), arms / spacing])
+    for reach in NEAREST:
+        # A point at the place itself is its value.
+        weights = volumes * np.maximum(1 - distance / reach, 0.0) ** 2 / (distance**2 + 1e-8)
+        if np.count_nonzero(weights) <= len(place):
+            continue
+        second = values.T @ (weights[:, None] * values) / weights.sum()
+        scale = 1 / np.sqrt(np.maximum(np.diag(second), 1e-300))
+        if np.linalg.cond(second * scale[:, None] * scale) < WORST_SPREAD:
+            return weights * (values @ np.linalg.solve(second, np.eye(len(second))[0])) / weights.sum()
     return None

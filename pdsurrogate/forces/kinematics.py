@@ -163,13 +163,15 @@ class Kinematics:
         """Numbers of the pairs with an image."""
         return np.flatnonzero(self.body.bonds.second >= len(self.body)).astype(np.uint32)
 
-    def gradient_weights(self) -> np.ndarray:
-        """K^-1 w x V_j of every directed bond, shape (n_bonds, d)."""
+    def gradient_weights(self, weighted_bonds: np.ndarray | None = None, inverse_shape: np.ndarray | None = None) -> np.ndarray:
+        """K^-1 w x V_j of every directed bond, shape (n_bonds, d), of the body's own shapes and bonds or of given ones."""
+        weighted_bonds = self.weighted_bonds if weighted_bonds is None else weighted_bonds
+        inverse_shape = self.inverse_shape if inverse_shape is None else inverse_shape
         pointers, d = self.body.bonds.pointers, self.body.dimension
         owners = np.repeat(np.arange(len(self.body)), np.diff(pointers).astype(np.int64))
         place = np.zeros((d, d), dtype=np.int64)
-        place[np.triu_indices(d)] = np.arange(self.inverse_shape.shape[1])
-        return np.einsum("bij,bj->bi", self.inverse_shape[owners][:, np.maximum(place, place.T)], self.weighted_bonds)
+        place[np.triu_indices(d)] = np.arange(inverse_shape.shape[1])
+        return np.einsum("bij,bj->bi", inverse_shape[owners][:, np.maximum(place, place.T)], weighted_bonds)
 
     def gradient_pass(self, positions: np.ndarray, gradients: np.ndarray, unsupported: float) -> BoundPass:
         """The pass that forms the points' deformation gradients from positions; with `unsupported` 0, changes from displacements."""

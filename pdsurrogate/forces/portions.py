@@ -13,14 +13,14 @@ from ..engine.passes import BoundPass
 from ..kernels import node_state
 from ..materials import PLANES, Law
 from .evaluation import Evaluation, usual_precision
-from .interfaces import Interfaces
+from .interfaces import YIELDING, Interfaces
 from .kinematics import Kinematics
 from .protocol import ForceModel, InternalForce, InvalidState, Portion
 from .settings import ROTATION, ROTATIONS, ForceSettings
 from .surrogate_thickness import SurrogateThickness
 
 
-def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettings) -> InternalForce:
+def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettings, rigid: np.ndarray | None = None) -> InternalForce:
     """Prepare the evaluation of a body whose points are of several materials.
 
     Portions of the same law and model are one material; where all are, the body is evaluated as any other.
@@ -32,6 +32,8 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
         Every point of the body is in one of them.
     settings : ForceSettings
         Each choice is one that every model can honour which has a use for it.
+    rigid : ndarray of int, optional
+        Points of no material, which move as solvers have it; what they are bonded to pulls at them.  Of a force that has an energy.
 
     Raises
     ------
@@ -39,7 +41,10 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
         If a point is in none or in two, a model does not describe its law or cannot honour a setting, models of two kinds meet, or bonds
         are to break.
     """
-    of_points = np.concatenate([portion.points for portion in portions])
+    rigid = np.empty(0, dtype=np.int64) if rigid is None else rigid
+    if not portions:
+        raise ValueError("the rigid regions take all points of the body: nothing is left to be deformed")
+    of_points = np.concatenate([rigid, *(portion.points for portion in portions)])
     if not np.array_equal(np.sort(of_points), np.arange(len(body))):
         raise ValueError("the materials must have every point of the body once")
     families = {portion.model.family: portion.model.name for portion in portions}
@@ -50,7 +55,7 @@ def bind_portions(body: Body, portions: Sequence[Portion], settings: ForceSettin
     merged = _merged(portions)
     if len(merged) > 1 and (asked := [portion.model.name for portion in merged if portion.model.members]):
         raise ValueError(f"{asked[0]}: the deviation of members is told of bodies of one material; leave out #all")
-    if len(merged) == 1:
+    if len(merged) == 1 and not len(rigid):
         return merged[0].model.bind(body, merged[0].law, settings)
     honoured = {key for portion in merged for key in portion.model.honoured(settings.plane)}
     for portion in merged:
@@ -226,7 +231,7 @@ class EvaluationOfPortions(Evaluation):
     ----------
     portions
     portion_of : ndarray of int, shape (n + m,)
-        Which of the portions every point and image is of.
+        Which of the portions every point and image is of; their number of those that are rigid.
     states : list of PointStates
         Of every portion; `_add_states` makes them, in the order of the portions.
     """
@@ -235,15 +240,21 @@ class EvaluationOfPortions(Evaluation):
         stiffest = max((portion.law for portion in portions), key=lambda law: law.shear_modulus)
         super().__init__(body, stiffest, precision, correction, settings)
         self.portions, self._rotation = portions, settings.rotation
-        self.portion_of = np.empty(len(body.all_points), dtype=np.int64)
+        self.portion_of = np.full(len(body.all_points), len(portions))
         for number, portion in enumerate(portions):
             self.portion_of[portion.points] = number
         body.ghosts.fill(self.portion_of)
-        self._kinematics.interfaces = Interfaces(body, self._kinematics, self.portion_of, self.has_energy)
+        moduli = np.array([*(portion.law.shear_modulus for portion in portions), np.inf])[self.portion_of]
+        self._kinematics.interfaces = Interfaces(body, self._kinematics, self.portion_of, moduli, self.has_energy)
         self.states: list[PointStates] = []
-        moduli, n, bonds = np.array([portion.law.shear_modulus for portion in portions])[self.portion_of], len(body), body.bonds
+        n, bonds = len(body), body.bonds
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
         around, length = moduli[bonds.neighbours], np.linalg.norm(body.all_points[bonds.neighbours] - body.points[owners], axis=1)
+        # What a bond between very different moduli carries is the softer one's, and the stiffer one's points feel no more of it.
+        apart = self.has_energy & (np.maximum(around, moduli[owners]) > YIELDING * np.minimum(around, moduli[owners]))
+        around[apart] = moduli[owners[apart]]
+        moduli = np.minimum(moduli, stiffest.shear_modulus)  # rigid points have none of their own
+        around = np.minimum(around, stiffest.shear_modulus)
         weights = body.weigh(length) * body.all_volumes[bonds.neighbours]
         self._stiffness_moduli = (moduli[:n] + np.bincount(owners, weights * around, n) / np.bincount(owners, weights, n)) / 2
         self._force_scale = moduli[:n].copy()
@@ -252,6 +263,10 @@ class EvaluationOfPortions(Evaluation):
         body.part.fill(self._force_scale)
         counted = body.part.counted_pairs(bonds.first)
         self._counted = np.ones(self._n_pairs, dtype=bool) if counted is None else counted
+
+    def cells_across(self, number: int, most: int) -> float:
+        """See `Interfaces.cells_across`; the number of the portions is that of what is rigid."""
+        return self._kinematics.interfaces.cells_across(self.portion_of, number, most)
 
     def _add_states(self, pairs: np.ndarray) -> PointStates:
         """States of the points of the next portion, and of those that it sees in the given pairs."""
@@ -287,14 +302,14 @@ class EvaluationOfPortions(Evaluation):
         return self._force_scale
 
     def bulk_stresses(self) -> np.ndarray:
-        found, J3 = np.empty(len(self.body)), self.volume_ratios()
+        found, J3 = np.zeros(len(self.body)), self.volume_ratios()
         for law, points in self.laws:
             found[points] = law.volumetric(J3[points], law.parameters)[1]
         return found
 
     def volume_ratios(self) -> np.ndarray:
         self.find_states()
-        found, n = np.empty(len(self.portion_of)), len(self.body)
+        found, n = np.ones(len(self.portion_of)), len(self.body)
         for number, states in enumerate(self.states):
             numbers = states.view.numbers
             own = self.portion_of[numbers] == number

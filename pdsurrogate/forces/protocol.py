@@ -316,7 +316,7 @@ class InternalForce(ABC):
         n, at = len(self.body), PLANES[self.plane].stress_and_energy
         F, J3 = self.deformation_gradients(), self.volume_ratios()
         bulk = None if self.plane == "stress" else self.bulk_stresses()
-        stress, energy = np.empty((n, 3, 3)), np.empty(n)
+        stress, energy = np.zeros((n, 3, 3)), np.zeros(n)  # of rigid points, which have no law
         for law, points in self.laws:
             stress[points], energy[points] = at(law, F[points], J3[points], None if bulk is None else bulk[points])
         return stress, energy
@@ -347,6 +347,10 @@ class InternalForce(ABC):
     @abstractmethod
     def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
         """Force on the first point of given pairs in the state last evaluated, shape (k, d); of every pair where none are given."""
+
+    def forces_beside_pairs(self) -> np.ndarray | None:
+        """Forces on the points in the state last evaluated that no pair exerts, shape (n, d); None where there are none."""
+        return None
 
     def levers_on_planes(self) -> np.ndarray | None:
         """Sum of f (x) y of every plane of the body, shape (planes, d, d), by virtual work in the state last evaluated.

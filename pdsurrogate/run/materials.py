@@ -58,10 +58,17 @@ def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:
     Raises
     ------
     SceneError
-        If a part's artefact cannot be read, is of another kind than the model of the rest, or does not describe its law.
+        If a part's artefact cannot be read, is of another kind than the model of the rest, or does not describe its law, or a rigid region
+        is beside a force that has no energy.
     """
     found = []
     for number, part in enumerate(scene.materials):
+        if part.rigid:
+            if model.family != "bond energy":
+                why = f"a rigid region takes a force that has an energy, as bond-energy; {model.name} has none"
+                raise SceneError(f"scene {scene.name}: materials.{number}: {why}")
+            found.append(model)  # which nothing is asked of there
+            continue
         law = part.material.build()
         try:
             if part.force is not None:
@@ -85,7 +92,7 @@ def _describes(model: ForceModel, law) -> bool:
     return True
 
 
-def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: BodyRegions) -> list[Portion]:
+def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: BodyRegions) -> tuple[list[Portion], dict[str, np.ndarray]]:
     """The points of every material: those of the rest, then those of `materials` in order; a material that is left no point has no portion.
 
     Parameters
@@ -96,6 +103,12 @@ def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: Bod
         Of the rest, then of `materials`.
     regions : BodyRegions
 
+    Returns
+    -------
+    list of Portion
+    dict of ndarray
+        Points of the rigid regions, by the regions' names.
+
     Raises
     ------
     ValueError
@@ -103,10 +116,11 @@ def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: Bod
     """
     of_points, laws = np.zeros(len(body), dtype=np.int64), [scene.law()]
     for number, part in enumerate(scene.materials, 1):
-        laws.append(part.material.build())
+        laws.append(None if part.rigid else part.material.build())
         points = regions.points(part.region)
         before = of_points[points]
-        different = [laws[other] != laws[number] or models[other] is not models[number] for other in before]
+        # Two rigid regions are two bodies.
+        different = [part.rigid or laws[other] != laws[number] or models[other] is not models[number] for other in before]
         error, twice = None, (before > 0) & np.array(different, dtype=bool)
         if twice.any():
             place = ", ".join(f"{x:.4g}" for x in body.points[points[twice.argmax()]])
@@ -116,8 +130,15 @@ def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: Bod
             )
         body.part.agree(error)
         of_points[points] = number
-    return [
+    rigid = {
+        regions.label(part.region, f"materials.{number}"): np.flatnonzero(of_points == number + 1)
+        for number, part in enumerate(scene.materials)
+        if part.rigid
+    }
+    portions = [
         Portion(law, model, points)
         for number, (law, model) in enumerate(zip(laws, models, strict=True))
-        if body.part.any(len(points := np.flatnonzero(of_points == number)) > 0)  # of several ranks all have the same portions
+        if law is not None
+        and body.part.any(len(points := np.flatnonzero(of_points == number)) > 0)  # of several ranks all have the same portions
     ]
+    return portions, rigid

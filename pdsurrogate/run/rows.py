@@ -64,6 +64,8 @@ def equilibrium_columns(run: Run, level: dict) -> dict:
         row["nominal_stress"] = level["nominal_stress"]
     row["strain_energy"] = run.strain_energy()
     row |= force_columns(level["forces"]) | moment_columns(level.get("moments", {}))
+    for name, told in level.get("rigid", {}).items():
+        row |= force_columns({f"{name}_rigid": told["force"]}) | moment_columns({f"{name}_rigid": told["moment"]})
     return row | displacement_columns(run) | probe_columns(run)
 
 
@@ -104,6 +106,9 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
     row["displacements"] = {name: displacement.tolist() for name, displacement in displacements_by_name(run).items()}
     if run.force.has_energy:
         row["energy"] = run.strain_energy()
+    if regions := getattr(run.loaded, "rigid", ()):
+        internal = run.loading.internal_forces(run.force)
+        row["rigid"] = {region.name: region.told(run.positions, internal) for region in regions}
     return row | probe_readings(run)
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
+from collections.abc import Iterable
 from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
@@ -14,8 +16,9 @@ import numpy as np
 from ..body import Body, Surface
 from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
 from ..engine.threads import threads_for
-from ..forces import ForceModel, ForceSettings, InternalForce, bind_portions
+from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, bind_portions
 from ..forces.interfaces import SIGHT
+from ..forces.portions import EvaluationOfPortions
 from ..materials import Law
 from ..ranks import ALONE, HALO, Communicator, ReductionsOfParts, communicator, divided
 from ..ranks.communicator import Alone
@@ -37,11 +40,17 @@ from .materials import check_fracture, models_of, portions_of, settings_of
 from .programme import Inertia, stages_of
 
 if TYPE_CHECKING:
+    from ..solvers.rigid import RigidRegion
     from .fracture import Damage
     from .levels import Way
     from .record import Record
 
 
+LEAST_CELLS = 3
+"""Thickness of a part in cells below which a warning is given: at a horizon of 3.15 cells its neighbours are bonded through it."""
+
+MOST_CONTRAST = 30.0
+"""Of shear moduli with a force that has no energy, beyond which a warning is given."""
 ACCEPTED = "accepted_"
 """How the names of arrays in a checkpoint begin that are of the last equilibrium on the way to an output."""
 
@@ -97,13 +106,20 @@ class Silent:
 
 
 def loading_of(
-    scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray, regions: BodyRegions, loads: Loads | None, reductions: LocalReductions
+    scene: Scene,
+    body: Body,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    regions: BodyRegions,
+    loads: Loads | None,
+    reductions: LocalReductions,
+    rigid: Iterable[np.ndarray] = (),
 ) -> Loading:
     """Return the conditions of a scene on its body; see `GripLoading` and `PrescribedLoading` for what is refused."""
     if scene.stretched:
         return GripLoading(scene, body, lower, upper, reductions)
     modulus = 1.0 if scene.material is None else scene.law().shear_modulus  # a picture of a scene without a material needs none
-    return PrescribedLoading(scene, body, lower, upper, regions, loads, modulus, reductions)
+    return PrescribedLoading(scene, body, lower, upper, regions, loads, modulus, reductions, *rigid)
 
 
 @dataclass
@@ -229,7 +245,11 @@ class Run:
         settings = settings_of(scene)
         try:
             self.loads = Loads(scene, self.body, self.regions) if scene.loads else None
-            self.loading = loading_of(scene, self.body, lower, upper, self.regions, self.loads, self.reductions)
+            self._portions, self._rigid = portions_of(scene, self.body, self.models, self.regions) if scene.materials else ([], {})
+            if self._rigid and self.ranks.size > 1:
+                raise ValueError("materials: rigid regions are taken on one rank only; run it without mpiexec, or give them a law")
+            rigid = self._rigid.values()
+            self.loading = loading_of(scene, self.body, lower, upper, self.regions, self.loads, self.reductions, rigid)
             self.body.part.clear(self.loading.free)  # what others own they move
             self._check_speeds()
             numba.set_num_threads(self.threads)
@@ -238,6 +258,8 @@ class Run:
 
                 compile_first(self.ranks, self.model, self.law, settings, scene.dimension)
             self._bind(settings)
+            if isinstance(self.force, EvaluationOfPortions):
+                self._tell_of_parts(self.force, list(self._rigid))
             self._check_support()
             for number, probe in enumerate(scene.probes):
                 self.regions.check_place(f"probes.{number}.at", probe.at)
@@ -256,12 +278,17 @@ class Run:
         """Bind the force models to the body."""
         self.force: InternalForce
         if self.scene.materials:
-            self.force = bind_portions(self.body, portions_of(self.scene, self.body, self.models, self.regions), settings)
+            rigid = np.concatenate([np.empty(0, dtype=np.int64), *self._rigid.values()])
+            self.force = bind_portions(self.body, self._portions, settings, rigid)
         else:
             self.force = self.model.bind(self.body, self.law, settings)
         self.loaded = self.force
         if self.loads is not None or self.loading.supports is not None:
             self.loaded = LoadedForce(self.force, self.loads, self.loading.supports)
+        if self._rigid:
+            from ..solvers.rigid import RigidForce  # of which a scene without rigid regions has no need
+
+            self.loaded = RigidForce(self.loaded, self._rigid_regions(self._rigid))
 
     def takes_double(self) -> bool:
         """Whether the force models may be evaluated in double precision in the place of single."""
@@ -310,17 +337,60 @@ class Run:
 
     def _portion_of(self) -> np.ndarray | None:
         """Material of every point of the whole body; None where there is one."""
-        if len(self.force.laws) == 1:
+        if not isinstance(self.force, EvaluationOfPortions):
             return None
-        found = np.empty(len(self.body), dtype=np.int64)
-        for number, (_, points) in enumerate(self.force.laws):
-            found[points] = number
+        found = self.force.portion_of[: len(self.body)]
         return self.ranks.to_all(self.body.part.gather(found))
 
     @property
     def _least_modulus(self) -> float:
         """Shear modulus of the material in which shear waves are slowest."""
-        return min(law.shear_modulus for law in (self.law, *(part.material.build() for part in self.scene.materials)))
+        laws = self.law, *(part.material.build() for part in self.scene.materials if not part.rigid)
+        return min(law.shear_modulus for law in laws)
+
+    def _tell_of_parts(self, force: EvaluationOfPortions, rigid: list[str]) -> None:
+        """Warn of parts that are too thin or too stiff for the force model, with what is measured of it.
+
+        Raises
+        ------
+        ValueError
+            If a rigid region is one cell thick: it has no turn.
+        """
+        moduli = [portion.law.shear_modulus for portion in force.portions]
+        for number, modulus in enumerate([*moduli, None][: len(moduli) + bool(rigid)]):
+            cells = force.cells_across(number, LEAST_CELLS)
+            if modulus is None and cells < 2:
+                raise ValueError(f"materials: a rigid region ({', '.join(rigid)}) is one cell thick, and needs 2; take a smaller spacing")
+            if modulus is not None and 0 < cells < LEAST_CELLS:
+                warnings.warn(
+                    f"scene {self.scene.name}: the part of shear modulus {modulus:.4g} is some {cells:.0f} cells thick, "
+                    f"{cells * self.body.spacing:.3g}, and bonds reach through it: a soft layer between stiff halves is 4 % too stiff with "
+                    "3 cells, 30 to 99 % with 2; take a smaller spacing",
+                    stacklevel=2,
+                )
+        if not force.has_energy and max(moduli) > MOST_CONTRAST * min(moduli):
+            warnings.warn(
+                f"scene {self.scene.name}: one material is {max(moduli) / min(moduli):.3g} times as stiff as another; beside it "
+                f"{self.model.name} is off by 2 to 7 % (an inclusion 8 to 16 cells wide), or finds no equilibrium: take force=bond-energy",
+                stacklevel=2,
+            )
+
+    def _rigid_regions(self, points: dict[str, np.ndarray]) -> list[RigidRegion]:
+        """The rigid regions, of which everything that is prescribed is what one body can do."""
+        from ..solvers.rigid import RigidRegion
+
+        regions = [RigidRegion(name, self.body, numbers, self.loading.free) for name, numbers in points.items()]
+        ends = sorted({0.0, *(stage.to for stage in self.stages)})
+        for value in ends:
+            positions = self.body.points.copy()
+            try:
+                self.loading.hold(value, self.force, positions)
+                for region in regions:
+                    region.snap(positions)
+            except InvalidState as error:
+                raise SceneError(f"scene {self.scene.name}: {self.loading.at(value)}: {error}") from None
+        self.loading.hold(0.0, self.force, self.body.points.copy())
+        return regions
 
     def _check_speeds(self) -> None:
         """Refuse held parts that move apart faster than shear waves: what the body does then hangs on the motion it is started with."""

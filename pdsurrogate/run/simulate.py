@@ -27,6 +27,7 @@ from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, ch
 from ..results.provenance import provenance
 from ..results.result import write_tables
 from ..scenes import Scene, SceneError, load_scene
+from ..scenes.model import RIGID
 from ..solvers import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from ..solvers.conditions import FoldedOver
 from .interruption import Interrupted, Interruption
@@ -452,10 +453,10 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None,
     }
     if scene.materials:
         summary["materials"] = [
-            {"region": part["region"], "material": law, "force": model.name}
+            {"region": part["region"], "material": law, **({} if law["law"] == RIGID else {"force": model.name})}
             for part, law, model in zip(
                 scene.model_dump(mode="json", include={"materials"}, exclude_none=True, by_alias=True)["materials"],
-                [part.material.build().describe() for part in scene.materials],
+                [{"law": RIGID} if part.rigid else part.material.build().describe() for part in scene.materials],
                 run.models[1:],
                 strict=True,
             )

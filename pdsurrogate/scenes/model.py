@@ -115,6 +115,9 @@ MOST_INCREMENTS = 100_000
 """Of a step; more take days on the smallest body."""
 
 
+RIGID = "rigid"
+"""What an entry of `materials` names in the place of a law, whose region moves as one body."""
+
 LEAST_MODULUS, MOST_MODULUS = 1e-30, 1e30
 LEAST_SPACING, MOST_SPACING = 1e-12, 1e12
 """Between them products of forces and of volumes, in single precision too, neither overflow nor vanish."""
@@ -136,6 +139,10 @@ class MaterialSpec(StrictModel):
 
     @model_validator(mode="after")
     def _build(self) -> MaterialSpec:
+        if self.rigid:
+            if self.model_extra:
+                raise ValueError(f"{RIGID} has no parameter {next(iter(self.model_extra))!r}; it has none")
+            return self
         law = self.build()
         for key in ("shear_modulus", "bulk_modulus"):
             value = getattr(law, key)
@@ -145,6 +152,11 @@ class MaterialSpec(StrictModel):
                     "take other units of stress"
                 )
         return self
+
+    @property
+    def rigid(self) -> bool:
+        """Whether it is no law, and what is of it moves as one body."""
+        return self.law == RIGID
 
     def build(self) -> Law:
         """The law.
@@ -176,12 +188,13 @@ class MaterialSpec(StrictModel):
 
 
 class Part(StrictModel):
-    """A region of the body of another material than the rest.
+    """A region of the body of another material than the rest, or one that is rigid.
 
     Attributes
     ----------
     region : str or Region
     material : MaterialSpec
+        ``"rigid"`` for a region that moves as one body.
     force : str, optional
         Artefact of this material; by default the force model of the rest, or, where that is a surrogate, the one of this law.
 
@@ -196,6 +209,17 @@ class Part(StrictModel):
     region: RegionReference
     material: MaterialSpec
     force: str | None = None
+
+    @property
+    def rigid(self) -> bool:
+        """Whether the region moves as one body."""
+        return self.material.rigid
+
+    @model_validator(mode="after")
+    def _no_force_where_rigid(self) -> Part:
+        if self.rigid and self.force is not None:
+            raise ValueError("a rigid region is not deformed and takes no force: leave it out")
+        return self
 
 
 class Grip(StrictModel):
@@ -504,6 +528,20 @@ class Scene(StrictModel):
                 raise ValueError("steps change nothing without prescribed displacements or loads")
         elif not self.grips:
             raise ValueError("nothing is loaded: give two grips and stretches, or prescribed displacements or loads, and steps")
+        return self
+
+    @model_validator(mode="after")
+    def _rigid_regions(self) -> Scene:
+        if self.material.rigid:
+            raise ValueError("material: the rest of a body is of a law; a rigid region is an entry of materials")
+        number = next((number for number, part in enumerate(self.materials) if part.rigid), None)
+        if number is None:
+            return self
+        if self.stretched:
+            raise ValueError(f"materials.{number}: beside a rigid region the loading is said by prescribed, loads and steps, not by grips")
+        moving = next((step for step, entry in enumerate(self.steps) if entry.dynamics is not None), None)
+        if moving is not None:
+            raise ValueError(f"steps.{moving}.dynamics: a rigid region (materials.{number}) is taken in equilibrium only")
         return self
 
     @model_validator(mode="after")

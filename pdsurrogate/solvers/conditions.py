@@ -402,7 +402,16 @@ class Loading(ABC):
         return levers
 
     def _on_points(self, force: InternalForce) -> np.ndarray:
-        """Internal force and loads on every point in the state last evaluated, shape (n, d)."""
+        """Internal force and loads on every point in the state last evaluated, shape (n, d), carried as rigid regions do."""
+        total = self.internal_forces(force)
+        if self.loads is not None:
+            self.loads.forces(force.positions[: len(self.body)], force.thickness(), total)
+        if getattr(force, "rigid", None):
+            force.carry(force.positions[: len(self.body)], total)
+        return total
+
+    def internal_forces(self, force: InternalForce) -> np.ndarray:
+        """Internal force on every point in the state last evaluated, shape (n, d)."""
         n, bonds, pair_forces = len(self.body), self.body.bonds, force.pair_forces()
         within = bonds.second < n
         total = np.stack(
@@ -413,9 +422,8 @@ class Loading(ABC):
             ],
             axis=1,
         )
-        if self.loads is not None:
-            self.loads.forces(force.positions[:n], force.thickness(), total)
-        return total
+        beside = force.forces_beside_pairs()
+        return total if beside is None else total + beside
 
     @cached_property
     def _owned(self) -> list[dict[int, np.ndarray]]:

@@ -459,8 +459,10 @@ class LoadedForce:
         if self.supports is not None:
             self.supports.fold(out)
 
-    def applied(self) -> np.ndarray:
+    def applied(self) -> np.ndarray | None:
         """See `InternalForce`."""
+        if self.loads is None:
+            return self.internal.applied()
         found = np.zeros_like(self.body.points)
         self.loads.forces(self.positions[: len(self.body)], self.thickness(), found)
         return found
@@ -490,6 +492,10 @@ class LoadedForce:
     def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
         """See `InternalForce`."""
         return self.internal.pair_forces(pairs)
+
+    def forces_beside_pairs(self) -> np.ndarray | None:
+        """See `InternalForce`."""
+        return self.internal.forces_beside_pairs()
 
     def linearised_dilatation(self):
         """See `InternalForce`."""

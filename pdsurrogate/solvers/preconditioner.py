@@ -74,6 +74,10 @@ class Extension(Protocol):
 def preconditioner_of(force: InternalForce, free: np.ndarray, reductions: LocalReductions = LOCAL) -> Preconditioner:
     """What suits the tangent of a force in which components (n, d) are free."""
     body, moduli = force.body, force.stiffness_moduli
+    if getattr(force, "rigid", None):
+        from .rigid import RigidStiffness  # of which a body without rigid regions has no need
+
+        return RigidStiffness(force, free)
     if force.nearly_incompressible:
         return IncompressibleStiffness(force, _laplacian(body, moduli, free, reductions), reductions)
     return _of_springs(body, moduli, free, reductions)
@@ -156,8 +160,11 @@ class NearestBondStiffness:
         return self.solve(forces_of_springs(body, shear_moduli, held, planes, turns)) + held
 
 
-def spring_matrix(body: Body, shear_moduli: float | np.ndarray) -> sparse.csc_array:
-    """Stiffness of the nearest bonds with no component held, shape (d n, d n), the components of a point together."""
+def spring_matrix(body: Body, shear_moduli: float | np.ndarray, rigid: np.ndarray | None = None) -> sparse.csc_array:
+    """Stiffness of the nearest bonds with no component held, shape (d n, d n), the components of a point together.
+
+    Between points (n,) that are `rigid` there are no springs.
+    """
     n, d, ghosts = len(body), body.dimension, body.ghosts
     first, second, blocks = springs(body, shear_moduli)
     within = second < n
@@ -165,6 +172,8 @@ def spring_matrix(body: Body, shear_moduli: float | np.ndarray) -> sparse.csc_ar
     mirrored, parity = second.copy(), np.ones((len(second), d))
     mirrored[~within] = ghosts.source[second[~within] - n]
     parity[~within] = ghosts.parity[second[~within] - n]
+    if rigid is not None:
+        blocks = blocks * ~(rigid[first] & rigid[mirrored])[:, None, None]
     rows, columns, values = [], [], []
     for i in range(d):
         for j in range(d):
@@ -210,7 +219,8 @@ def _nearest(body: Body, shear_moduli: float | np.ndarray, factor: float) -> tup
     volumes = body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
     if isinstance(shear_moduli, np.ndarray):
         ends = np.concatenate([shear_moduli, shear_moduli[body.ghosts.source]])
-        shear_moduli = (ends[bonds.first] + ends[bonds.second]) / 2
+        # Of two springs in series; the sum of inverses, since the product of two moduli may be out of range.
+        shear_moduli = 2 / (1 / ends[bonds.first] + 1 / ends[bonds.second])
     stiffness = factor * shear_moduli * body.weigh(length) * volumes / body.kappa
     near = length <= REACH * body.spacing
     part = body.part

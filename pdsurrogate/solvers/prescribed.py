@@ -33,6 +33,9 @@ COMPRESSED = 0.05
 """Compression anywhere, over the greatest tension in the body, from which the body is taken to be able to buckle: less is what free edges
 show, whose horizons are incomplete."""
 
+RIGID = 1e3
+"""Stiffness of rigid regions over that of the rest in a first guess, which is then brought to where they can be."""
+
 NO_STRESS = {"float32": 1e-5, "float64": 1e-10}
 """Compression over the shear modulus that rounding of the forces may show, by precision."""
 
@@ -58,6 +61,8 @@ class PrescribedLoading(Loading):
     shear_modulus : float
         For the first guess.
     reductions : LocalReductions
+    *rigid : ndarray of int
+        Points of every region that moves as one body; those of them beside a plane are held as the plane is.
 
     Raises
     ------
@@ -78,9 +83,14 @@ class PrescribedLoading(Loading):
         loads: Loads | None,
         shear_modulus: float,
         reductions: LocalReductions,
+        *rigid: np.ndarray,
     ) -> None:
         self.body, self._amplitudes = body, [amplitude_of(entry.amplitude) for entry in scene.prescribed]
         self._entries, self._loads, self._shear_modulus = scene.prescribed, scene.loads, shear_modulus
+        self._springs: float | np.ndarray = shear_modulus
+        if rigid:
+            self._springs = np.full(len(body), shear_modulus)
+            self._springs[np.concatenate(rigid)] *= RIGID
         # A hair more, so that increments of just that strain are taken.
         self._largest_strain = scene.solver.largest_increment * (1 + 1e-6)
         turning_points = [0.0, *(step.to for step in scene.steps)]
@@ -88,7 +98,7 @@ class PrescribedLoading(Loading):
         labels = _labels(scene, regions)
         names = tuple(dict.fromkeys(labels[: len(scene.prescribed)]))
         holders = [names.index(label) for label in labels[: len(scene.prescribed)]]
-        edges = reflected_edges(scene, body.faces)
+        edges, of_rigid = reflected_edges(scene, body.faces), np.concatenate([np.empty(0, dtype=np.int64), *rigid])
         planes, held, along_planes = [], [], []
         for edge, numbers in edges.items():
             points = np.flatnonzero(along_edge(body, edge, lower, upper).inside)
@@ -100,6 +110,10 @@ class PrescribedLoading(Loading):
                 # What the plane does is what the points beside it would do: two entries may not disagree on either.
                 displacement = self._displacement(number, body.points[points])
                 along_planes.append(HeldPoints(f"prescribed.{number}", None, points, components, displacement))
+                beside = np.intersect1d(points, of_rigid)
+                if len(beside):  # its images hold no region that nothing deforms
+                    moves = self._displacement(number, body.points[beside])
+                    held.append(HeldPoints(f"prescribed.{number}", holders[number], beside, components, moves))
                 for component in components:
                     by_component[component] = number
                 turned = turned if entry.rotation is None else number
@@ -342,7 +356,7 @@ class PrescribedLoading(Loading):
                     at += len(sources)
                 if turns is not None and len(held.components) == self.body.dimension:
                     of_planes[number] = goal_planes[number, :, -1] - gradient @ planes[number, :, -1] - shift
-            guess += self._stiffness.response(self.body, self._shear_modulus, moved, of_planes, turns)
+            guess += self._stiffness.response(self.body, self._springs, moved, of_planes, turns)
         for part in self._held:
             goal = self._goal(part, t, start)
             for component in part.components:
@@ -401,7 +415,7 @@ class PrescribedLoading(Loading):
 
     @cached_property
     def _stiffness(self) -> Extension:
-        return extension_of(self.body, self._shear_modulus, self.free, self._reductions)
+        return extension_of(self.body, self._springs, self.free, self._reductions)
 
     def velocities(self, positions, motion: Motion):
         """Of the first guess: what is held moves at once, and all of the body with it, so that it sends no shock."""

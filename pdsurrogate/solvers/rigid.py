@@ -1,0 +1,274 @@
+"""Regions that move as one body: their forces are resultants, their displacements three or six numbers (theory (63))."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial.transform import Rotation
+
+from ..body import Body
+from ..forces import InternalForce, InvalidState
+from .conditions import moment_of
+from .loads import LoadedForce
+from .preconditioner import factorised, spring_matrix
+
+MOST_STEPS = 30
+"""Newton steps by which a region is brought to where its held components are; from the last state two or three are taken."""
+
+HELD = 1e-6
+"""Of the region's size: how far held components may be from any place that the region can take as one body."""
+
+INDEPENDENT = 1e-9
+"""Of the greatest singular value of the held components: below it a motion of the region is free."""
+
+
+class RigidRegion:
+    """Some points of a body that keep their distances.
+
+    Parameters
+    ----------
+    name : str
+        In results and messages.
+    body : Body
+    points : ndarray of int
+    free : ndarray, shape (n, d)
+        1 where a component may move, 0 where it is held.
+
+    Attributes
+    ----------
+    name, points
+    size : float
+        Radius of gyration, by which turns are measured.
+    """
+
+    def __init__(self, name: str, body: Body, points: np.ndarray, free: np.ndarray) -> None:
+        self.name, self.points = name, points
+        self._volumes = body.volumes[points]
+        self._middle = self._volumes @ body.points[points] / self._volumes.sum()
+        self._arms = body.points[points] - self._middle
+        self.size = float(np.sqrt(self._volumes @ (self._arms**2).sum(axis=1) / self._volumes.sum()))
+        self._held = np.nonzero(free[points] == 0)
+
+    @property
+    def n_motions(self) -> int:
+        """Translations and turns: 3 in the plane, 6 in space."""
+        return 3 if self._arms.shape[1] == 2 else 6
+
+    @property
+    def all_held(self) -> bool:
+        """Whether nothing of it is free to move at rest."""
+        return len(self._free_motions(self.motions(self._middle + self._arms)).T) == 0
+
+    def snap(self, positions: np.ndarray) -> None:
+        """Bring the region to the nearest place that it can take as one body and in which held components are where they are given.
+
+        Raises
+        ------
+        InvalidState
+            If there is none.
+        """
+        given = positions[self.points]
+        goals = given[self._held]
+        middle = self._volumes @ given / self._volumes.sum()
+        turn = _nearest_turn((given - middle).T @ (self._volumes[:, None] * self._arms))
+        for _ in range(MOST_STEPS):
+            placed = middle + self._arms @ turn.T
+            left = goals - placed[self._held]
+            if np.abs(left).max(initial=0.0) <= 1e-14 * self.size:
+                break
+            step = np.linalg.lstsq(self.motions(placed)[self._held], left, rcond=INDEPENDENT)[0]
+            d = len(middle)
+            middle, turn = middle + step[:d], _turn_by(step[d:] / self.size) @ turn
+        if np.abs(left).max(initial=0.0) > HELD * self.size:
+            raise InvalidState(
+                f"{self.name} is rigid, and what is prescribed moves its points apart: by {np.abs(left).max():.3g} from any place that it "
+                "can take as one body"
+            )
+        positions[self.points] = placed
+        positions[self.points[self._held[0]], self._held[1]] = goals
+
+    def motions(self, placed: np.ndarray) -> np.ndarray:
+        """Displacements of the points (k, d) by translations, then by turns about their middle times `size`, shape (k, d, motions)."""
+        arms = (placed - self._volumes @ placed / self._volumes.sum()) / self.size
+        k, d = arms.shape
+        found = np.zeros((k, d, self.n_motions))
+        found[:, range(d), range(d)] = 1.0
+        for number, (a, b) in enumerate([(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)], d):
+            found[:, a, number], found[:, b, number] = -arms[:, b], arms[:, a]
+        return found
+
+    def _free_motions(self, motions: np.ndarray) -> np.ndarray:
+        """Orthonormal motions that leave held components where they are, as columns."""
+        held = motions[self._held]
+        if not len(held):
+            return np.eye(self.n_motions)
+        _, sizes, directions = np.linalg.svd(np.linalg.qr(held, mode="r"), full_matrices=True)
+        sizes = np.concatenate([sizes, np.zeros(self.n_motions - len(sizes))])
+        return directions[sizes <= INDEPENDENT * sizes.max()].T
+
+    def told(self, positions: np.ndarray, forces: np.ndarray) -> dict:
+        """Force and moment about the origin that point forces (n, d) exert on the region, and how it has moved, for results.
+
+        The displacement is that of its middle; the rotation is in degrees, in space along the axis that it turns about.
+        """
+        placed, forces = positions[self.points], forces[self.points]
+        middle = self._volumes @ placed / self._volumes.sum()
+        turn = _nearest_turn((placed - middle).T @ (self._volumes[:, None] * self._arms))
+        return {
+            "force": forces.sum(axis=0).tolist(),
+            "moment": moment_of((forces.T @ placed)[None])[0].tolist(),
+            "displacement": (middle - self._middle).tolist(),
+            "rotation": np.degrees(_rotation_of(turn)).tolist(),
+        }
+
+    def take(self, placed: np.ndarray) -> None:
+        """Take places (k, d), at which forces are then carried and displacements expanded."""
+        self._motions = self.motions(placed)
+        free = self._free_motions(self._motions)
+        self.projector = free @ free.T
+        by_volume = np.einsum("kdm,k,kdn->mn", self._motions, self._volumes, self._motions)
+        self._spread = free @ np.linalg.solve(free.T @ by_volume @ free, free.T)
+        self._by_volume = by_volume
+
+    def resultant(self, forces: np.ndarray) -> np.ndarray:
+        """Force, and moment about the middle over `size`, of forces (k, d) on the points."""
+        return np.einsum("kdm,kd->m", self._motions, forces)
+
+    def expand(self, motion: np.ndarray) -> np.ndarray:
+        """Displacements of the points, shape (k, d), in a motion."""
+        return self._motions @ motion
+
+    def carry(self, forces: np.ndarray) -> None:
+        """Replace forces on the points, in place, by those of the same resultant that accelerate all of them as one body does.
+
+        What held components bear of the resultant is on these: the least forces that do.
+        """
+        resultant = self.resultant(forces)
+        motion = self._spread @ resultant
+        carried = self._volumes[:, None] * self.expand(motion)
+        if len(self._held[0]):
+            left = resultant - self._by_volume @ motion
+            carried[self._held] += np.linalg.lstsq(self._motions[self._held].T, left, rcond=INDEPENDENT)[0]
+        forces[:] = carried
+
+
+class RigidForce:
+    """A force, with or without loads, on a body of which some regions are rigid: what solvers are given in its place.
+
+    Positions that it is called with are brought to the nearest ones in which the regions are rigid, in place.  Forces on the points of a
+    region are those of the same resultant that move it as one body, so that any solver that divides them by volumes, or by
+    `RigidStiffness`, takes steps in the motions of the region.
+
+    Parameters
+    ----------
+    loaded : InternalForce or LoadedForce
+    rigid : sequence of RigidRegion
+
+    Attributes
+    ----------
+    loaded, rigid
+    """
+
+    def __init__(self, loaded: InternalForce | LoadedForce, rigid: Sequence[RigidRegion]) -> None:
+        self.loaded, self.rigid = loaded, rigid
+
+    def __getattr__(self, name: str):
+        if name == "loaded":  # while an object is being copied
+            raise AttributeError(name)
+        return getattr(self.loaded, name)
+
+    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
+        """Force on every point at the nearest positions (n, d) in which regions are rigid; both are written.
+
+        Raises
+        ------
+        InvalidState
+            Where the state has no force, or a region cannot follow what is prescribed.
+        """
+        for region in self.rigid:
+            region.snap(positions)
+        self.loaded(positions, out)
+        self.carry(positions, out)
+
+    def carry(self, positions: np.ndarray, forces: np.ndarray) -> None:
+        """Carry forces (n, d) on points at positions (n, d) as the regions do, in place."""
+        for region in self.rigid:
+            region.take(positions[region.points])
+            on_region = forces[region.points]
+            region.carry(on_region)
+            forces[region.points] = on_region
+
+
+class RigidStiffness:
+    """The stiffness of the springs along and across the nearest bonds, for the motions of rigid regions and the points of the rest.
+
+    Parameters
+    ----------
+    force : RigidForce
+    free : ndarray, shape (n, d)
+        1 where a component may move.
+    """
+
+    def __init__(self, force: RigidForce, free: np.ndarray) -> None:
+        body, self._regions = force.body, force.rigid
+        n, d = free.shape
+        inside = np.zeros(n, dtype=bool)
+        rows, columns, values, at = [], [], [], d * n
+        self._places = []
+        kept = free.copy()
+        motions_free = []
+        for region in self._regions:
+            inside[region.points] = True
+            kept[region.points] = 0
+            motions = region.motions(body.points[region.points])
+            entries = np.nonzero(motions)
+            rows.append(d * region.points[entries[0]] + entries[1])
+            columns.append(at + entries[2])
+            values.append(motions[entries])
+            self._places.append(slice(at, at + region.n_motions))
+            motions_free.append(np.full(region.n_motions, 0.0 if region.all_held else 1.0))
+            at += region.n_motions
+        soft = np.flatnonzero(np.repeat(~inside, d))
+        shape = (d * n, at)
+        entries = np.concatenate([np.ones(len(soft)), *values]), (np.concatenate([soft, *rows]), np.concatenate([soft, *columns]))
+        by_motion = sparse.csr_array(entries, shape=shape)
+        self._free = np.concatenate([kept.ravel(), *motions_free])
+        matrix = by_motion.T @ spring_matrix(body, force.stiffness_moduli, inside) @ by_motion
+        self._factor = factorised(matrix.tocsc(), self._free)
+
+    def update(self) -> None:
+        """Do nothing: it is the same in all states but for where the regions are, which they know."""
+
+    def solve(self, forces: np.ndarray) -> np.ndarray:
+        """Displacements under forces, shape (n, d)."""
+        size = forces.size
+        reduced = np.concatenate([forces.ravel(), *(r.projector @ r.resultant(forces[r.points]) for r in self._regions)])
+        found = self._factor.solve(reduced * self._free) * self._free
+        displacements = found[:size].reshape(forces.shape)
+        for region, place in zip(self._regions, self._places, strict=True):
+            displacements[region.points] = region.expand(region.projector @ found[place])
+        return displacements
+
+
+def _nearest_turn(matrix: np.ndarray) -> np.ndarray:
+    """Rotation nearest to a matrix, shape (d, d)."""
+    U, _, V = np.linalg.svd(matrix)
+    U[:, -1] *= np.sign(np.linalg.det(U @ V))
+    return U @ V
+
+
+def _rotation_of(turn: np.ndarray) -> np.ndarray:
+    """Angle of a rotation in the plane; in space the vector along its axis that is as long."""
+    if len(turn) == 2:
+        return np.arctan2(turn[1, 0], turn[0, 0])
+    return Rotation.from_matrix(turn).as_rotvec()
+
+
+def _turn_by(vector: np.ndarray) -> np.ndarray:
+    """Rotation by an angle in the plane, shape (1,), or by a vector along its axis in space, shape (3,)."""
+    if len(vector) == 3:
+        return Rotation.from_rotvec(vector).as_matrix()
+    cosine, sine = np.cos(vector[0]), np.sin(vector[0])
+    return np.array([[cosine, -sine], [sine, cosine]])
