@@ -46,7 +46,7 @@ def test_property(row, case):
 
 
 @each([pair for pair in PAIRS if pair[1].drawn])
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(deformation=deformations)
 def test_property_in_any_deformation(row, case, deformation):
     judge(row, case, case.function(subject_of(row.reference, plane=row.plane), [deformation]))
