@@ -95,7 +95,7 @@ class Interfaces:
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbours])
         self.depths, self.normals = np.zeros(total), np.zeros((n, body.dimension))
         near = np.unique(np.concatenate([owners[across], _sources(body)[bonds.neighbours[across]]]))
-        rows, columns, values = [], [], []
+        rows, columns, values, mirrored = [], [], [], []
         tree, everywhere = cKDTree(body.points), cKDTree(body.all_points)
         part = body.part
         for i in part.own_points(near):
@@ -114,7 +114,9 @@ class Interfaces:
             around, x, beyond = around[~astray], x[~astray], beyond[~astray]
             V = body.volumes[around]
             if quadratic and beyond.any() and moduli[i] > YIELDING * moduli[around[beyond][0]]:
-                jump = _mirrored(x, V, beyond, normal, depth / reach, body.spacing / reach, around == i)
+                jump, at_image = _mirrored(x, V, beyond, normal, depth / reach, body.spacing / reach, around == i)
+                if jump is not None:
+                    mirrored.append((i, np.append(around[beyond], i), np.append(at_image, -1.0)))
             else:
                 jump = _jump_of_slopes(x, V, beyond, normal, quadratic)
             if jump is None:
@@ -128,6 +130,7 @@ class Interfaces:
         self._jump = sparse.csr_array(entries, shape=(n, n))
         # What others find of the points in the halo hangs on points that are owned here.
         self._jump_back = part.with_rows_of_others(self._jump).T.tocsr()
+        self._images = self._gradients_at_images(mirrored)
         part.fill(self.depths[:n])
         part.fill(self.normals)
         body.ghosts.fill(self.depths)
@@ -146,6 +149,24 @@ class Interfaces:
         self._gradient_ghosts = kinematics.gradient_ghosts
         self.jumps, self.seen_positions = np.zeros((2, total, d))
         self.seen_gradients, self._changes = np.zeros((2, total, d * d))
+
+    def _gradients_at_images(
+        self, mirrored: list[tuple[int, np.ndarray, np.ndarray]]
+    ) -> tuple[np.ndarray, sparse.csr_array, sparse.csr_array] | None:
+        """Mirror images, the matrix from gradients to what theirs is more than the points' own, and its transpose; None without any."""
+        part, n = self._body.part, len(self._body)
+        if not part.any(bool(mirrored)):
+            return None
+        empty = np.empty(0, dtype=np.int64)
+        columns = np.concatenate([empty, *(around for _, around, _ in mirrored)])
+        counts = [len(around) for _, around, _ in mirrored]
+        numbers = np.array([i for i, _, _ in mirrored], dtype=np.int64)
+        values = np.concatenate([np.empty(0), *(weights for *_, weights in mirrored)])
+        matrix = sparse.csr_array((values, (np.repeat(numbers, counts), columns)), shape=(n, n))
+        is_image = np.zeros(n)
+        is_image[numbers] = 1.0
+        part.fill(is_image)
+        return is_image[:, None], matrix, part.with_rows_of_others(matrix).T.tocsr()
 
     def _unseen(self, owners: np.ndarray, across: np.ndarray, moduli: np.ndarray) -> np.ndarray:
         """Directed bonds across an interface that the energy of their point does without."""
@@ -230,8 +251,16 @@ class Interfaces:
         """Find places and gradients of all points as the other material sees them."""
         self.seen_positions[:] = positions - self.depths[:, None] * self.jumps
         n = len(self._body)
+        slopes = self.jumps[:n]
+        if self._images is not None:
+            is_image, matrix, _ = self._images
+            # Along the normal an image has the gradient of the softer material at the mirrored place, as a clamp's has.
+            slopes = slopes * (1 - is_image)
+            for b in range(self._body.dimension):
+                slopes += (matrix @ self._column(gradients, b)[:n]) * self.normals[:, b, None]
+            self._body.part.fill(slopes)
         for b in range(self._body.dimension):
-            self._column(self._changes, b)[:n] = self.jumps[:n] * self.normals[:, b, None]
+            self._column(self._changes, b)[:n] = slopes * self.normals[:, b, None]
         self._gradient_ghosts.fill_changes(self._changes)
         np.add(gradients, self._changes, out=self.seen_gradients)
 
@@ -248,13 +277,22 @@ class Interfaces:
         forces, moments : ndarray, shapes (n + m, d) and (n + m, d d)
             Minus the derivative by the seen positions, and the derivative by the seen gradients; the latter are changed.
         own_moments : ndarray, shape (n, d d)
-            Derivative by the points' own gradients.
+            Derivative by the points' own gradients; changed by what is seen of mirror images.
         """
         n, ghosts = len(self._body), self._body.ghosts
         on_jumps = -self.depths[:, None] * forces
         self._gradient_ghosts.fold_moments(moments)
+        on_slopes = sum(self._column(moments, b)[:n] * self.normals[:, b, None] for b in range(self._body.dimension))
+        if self._images is not None:
+            is_image, _, back = self._images
+            on_images = on_slopes * is_image
+            on_slopes = on_slopes - on_images
+            self._body.part.fill(on_images)
+            for b in range(self._body.dimension):
+                self._column(own_moments, b)[:] += back @ (on_images * self.normals[:, b, None])
+            self._body.part.fill(own_moments)
+        on_jumps[:n] -= on_slopes
         for b, matrix in enumerate(self._corrections_back):
-            on_jumps[:n] -= self._column(moments, b)[:n] * self.normals[:, b, None]
             on_jumps += matrix @ self._column(own_moments, b)
         own = on_jumps[:n]
         if len(ghosts):
@@ -356,11 +394,11 @@ def _jump_of_slopes(x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, norm
 
 def _mirrored(
     x: np.ndarray, volumes: np.ndarray, beyond: np.ndarray, normal: np.ndarray, depth: float, spacing: float, own: np.ndarray
-) -> np.ndarray | None:
+) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
     """Weights of the values at points in the jump with which a point is seen as an odd mirror image of softer material.
 
-    As those of a clamp, theory (22): beside material that is not deformed they bear its stress without a disturbance.  None, where the
-    points say no value at the interface or at the mirrored place.
+    As those of a clamp, theory (22): beside material that is not deformed they bear its stress without a disturbance.  Returned with them
+    are the weights of the softer points at the mirrored place; None for both, where the points say no value at the interface or there.
 
     Parameters
     ----------
@@ -378,11 +416,11 @@ def _mirrored(
     at_interface = _interpolation(x[~beyond], volumes[~beyond], np.zeros_like(normal), spacing)
     mirrored = _interpolation(x[beyond], volumes[beyond], depth * normal, spacing)
     if at_interface is None or mirrored is None:
-        return None
+        return None, None
     jump = own / depth
     jump[~beyond] -= 2 * at_interface / depth
     jump[beyond] += mirrored / depth
-    return jump
+    return jump, mirrored
 
 
 def _interpolation(x: np.ndarray, volumes: np.ndarray, place: np.ndarray, spacing: float) -> np.ndarray | None:
