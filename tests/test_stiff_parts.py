@@ -245,3 +245,9 @@ def test_a_contrast_that_bond_forces_do_not_bear_is_told_of():
     scene = layer(100.0, 4).model_copy(update={"solver": Scene.model_fields["solver"].default.model_copy(update={"most_evaluations": 2})})
     with pytest.warns(UserWarning, match="100 times as stiff"), pytest.raises(pd.SimulationFailed):
         pd.simulate(scene, "neo-hookean")
+
+
+def test_a_contrast_for_which_a_rigid_region_is_better_is_told_of():
+    scene = layer(8e4, 4).model_copy(update={"solver": Scene.model_fields["solver"].default.model_copy(update={"most_evaluations": 2})})
+    with pytest.warns(UserWarning, match='8e\\+04 times as stiff.*material = "rigid"'), pytest.raises(pd.SimulationFailed):
+        pd.simulate(scene, "bond-energy")

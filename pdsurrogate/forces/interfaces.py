@@ -42,8 +42,8 @@ YIELDING = 4.0
 """Contrast of the shear moduli beyond which the energy of the stiffer material is that of its own points alone.
 
 What it saw of a softer one would be right but for an error of the fit, and its own modulus times that error is a force on the softer one: a
-layer of 4 cells moves 33 % too little beside halves ten times as stiff, and 83 % beside such a hundred times as stiff.  Below, both sides see
-each other, which is more exact: homogeneous states are in equilibrium.
+layer of 4 cells moves 33 % too little beside halves ten times as stiff, and 83 % beside such a hundred times as stiff.  Below, both sides
+see each other, which is more exact: homogeneous states are in equilibrium.
 """
 
 WORST_CONDITION = 1e6

@@ -50,7 +50,12 @@ LEAST_CELLS = 3
 """Thickness of a part in cells below which a warning is given: at a horizon of 3.15 cells its neighbours are bonded through it."""
 
 MOST_CONTRAST = 30.0
-"""Of shear moduli with a force that has no energy, beyond which a warning is given."""
+"""Ratio of shear moduli beyond which a force that has no energy is warned of."""
+
+AS_GOOD_AS_RIGID = 1e4
+"""Ratio of shear moduli beyond which a rigid region is recommended: a box of rubber between blocks 1,000 times as stiff comes to rest in
+1,800 evaluations, between blocks 80,000 times as stiff in none of 4,500, and with rigid blocks in 970."""
+
 ACCEPTED = "accepted_"
 """How the names of arrays in a checkpoint begin that are of the last equilibrium on the way to an output."""
 
@@ -368,9 +373,16 @@ class Run:
                     "3 cells, 30 to 99 % with 2; take a smaller spacing",
                     stacklevel=2,
                 )
-        if not force.has_energy and max(moduli) > MOST_CONTRAST * min(moduli):
+        contrast = max(moduli) / min(moduli)
+        if contrast > AS_GOOD_AS_RIGID:
             warnings.warn(
-                f"scene {self.scene.name}: one material is {max(moduli) / min(moduli):.3g} times as stiff as another; beside it "
+                f"scene {self.scene.name}: one material is {contrast:.3g} times as stiff as another, and equilibrium takes thousands of "
+                'evaluations or is not found: take material = "rigid" for it, which differs by less than 0.1 %',
+                stacklevel=2,
+            )
+        if not force.has_energy and contrast > MOST_CONTRAST:
+            warnings.warn(
+                f"scene {self.scene.name}: one material is {contrast:.3g} times as stiff as another; beside it "
                 f"{self.model.name} is off by 2 to 7 % (an inclusion 8 to 16 cells wide), or finds no equilibrium: take force=bond-energy",
                 stacklevel=2,
             )
