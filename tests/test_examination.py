@@ -182,9 +182,24 @@ def test_fit_simulates_the_tests_with_its_artefact(good, written, tmp_path):
     assert found["training"]["identification"]["law"]["bulk_modulus"] == 80
     # The data are of K = 400: what the other modulus makes of them, which the law's other parameters nearly make up for.
     assert all(abs(row["difference"]) < 0.02 for row in found["simulated"]["against_measured"].values())
+    # Equibiaxial stretches end at 3 too, and free sides of uniaxial tension at 1/sqrt 3 = 0.58.
+    assert found["simulated"]["rows_outside_domain"] == 0
+    assert "outside the artefact's domain" not in done.stderr
     law = pd.load_card(tmp_path / "artifacts" / "x").material.trained_with
     exact = nominal_stress(pd.MooneyRivlin(*(law[key] for key in ("shear_modulus", "bulk_modulus", "second_share"))), good.stretches)
     np.testing.assert_allclose(found["simulated"]["nominal_stress"], exact, atol=2e-3 * exact.max())  # the surrogate's own error
+
+
+def test_fit_tells_how_many_tests_lie_outside_the_domain_of_its_artefact(good, written, tmp_path):
+    """There the exact force is compared with itself, and the difference of 1e-14 says nothing of the artefact."""
+    options = ["--samples", 500, "--folds", 0, "--degree", "8,4", "--least", 0.4, "--greatest", 2.0, "--out", tmp_path / "artifacts"]
+    done = invoke("fit", "x", "--data", written(good), "--law", "mooney-rivlin", *options, "--json")
+    assert done.exit_code == 0, done.output
+    found = json.loads(done.stdout[done.stdout.index("{\n") : done.stdout.rindex("\n}") + 2])
+    # Of the eight stretches of each mode from 1.1 to 3 four are greater than 2; 0.4 is less than the inverse root of all.
+    assert found["simulated"]["rows_outside_domain"] == 12
+    assert "12 of 24 rows lie outside the artefact's domain, stretches from 0.4 to 2: the exact force stands in" in done.stderr
+    assert "go from 0.5774 to 3: --least and --greatest" in done.stderr
 
 
 @pytest.mark.parametrize(
