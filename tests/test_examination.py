@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pd
 from pdsurrogate.cli import app
 from pdsurrogate.identification import MODES, TestData, TestDataWarning, examine, load_test_data, nominal_stress
+from pdsurrogate.identification.examination import suspicions
 
 LAW = pd.MooneyRivlin(0.4, 400.0, 0.2)
 
@@ -78,6 +79,34 @@ def test_noise_of_a_good_laboratory_hides_none_of_it(good, name, random):
     found = examined(changed(noisy, rows, change(noisy.nominal_stress[rows], noisy.stretches[rows, 0])))
     said = " ".join([*found.remarks, *found.refusals])
     assert told[0].rsplit(" 9.8")[0] in said
+
+
+def test_a_shift_of_the_mode_that_reaches_least_is_no_fault_of_its_rows():
+    """An energy takes the shift for the greater part, and leaves the first two rows of the mode standing out."""
+    common = [1.1, 1.3, 1.6, 2, 2.5, 3]
+    stretch = {"uniaxial": [*common, 4, 5], "equibiaxial": [*common, 3.5], "pure-shear": [*common, 4]}
+    mode = np.repeat(list(stretch), [len(values) for values in stretch.values()])
+    X = np.vstack([np.stack([np.array(values), MODES[name](np.array(values))], axis=1) for name, values in stretch.items()])
+    data = TestData("made", mode, X, nominal_stress(pd.Gent(0.4, 400.0, 60.0), X), np.ones(len(X)))
+    assert not suspicions(data)
+    shifted = mode == "equibiaxial"
+    (said,) = suspicions(changed(data, shifted, data.nominal_stress[shifted] + 0.1))
+    assert said.startswith("equibiaxial: the stresses look shifted by 0.1:")
+    # Cauchy stresses of one mode draw the energy with them, and a sound row of another mode stands out until they are set right.
+    uniaxial = mode == "uniaxial"
+    (said,) = suspicions(changed(data, uniaxial, data.nominal_stress[uniaxial] * X[uniaxial, 0]))
+    assert said.startswith("uniaxial: the stresses look like Cauchy")
+
+
+@pytest.mark.parametrize("stress", [0.05, -0.1, 5.0])
+def test_a_stress_at_rest_is_named(good, stress):
+    rest = TestData("made", np.array(["uniaxial"]), np.ones((1, 2)), np.array([stress]), np.ones(1))
+    with_rest = TestData(
+        "made", *(np.concatenate([getattr(one, key) for one in (rest, good)]) for key in ("mode", "stretches", "nominal_stress", "weight"))
+    )
+    (said,) = suspicions(with_rest)
+    assert f"row 1 (uniaxial, stretch 1, nominal stress {stress:g}): rubber has no stress at a stretch of 1" in said
+    assert not suspicions(changed(with_rest, 0, 0.0))
 
 
 def test_the_sign_of_a_stress_is_that_of_rubber(good):
