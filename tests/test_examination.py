@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sklearn.exceptions import NotFittedError
 from typer.testing import CliRunner
 
 import pdsurrogate as pd
@@ -148,6 +149,24 @@ def test_fits_are_refused_unless_forced(good):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert pd.fit_to_tests(pd.LawRegressor("mooney-rivlin"), good).law_.second_share == pytest.approx(0.2, rel=1e-3)
+
+
+@pytest.mark.parametrize("regressor", [pd.LawRegressor("gent"), pd.EnergyRegressor()])
+def test_a_regressor_whose_fit_is_refused_or_fails_is_not_fitted(good, regressor):
+    wrong = changed(good, 4, -0.5)
+
+    def left_by(attempt, message):
+        regressor.fit(good.stretches, good.nominal_stress)
+        with pytest.raises(ValueError, match=message):
+            attempt()
+        assert not [key for key in vars(regressor) if key.endswith("_") and key != "n_features_in_"]
+        with pytest.raises(NotFittedError):
+            regressor.predict(good.stretches)
+
+    left_by(lambda: pd.fit_to_tests(regressor, wrong), "row 5")
+    left_by(lambda: pd.fit_to_tests(regressor, replace(good, nominal_stress=np.zeros(24))), "all zero")
+    left_by(lambda: regressor.fit(-good.stretches, good.nominal_stress), "must be positive")
+    left_by(lambda: regressor.fit(good.stretches, np.full(24, np.nan)), "NaN")
 
 
 def test_rows_are_numbered_as_in_the_file(tmp_path):

@@ -75,7 +75,7 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     Parameters
     ----------
     regressor : LawRegressor or EnergyRegressor
-        Fitted in place.
+        Fitted in place; not fitted where the fit is refused.
     data : TestData
     force : bool
         Whether what would be refused is a warning.
@@ -103,9 +103,11 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     >>> pd.fit_to_tests(pd.LawRegressor("ogden"), data).law_.name
     'ogden'
     """
+    regressor.forget()
     regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
     found = examine(regressor, data)
     if found.refusals and not force:
+        regressor.forget()
         raise ValueError("; ".join(found.refusals))
     for remark in [*found.refusals, *found.remarks]:
         warnings.warn(remark, TestDataWarning, stacklevel=2)
