@@ -85,6 +85,24 @@ def check_tables(value: Iterable | None, what: str) -> None:
         raise TypeError(f"{what} must be a list of dictionaries, or None, not {kind_of(value)}")
 
 
+def in_order(table, columns: tuple[str, ...] | None, title: str):
+    """Return a table with its named columns in the order of `columns`; arrays, and tables without names, as they are.
+
+    Raises
+    ------
+    ValueError
+        If the table has other names.
+    """
+    from sklearn.utils.validation import _get_feature_names
+
+    names = None if columns is None else _get_feature_names(table)
+    if names is None or list(names) == list(columns):
+        return table
+    if sorted(names) != sorted(columns):
+        raise ValueError(f"{title} must have the columns {', '.join(columns)}, in any order, not {', '.join(names)}")
+    return table[list(columns)]
+
+
 def kind_of(value: Any) -> str:
     """A value in a message: plain ones as they are, all others by their class."""
     return repr(value) if value is None or isinstance(value, bool | int | float | str | bytes) else f"a {type(value).__name__}"

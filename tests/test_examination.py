@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sklearn.exceptions import NotFittedError
 from typer.testing import CliRunner
 
 import pdsurrogate as pd
 from pdsurrogate.cli import app
 from pdsurrogate.identification import MODES, TestData, TestDataWarning, examine, load_test_data, nominal_stress
+from pdsurrogate.identification.examination import suspicions
 
 LAW = pd.MooneyRivlin(0.4, 400.0, 0.2)
 
@@ -80,6 +82,34 @@ def test_noise_of_a_good_laboratory_hides_none_of_it(good, name, random):
     assert told[0].rsplit(" 9.8")[0] in said
 
 
+def test_a_shift_of_the_mode_that_reaches_least_is_no_fault_of_its_rows():
+    """An energy takes the shift for the greater part, and leaves the first two rows of the mode standing out."""
+    common = [1.1, 1.3, 1.6, 2, 2.5, 3]
+    stretch = {"uniaxial": [*common, 4, 5], "equibiaxial": [*common, 3.5], "pure-shear": [*common, 4]}
+    mode = np.repeat(list(stretch), [len(values) for values in stretch.values()])
+    X = np.vstack([np.stack([np.array(values), MODES[name](np.array(values))], axis=1) for name, values in stretch.items()])
+    data = TestData("made", mode, X, nominal_stress(pd.Gent(0.4, 400.0, 60.0), X), np.ones(len(X)))
+    assert not suspicions(data)
+    shifted = mode == "equibiaxial"
+    (said,) = suspicions(changed(data, shifted, data.nominal_stress[shifted] + 0.1))
+    assert said.startswith("equibiaxial: the stresses look shifted by 0.1:")
+    # Cauchy stresses of one mode draw the energy with them, and a sound row of another mode stands out until they are set right.
+    uniaxial = mode == "uniaxial"
+    (said,) = suspicions(changed(data, uniaxial, data.nominal_stress[uniaxial] * X[uniaxial, 0]))
+    assert said.startswith("uniaxial: the stresses look like Cauchy")
+
+
+@pytest.mark.parametrize("stress", [0.05, -0.1, 5.0])
+def test_a_stress_at_rest_is_named(good, stress):
+    rest = TestData("made", np.array(["uniaxial"]), np.ones((1, 2)), np.array([stress]), np.ones(1))
+    with_rest = TestData(
+        "made", *(np.concatenate([getattr(one, key) for one in (rest, good)]) for key in ("mode", "stretches", "nominal_stress", "weight"))
+    )
+    (said,) = suspicions(with_rest)
+    assert f"row 1 (uniaxial, stretch 1, nominal stress {stress:g}): rubber has no stress at a stretch of 1" in said
+    assert not suspicions(changed(with_rest, 0, 0.0))
+
+
 def test_the_sign_of_a_stress_is_that_of_rubber(good):
     for stress, words in ((-0.5, "pushes where rubber pulls"), (0.3, "")):
         refusals = examined(changed(good, 4, stress)).refusals
@@ -119,6 +149,24 @@ def test_fits_are_refused_unless_forced(good):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert pd.fit_to_tests(pd.LawRegressor("mooney-rivlin"), good).law_.second_share == pytest.approx(0.2, rel=1e-3)
+
+
+@pytest.mark.parametrize("regressor", [pd.LawRegressor("gent"), pd.EnergyRegressor()])
+def test_a_regressor_whose_fit_is_refused_or_fails_is_not_fitted(good, regressor):
+    wrong = changed(good, 4, -0.5)
+
+    def left_by(attempt, message):
+        regressor.fit(good.stretches, good.nominal_stress)
+        with pytest.raises(ValueError, match=message):
+            attempt()
+        assert not [key for key in vars(regressor) if key.endswith("_") and key != "n_features_in_"]
+        with pytest.raises(NotFittedError):
+            regressor.predict(good.stretches)
+
+    left_by(lambda: pd.fit_to_tests(regressor, wrong), "row 5")
+    left_by(lambda: pd.fit_to_tests(regressor, replace(good, nominal_stress=np.zeros(24))), "all zero")
+    left_by(lambda: regressor.fit(-good.stretches, good.nominal_stress), "must be positive")
+    left_by(lambda: regressor.fit(good.stretches, np.full(24, np.nan)), "NaN")
 
 
 def test_rows_are_numbered_as_in_the_file(tmp_path):
@@ -182,9 +230,24 @@ def test_fit_simulates_the_tests_with_its_artefact(good, written, tmp_path):
     assert found["training"]["identification"]["law"]["bulk_modulus"] == 80
     # The data are of K = 400: what the other modulus makes of them, which the law's other parameters nearly make up for.
     assert all(abs(row["difference"]) < 0.02 for row in found["simulated"]["against_measured"].values())
+    # Equibiaxial stretches end at 3 too, and free sides of uniaxial tension at 1/sqrt 3 = 0.58.
+    assert found["simulated"]["rows_outside_domain"] == 0
+    assert "outside the artefact's domain" not in done.stderr
     law = pd.load_card(tmp_path / "artifacts" / "x").material.trained_with
     exact = nominal_stress(pd.MooneyRivlin(*(law[key] for key in ("shear_modulus", "bulk_modulus", "second_share"))), good.stretches)
     np.testing.assert_allclose(found["simulated"]["nominal_stress"], exact, atol=2e-3 * exact.max())  # the surrogate's own error
+
+
+def test_fit_tells_how_many_tests_lie_outside_the_domain_of_its_artefact(good, written, tmp_path):
+    """There the exact force is compared with itself, and the difference of 1e-14 says nothing of the artefact."""
+    options = ["--samples", 500, "--folds", 0, "--degree", "8,4", "--least", 0.4, "--greatest", 2.0, "--out", tmp_path / "artifacts"]
+    done = invoke("fit", "x", "--data", written(good), "--law", "mooney-rivlin", *options, "--json")
+    assert done.exit_code == 0, done.output
+    found = json.loads(done.stdout[done.stdout.index("{\n") : done.stdout.rindex("\n}") + 2])
+    # Of the eight stretches of each mode from 1.1 to 3 four are greater than 2; 0.4 is less than the inverse root of all.
+    assert found["simulated"]["rows_outside_domain"] == 12
+    assert "12 of 24 rows lie outside the artefact's domain, stretches from 0.4 to 2: the exact force stands in" in done.stderr
+    assert "go from 0.5774 to 3: --least and --greatest" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from any_input import AnyInput
+from sklearn.base import clone
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 import pdsurrogate as pd
@@ -279,3 +280,22 @@ def test_a_column_that_is_twice_in_a_file_is_refused(tmp_path):
     path.write_text("mode,stretch,nominal_stress,stretch\nuniaxial,1.5,0.4,1.6\n")
     with pytest.raises(ValueError, match="the file has the column stretch more than once"):
         load_test_data(path)
+
+
+@pytest.mark.parametrize("regressor", [pd.LawRegressor("mooney-rivlin"), pd.EnergyRegressor()])
+def test_tables_are_read_by_the_names_of_their_columns(regressor):
+    pandas = pytest.importorskip("pandas")
+    data = load_test_data("treloar").up_to(3.0)
+    known = clone(regressor).fit(data.stretches, data.nominal_stress)
+    table = pandas.DataFrame(data.stretches, columns=["stretch", "lateral_stretch"])
+    turned = table[["lateral_stretch", "stretch"]]
+    found = clone(regressor).fit(turned, data.nominal_stress)
+    assert found.law_ == known.law_
+    for given in (table, turned):
+        np.testing.assert_array_equal(found.predict(given), known.predict(data.stretches))
+    members = [pd.committee(regressor, given, data.nominal_stress, 2)[0].law_ for given in (data.stretches, turned)]
+    assert members[0] == members[1]
+    other = table.rename(columns={"lateral_stretch": "across"})
+    for refused in (lambda: clone(regressor).fit(other, data.nominal_stress), lambda: found.predict(other)):
+        with pytest.raises(ValueError, match="X must have the columns stretch, lateral_stretch, in any order, not stretch, across"):
+            refused()

@@ -26,6 +26,9 @@ from .materials import (
     warn,
 )
 
+EDGE = 1e-6
+"""Log-stretch by which a test must be beyond an artefact's domain to be counted: rounding decides none of those on its edge."""
+
 Reference = Annotated[str, typer.Argument(metavar="REF", help="analytic, bond-energy, or an artefact: NAME, NAME@VERSION or a path.")]
 
 
@@ -158,25 +161,41 @@ def _simulate_tests(path: Path, model, rows) -> dict:
     import numpy as np
 
     from ..artifacts import load_surrogate
-    from ..forces.homogeneous import nominal_stresses
+    from ..forces.homogeneous import nominal_states
     from ..identification import differences, figure, free_sides
     from ..results import figures
 
     first, second = rows.stretches.T
     stretches = np.column_stack([first, np.where(free_sides(first, second), np.nan, second)])
     with status(f"Simulating the tests with {path}"):
-        stress = nominal_stresses(load_surrogate(path), model.law_, stretches)
+        surrogate = load_surrogate(path)
+        stress, beyond = nominal_states(surrogate, model.law_, stretches)
     found = differences(rows, stress)
     out.print(f"simulated with the artefact against tests, greatest difference by mode: {differences_in_words(found)}")
     law = model.predict(rows.stretches)
     off = np.abs(stress - law).max() / np.abs(law).max()
     out.print(f"simulated against the law: {'no stress' if np.isnan(off) else f'{100 * off:.2g} % of the greatest stress'} at the most")
+    outside = int((beyond > EDGE).sum())
+    if outside:
+        least, greatest = surrogate.domain.least_stretch, surrogate.domain.greatest_stretch
+        warn(
+            f"{outside} of {len(rows)} rows lie outside the artefact's domain, stretches from {least:.4g} to {greatest:.4g}: the exact "
+            "force stands in for the artefact there, so their simulation does not test it.  The stretches of the data go from "
+            f"{rows.stretches.min():.4g} to {rows.stretches.max():.4g}: --least and --greatest set the domain as far as the law reaches; a "
+            "larger one needs a higher --degree or more --units"
+        )
     picture = path.with_name(f"{path.name}.png")
     if not picture.exists():
         with writing(path.parent):
             figures.save(figure([model], rows, stress), picture)
         note(f"Tests, law and simulation drawn in {picture}")
-    return {"simulated": {"against_measured": found, "nominal_stress": [float(s) if np.isfinite(s) else None for s in stress]}}
+    return {
+        "simulated": {
+            "against_measured": found,
+            "rows_outside_domain": outside,
+            "nominal_stress": [float(s) if np.isfinite(s) else None for s in stress],
+        }
+    }
 
 
 class _TrainingBar:

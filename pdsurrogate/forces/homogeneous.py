@@ -54,6 +54,11 @@ def nominal_stresses(model: ForceModel, law: Law, stretches: Sequence[tuple[floa
     >>> round(float(stress[0]), 3)
     1.05
     """
+    return nominal_states(model, law, stretches)[0]
+
+
+def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return `nominal_stresses`, and by how much each state is beyond the model's domain (`Domain.deviation`), each of shape (n,)."""
     plane = "stress" if "stress" in model.honoured("stress").get("plane", ("stress",)) else "space"
     points = grid((0.0,) * dimension_of(plane), (1.0,) * dimension_of(plane), SPACING)
     body = Body(points, np.full(len(points), 1 / len(points)), 3.015 * SPACING, SPACING)
@@ -64,18 +69,22 @@ def nominal_stresses(model: ForceModel, law: Law, stretches: Sequence[tuple[floa
         force(body.points * given, out)
         return np.diag(force.mean_stress())
 
-    found = []
-    for first, second in stretches:
+    found, beyond = np.full(len(stretches), np.nan), np.full(len(stretches), -np.inf)
+    for row, (first, second) in enumerate(stretches):
         at = np.array([first, second, 1.0])[: body.dimension]
         free = [axis for axis in range(1, body.dimension) if axis == 2 or np.isnan(second)]
         J3 = float(sheet_states(law, np.array([first]), np.array([second]))[1][0])
         # Free sides and thickness have the same stretch; the law's own state is where the search begins.
         at[free] = np.sqrt(J3 / first) if np.isnan(second) else J3 / (first * second)
+        if not np.isfinite(J3):
+            continue
         try:
-            found.append(_relaxed(stress_at, at, free)[0] if np.isfinite(J3) else np.nan)
+            found[row] = _relaxed(stress_at, at, free)[0]
         except RuntimeError:  # past the law's limit, or turned inside out
-            found.append(np.nan)
-    return np.array(found)
+            continue
+        if (deviation := force.domain_deviation()) is not None:
+            beyond[row] = deviation.max()
+    return found, beyond
 
 
 def _relaxed(stress_at, at: np.ndarray, free: list[int]) -> np.ndarray:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import norm, t
 from sklearn.utils import check_X_y
 
-from ..arguments import check_estimator, check_jobs, check_seed, check_whole_number, kind_of
+from ..arguments import check_estimator, check_jobs, check_seed, check_whole_number, in_order, kind_of
 from .stress_regressor import StressRegressor
 
 
@@ -71,7 +71,7 @@ def committee(
     check_whole_number(n_members, "n_members", 2)
     check_seed(random_state)
     check_jobs(n_jobs)
-    X, y = check_X_y(X, y)
+    X, y = check_X_y(in_order(X, regressor._columns, "X"), y)
     tests = np.arange(len(y)) if tests is None else np.asarray(tests)
     for what, rows in (("tests", tests), ("sample_weight", sample_weight)):
         if rows is not None and np.shape(rows) != y.shape:

@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted
 
+from ..arguments import in_order
 from ..materials import Ogden, Polyconvex
 from ..materials.polyconvex import SECOND_AT_REST
 from .data import BIAXIAL, MODES
@@ -135,7 +136,8 @@ class EnergyRegressor(StressRegressor):
         Parameters
         ----------
         X : array-like, shape (n_samples, 2)
-            Stretch in the direction of the stress, and across it.
+            Stretch in the direction of the stress, and across it; of a table (pandas) the columns ``stretch`` and ``lateral_stretch``, in
+            any order.
         y : array-like, shape (n_samples,)
             Nominal stress.
         sample_weight : array-like, shape (n_samples,), optional
@@ -185,7 +187,7 @@ class EnergyRegressor(StressRegressor):
     def beyond(self, X) -> np.ndarray:
         """How far states are beyond the hull of the data, in log-stretch, shape (n_samples,); 0 and less within it and its margin."""
         check_is_fitted(self)
-        logs = ordered_logs(self._stretches(np.asarray(X, dtype=float)))
+        logs = ordered_logs(self._stretches(np.asarray(in_order(X, self._columns, "X"), dtype=float)))
         return (logs @ self.hull_[:, :2].T + self.hull_[:, 2]).max(axis=1) - self.margin
 
     def domain_hull(self) -> list[list[float]]:

@@ -27,6 +27,9 @@ OUTLIER = 5.0
 NEAR_REST = 0.02
 """Part of the greatest stress of a mode, and log-stretch, within which the sign of a stress is noise."""
 
+AT_REST = 1e-3
+"""Part of the greatest stress of a mode from which a stress at a stretch of 1 is named, and log-stretch up to which it is one there."""
+
 BETTER, MENDED, MENDED_IF_POOR = 5.0, 3.0, 2.0
 """How many times smaller the residual must be by another law, with a change of the data, or with one where the law describes a mode poorly
 anyway, for it to be said."""
@@ -72,7 +75,7 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     Parameters
     ----------
     regressor : LawRegressor or EnergyRegressor
-        Fitted in place.
+        Fitted in place; not fitted where the fit is refused.
     data : TestData
     force : bool
         Whether what would be refused is a warning.
@@ -100,9 +103,11 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     >>> pd.fit_to_tests(pd.LawRegressor("ogden"), data).law_.name
     'ogden'
     """
+    regressor.forget()
     regressor.fit(data.stretches, data.nominal_stress, data.balanced_weights())
     found = examine(regressor, data)
     if found.refusals and not force:
+        regressor.forget()
         raise ValueError("; ".join(found.refusals))
     for remark in [*found.refusals, *found.remarks]:
         warnings.warn(remark, TestDataWarning, stacklevel=2)
@@ -160,36 +165,60 @@ def _some(told: list[str]) -> list[str]:
 def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
     """What looks wrong with test data, whatever law they are fitted to.
 
-    They are held against an energy that stands for all that physics allows (`TERMS`), fitted so that single rows count little.  Rows that
-    stand out of it are named, and changes of a mode that make the residuals smaller by the factor `enough`.
+    They are held against an energy that stands for all that physics allows (`TERMS`), fitted so that single rows count little.  Changes of
+    a mode that make the residuals smaller by the factor `enough` are told, and rows that stand out of what the energy says once the change
+    that mends most is made.  Where rows stand out before any change is made, one is looked for however small the residuals of all others
+    are; where several do that are of one mode, a smaller factor is enough.
     """
-    told, explained, predicted = [], [], _robust(data, data.nominal_stress)[0]
-    before = _size(data, data.nominal_stress, predicted)
-    if before > enough * NOISE:
-        for mode, stress, shifted, words in _changes(data):
-            fitted, shift = _robust(data, stress, shifted)
+    told, explained, stress, predicted = [], [], data.nominal_stress, _robust(data, data.nominal_stress)[0]
+    before, least = _size(data, stress, predicted), enough * NOISE
+    outliers = np.abs(_standing(data, stress, predicted)) > OUTLIER
+    if outliers.any():
+        enough, least = MENDED_IF_POOR if _several_of_a_mode(data, outliers) else enough, NOISE
+    if before > least:
+        for mode, changed, shifted, words in _changes(data):
+            fitted, shift = _robust(data, changed, shifted)
             words = words or f"the stresses look shifted by {shift:.3g}: at a stretch of 1 there should be none"
-            explained.append((_size(data, stress, fitted), mode, words))
-        least = min((size for size, *_ in explained), default=np.inf)
-        explained = [one for one in explained if one[0] <= min(before / enough, 2 * least)]
+            explained.append((_size(data, changed, fitted), mode, words, changed, fitted))
+        explained.sort(key=lambda one: one[0])
+        most = min(before / enough, 2 * explained[0][0])
+        explained = [one for one in explained if one[0] <= most]
         # Of one mode the change that mends most.
-        told += [f"{mode}: {words}" for mode, words in {mode: words for _, mode, words in sorted(explained, reverse=True)}.items()]
-    standing = np.abs(_standing(data, predicted))
-    mended = {mode for _, mode, _ in explained}
+        told += [f"{mode}: {words}" for mode, words in {mode: words for _, mode, words, *_ in reversed(explained)}.items()]
+    if explained:
+        stress, predicted = explained[0][3:]
+    mended = {one[1] for one in explained}
     known = np.isin(data.mode, list(mended)) | ("all modes" in mended)
-    rows = [row for row in np.argsort(-standing) if standing[row] > OUTLIER and not known[row]]
+    resting = _stressed_at_rest(data) & ~known
+    at_rest = _some([data.row_in_words(row) for row in np.flatnonzero(resting)])
+    if at_rest:
+        told.append(f"{', '.join(at_rest)}: rubber has no stress at a stretch of 1: is the zero right, are they stretches, not strains?")
+    standing = np.abs(_standing(data, stress, predicted))
+    rows = [row for row in np.argsort(-standing) if standing[row] > OUTLIER and not known[row] and not resting[row]]
     if len(rows) > max(1, len(data) / 4):
         told.append("no energy that physics allows describes these tests together: are units the same, zeros right, all stresses nominal?")
     else:
         told += [f"{data.row_in_words(row)} stands out by {standing[row]:.0f} standard deviations from what the others say" for row in rows]
-        told += _some([text for row, text in _falling(data) if row not in rows and row - 1 not in rows])
+        named = {*rows, *np.flatnonzero(resting)}
+        told += _some([text for row, text in _falling(data) if not named & {row, row - 1}])
     return told
+
+
+def _several_of_a_mode(data: TestData, rows: np.ndarray) -> bool:
+    """Return whether more than one of some rows is of the same mode of loading."""
+    return len(set(data.mode[rows].tolist())) < rows.sum()
+
+
+def _stressed_at_rest(data: TestData) -> np.ndarray:
+    """Return which rows have a stress although neither stretch differs from 1, shape (n,)."""
+    at_rest = np.abs(np.log(data.stretches)).max(axis=1) < AT_REST
+    return at_rest & (np.abs(data.nominal_stress) > AT_REST * _greatest_of_mode(data))
 
 
 def standardised(model: StressRegressor, data: TestData, most: int = 5) -> list[dict]:
     """Rows of a fit's greatest residuals: row, mode, stretches, stress, that of the fit, and the residual in standard deviations."""
     predicted = model.predict(data.stretches)
-    standing = _standing(data, predicted)
+    standing = _standing(data, data.nominal_stress, predicted)
     rows = np.argsort(-np.abs(np.nan_to_num(standing, nan=np.inf)))[:most]
     return [
         {
@@ -257,9 +286,9 @@ def _relative(stress, predicted, floor) -> np.ndarray:
     return (stress - predicted) / (np.maximum(np.abs(stress), np.abs(predicted)) + floor + 1e-300)
 
 
-def _standing(data: TestData, predicted: np.ndarray) -> np.ndarray:
+def _standing(data: TestData, stress: np.ndarray, predicted: np.ndarray) -> np.ndarray:
     """Residuals of the rows in standard deviations of all."""
-    residuals = _relative(data.nominal_stress, predicted, RANGE * _greatest_of_mode(data))
+    residuals = _relative(stress, predicted, RANGE * _greatest_of_mode(data, stress))
     return residuals / _scale(residuals)
 
 

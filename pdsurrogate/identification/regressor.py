@@ -111,7 +111,8 @@ class LawRegressor(StressRegressor):
         Parameters
         ----------
         X : array-like, shape (n_samples, 2)
-            Stretch in the direction of the stress, and across it.
+            Stretch in the direction of the stress, and across it; of a table (pandas) the columns ``stretch`` and ``lateral_stretch``, in
+            any order.
         y : array-like, shape (n_samples,)
             Nominal stress.
         sample_weight : array-like, shape (n_samples,), optional

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
+from ..arguments import in_order
 from ..materials import Law, homogeneous, plane_stress
 
 WELL_POSED = 1e14
@@ -69,20 +70,31 @@ class StressRegressor(RegressorMixin, BaseEstimator):
     A subclass writes `fit`: it takes its data from `_checked` and ends with `_store`, which keeps the law, its parameters and their errors.
     """
 
+    _columns = ("stretch", "lateral_stretch")
+
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
         tags.input_tags.positive_only = True
         tags.regressor_tags.poor_score = True
         return tags
 
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "law_")
+
     def predict(self, X: ArrayLike) -> np.ndarray:
-        """Nominal stress, shape (n_samples,); NaN past the law's limit."""
+        """Nominal stress, shape (n_samples,); NaN past the law's limit.  Tables are read by the names of their columns, as in `fit`."""
         check_is_fitted(self)
-        return nominal_stress(self.law_, self._stretches(validate_data(self, X, dtype=np.float64, reset=False)))
+        X = validate_data(self, in_order(X, self._columns, "X"), dtype=np.float64, reset=False)
+        return nominal_stress(self.law_, self._stretches(X))
 
     def redrawn(self, random: np.random.Generator) -> StressRegressor:
         """An unfitted copy for a committee: where a setting is neither the data's nor the user's to tell, with another one, drawn."""
         return clone(self)
+
+    def forget(self) -> None:
+        """Drop everything that a training found, so that the regressor is not fitted."""
+        for key in [key for key in vars(self) if key.endswith("_")]:
+            delattr(self, key)
 
     def _stretches(self, X: np.ndarray) -> np.ndarray:
         """Two columns of positive stretches; a ValueError if they are not."""
@@ -94,8 +106,9 @@ class StressRegressor(RegressorMixin, BaseEstimator):
 
     def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Checked data: stretches, stresses and roots of weights of rows with a weight above zero, and which they are."""
+        self.forget()  # a training that fails leaves nothing of an earlier one
         self._validate_params()
-        X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
+        X, y = validate_data(self, in_order(X, self._columns, "X"), y, dtype=np.float64, y_numeric=True)
         root = np.sqrt(_check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True))
         used = root > 0
         if not used.any():

@@ -13,8 +13,9 @@ from sklearn.multioutput import MultiOutputRegressor
 from sklearn.pipeline import Pipeline
 from sklearn.utils import get_tags
 from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, get_routing_for_object
-from sklearn.utils.validation import _check_sample_weight, _get_feature_names, check_is_fitted, has_fit_parameter, validate_data
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, has_fit_parameter, validate_data
 
+from ..arguments import in_order
 from .named import columns_read
 from .repeated import distinct_samples
 
@@ -23,22 +24,6 @@ def check_targets(y, names) -> None:
     """Raise ValueError if a target has other columns than those named."""
     if np.shape(y)[1:] != (len(names),):
         raise ValueError(f"y must have the {len(names)} columns {', '.join(names)}, not shape {np.shape(y)}")
-
-
-def in_order(table, columns: tuple[str, ...] | None, title: str):
-    """Return a table with its named columns in the order of `columns`; arrays, and tables without names, as they are.
-
-    Raises
-    ------
-    ValueError
-        If the table has other names.
-    """
-    names = None if columns is None else _get_feature_names(table)
-    if names is None or list(names) == list(columns):
-        return table
-    if sorted(names) != sorted(columns):
-        raise ValueError(f"{title} must have the columns {', '.join(columns)}, in any order, not {', '.join(names)}")
-    return table[list(columns)]
 
 
 def is_search(model) -> bool:
