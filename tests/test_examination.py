@@ -140,6 +140,16 @@ def test_another_law_that_is_five_times_better_is_named():
     assert "times better than mooney-rivlin" in examine(models[0], data, models).remarks[-1]
 
 
+def test_what_cauchy_stresses_throughout_leave_open_is_said(good):
+    """A flexible law takes them for those of another rubber; the remark that names such a form must not lead there without a word."""
+    data = made_of(pd.Gent(0.3, 300.0, 80.0), greatest=4.0)
+    cauchy = replace(data, nominal_stress=data.nominal_stress * data.stretches[:, 0])
+    assert not examined(cauchy, "ogden").remarks
+    said = " ".join(examined(cauchy, "gent").remarks)
+    assert "times better than gent" in said
+    assert "if all stresses were Cauchy (true) ones it would too" in said
+
+
 def test_fits_are_refused_unless_forced(good):
     wrong = changed(good, 4, -0.5)
     with pytest.raises(ValueError, match=r"row 5 \(uniaxial, stretch 2.18571, nominal stress -0.5\) pushes where rubber pulls"):

@@ -233,6 +233,9 @@ def standardised(model: StressRegressor, data: TestData, most: int = 5) -> list[
     ]
 
 
+NOT_TOLD = "if all stresses were Cauchy (true) ones it would too, and nothing would tell: nominal ones are force over the area at rest"
+"""What a form of energy that describes the data leaves open."""
+
 CAUCHY = "the stresses look like Cauchy (true) ones: divided by the stretch, they are nominal"
 
 
@@ -345,4 +348,5 @@ def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegre
     best = min((one for one in candidates if one is not model), key=off, default=None)
     if best is not None and off(best) < own / BETTER:
         name = "an energy without a law (--free, EnergyRegressor)" if isinstance(best, EnergyRegressor) else best.law
-        yield f"{name} describes these data {own / max(off(best), 1e-9):.0f} times better than {model.law}"
+        better = f"{name} describes these data {own / max(off(best), 1e-9):.0f} times better than {model.law}"
+        yield f"{better}; {NOT_TOLD}"
