@@ -283,8 +283,7 @@ def test_a_confined_layer_between_rigid_parts_bears_what_its_law_says(plane, mos
 
 
 def test_a_confined_layer_in_plane_strain_is_told_of():
-    scene = layer(10.0, 4, "strain").model_copy(
-        update={"solver": Scene.model_fields["solver"].default.model_copy(update={"most_evaluations": 2})}
-    )
+    scene = layer(4.5, 4, "strain")
+    scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"most_evaluations": 2})})
     with pytest.warns(UserWarning, match="too soft where it is confined"), pytest.raises(pd.SimulationFailed):
         pd.simulate(scene, "bond-energy")
