@@ -14,6 +14,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from several_ranks import SLEEPING
 
 import pdsurrogate as pd
 
@@ -61,7 +62,7 @@ def type_in(page: Path, folder: Path) -> list[str]:
         (folder / "typed.py").write_text(script)
         commands.insert(0, [sys.executable, "typed.py"])
     # The commands of the environment that the tests run in, as where it is active.
-    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    environment = {**os.environ, **SLEEPING, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
     printed = []
     for command in commands:
         done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=600, check=False)
@@ -127,13 +128,13 @@ PAGES = {
 }
 """Pages that are typed, and what must be there then."""
 
-QUICK = ("tutorial/first-sheet.md", "tutorial/own-scene.md")
+QUICK = ("tutorial/own-scene.md",)
 
 NEEDS_MPI = pytest.mark.skipif(importlib.util.find_spec("mpi4py") is None, reason='no MPI is installed: pip install "pdsurrogate[mpi]"')
 
 
 def _marked(name: str):
-    marks = [] if name in QUICK else [pytest.mark.slow]  # fits, processes, cracks
+    marks = [] if name in QUICK else [pytest.mark.slow]  # pictures and pages, fits, processes, cracks
     return pytest.param(name, marks=[*marks, NEEDS_MPI] if name == "tutorial/ranks.md" else marks, id=Path(name).stem)
 
 

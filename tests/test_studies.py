@@ -348,6 +348,7 @@ def test_ctrl_c_keeps_what_was_reached(tmp_path):
     assert {row["failure"] for row in table} == {"", "not done yet"}
 
 
+@pytest.mark.slow  # starts workers of two makes
 def test_the_table_is_the_same_by_joblib_and_by_dask(tmp_path):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
     description = {**TINY, "parameters": {"material.shear_modulus": [1.0, 2.0], "solver.most_evaluations": [1, 50]}}

@@ -245,7 +245,9 @@ class EvaluationOfPortions(Evaluation):
             self.portion_of[portion.points] = number
         body.ghosts.fill(self.portion_of)
         moduli = np.array([*(portion.law.shear_modulus for portion in portions), np.inf])[self.portion_of]
-        self._kinematics.interfaces = Interfaces(body, self._kinematics, self.portion_of, moduli, self.has_energy)
+        self._kinematics.interfaces = Interfaces(
+            body, self._kinematics, self.portion_of, moduli, self.has_energy, settings.plane != "stress"
+        )
         self.states: list[PointStates] = []
         n, bonds = len(body), body.bonds
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))

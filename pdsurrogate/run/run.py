@@ -17,7 +17,7 @@ from ..body import Body, Surface
 from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
 from ..engine.threads import threads_for
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, bind_portions
-from ..forces.interfaces import SIGHT
+from ..forces.interfaces import SIGHT, YIELDING
 from ..forces.portions import EvaluationOfPortions
 from ..materials import Law
 from ..ranks import ALONE, HALO, Communicator, ReductionsOfParts, communicator, divided
@@ -51,6 +51,9 @@ LEAST_CELLS = 3
 
 MOST_CONTRAST = 30.0
 """Ratio of shear moduli beyond which a force that has no energy is warned of."""
+
+NOT_CONFINED = 2.0
+"""Bulk modulus of a soft material over the shear modulus of a stiff one beside it, beyond which plane strain warns of confined parts."""
 
 AS_GOOD_AS_RIGID = 1e4
 """Ratio of shear moduli beyond which a rigid region is recommended: a box of rubber between blocks 1,000 times as stiff comes to rest in
@@ -383,7 +386,21 @@ class Run:
         if not force.has_energy and contrast > MOST_CONTRAST:
             warnings.warn(
                 f"scene {self.scene.name}: one material is {contrast:.3g} times as stiff as another; beside it "
-                f"{self.model.name} is off by 2 to 7 % (an inclusion 8 to 16 cells wide), or finds no equilibrium: take force=bond-energy",
+                f"{self.model.name} is off by 2 to 7 % (an inclusion 8 to 16 cells wide), a soft layer of 4 cells is many times too "
+                "stiff, or no equilibrium is found: take force=bond-energy",
+                stacklevel=2,
+            )
+        confined = [
+            (stiff.law.shear_modulus, soft.law.bulk_modulus)
+            for stiff in force.portions
+            for soft in force.portions
+            if YIELDING * soft.law.shear_modulus < stiff.law.shear_modulus < soft.law.bulk_modulus / NOT_CONFINED
+        ]
+        if force.has_energy and self.scene.plane == "strain" and confined:
+            warnings.warn(
+                f"scene {self.scene.name}: a material of shear modulus {confined[0][0]:.4g} lies beside a softer one of bulk modulus "
+                f"{confined[0][1]:.4g}, and the softer one is too soft where it is confined: by 6 to 14 % in a layer 4 cells thick, by "
+                '3 % in one of 8; take a smaller spacing, or material = "rigid" for the stiff part',
                 stacklevel=2,
             )
 

@@ -532,7 +532,7 @@ class Scene(StrictModel):
 
     @model_validator(mode="after")
     def _rigid_regions(self) -> Scene:
-        if self.material.rigid:
+        if self.material is not None and self.material.rigid:
             raise ValueError("material: the rest of a body is of a law; a rigid region is an entry of materials")
         number = next((number for number, part in enumerate(self.materials) if part.rigid), None)
         if number is None:

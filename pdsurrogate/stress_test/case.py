@@ -32,6 +32,8 @@ WEAKNESSES = {
     "cut horizons": "corrections make a horizon that a surface cuts count as a whole one in homogeneous states: where all are cut, in bars "
     "of few points across, bending is resisted by more than it should be; take more points, or an energy model",
     "loses stability": "the tangent of a homogeneous state has a direction without resistance, where that of the material has none",
+    "stiff contrasts": "points of a soft part within the horizon of one many times as stiff take part of its stiffness: a layer of four "
+    'points is too stiff, or too soft by per cents; take an energy model, or `material = "rigid"` beside what is as good as rigid',
     "does not converge": "no equilibrium was found within the evaluations allowed",
     "no mirror symmetry": "features that know left from right: mirrored bodies have mirrored forces to the error of the fit",
     "last step of J3": "forces are formed with the response before the last step of the iteration for J3: they depend on its start by "

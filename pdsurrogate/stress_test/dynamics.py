@@ -14,7 +14,7 @@ from .case import INAPPLICABLE, PASS, WEAK, Case, Outcome, Subject
 STEPS = 100_000
 
 
-class _Motion:
+class Motion:
     """Motion of a body of unit density by central differences, with damping proportional to mass."""
 
     def __init__(self, force, positions: np.ndarray, free: np.ndarray, share_of_critical: float, damping: float = 0.0) -> None:
@@ -34,6 +34,11 @@ class _Motion:
     def kinetic_energy(self) -> float:
         return float((self.mass[:, None] * self.velocities**2).sum() / 2)
 
+    @property
+    def momenta(self) -> np.ndarray:
+        """Momenta of all points, shape (n, d)."""
+        return self.mass[:, None] * self.velocities
+
     def advance(self, steps: int) -> None:
         for _ in range(steps):
             self.force(self.positions, self._forces)
@@ -52,7 +57,7 @@ def time_step(subject: Subject) -> Outcome:
     """
     body = subject.body({2: 10, 3: 5}[subject.dimension])
     for share in (0.5, 0.9):
-        motion = _Motion(subject.bind(body), body.points.copy(), np.ones_like(body.points), share)
+        motion = Motion(subject.bind(body), body.points.copy(), np.ones_like(body.points), share)
         first = motion.kinetic_energy
         motion.advance(100)
         growth = (motion.kinetic_energy / first) ** 0.01
@@ -60,7 +65,7 @@ def time_step(subject: Subject) -> Outcome:
             return Outcome(WEAK, f"at {share} the energy grew {growth:.2g} times a step", growth, 1.1, "not conservative")
     notes = []
     for share in (1.1, 2.0):
-        motion = _Motion(subject.bind(body), body.points.copy(), np.ones_like(body.points), share)
+        motion = Motion(subject.bind(body), body.points.copy(), np.ones_like(body.points), share)
         steps = _steps_until_caught(motion)
         if steps is None:
             return Outcome(WEAK, f"at {share} nothing was noticed in 100 steps", 100.0, 100.0, "accuracy")
@@ -68,7 +73,7 @@ def time_step(subject: Subject) -> Outcome:
     return Outcome(PASS, f"bounded below 1; caught after {', '.join(notes)}")
 
 
-def _steps_until_caught(motion: _Motion) -> int | None:
+def _steps_until_caught(motion: Motion) -> int | None:
     """Return the number of steps until the force raises an error; None if a hundred pass without one."""
     for step in range(1, 101):
         try:
@@ -78,14 +83,14 @@ def _steps_until_caught(motion: _Motion) -> int | None:
     return None
 
 
-def _held(subject: Subject) -> _Motion:
+def _held(subject: Subject) -> Motion:
     """Return the motion of a body held at both ends at stretch 1.5, with half of the critical step and the damping of `DampedExplicit`."""
     body, lateral = subject.body({2: 8, 3: (6, 4, 4)}[subject.dimension]), homogeneous.uniaxial(subject.law, 1.5).lateral_stretch
     free = np.ones_like(body.points)
     free[np.abs(body.points[:, 0] - body.points[:, 0].mean()) > np.ptp(body.points[:, 0]) / 2 - 1e-9] = 0
     length = np.ptp(body.points[:, 0]) + SPACING
     damping = 2 * np.pi / length * np.sqrt(3 * subject.law.shear_modulus)
-    return _Motion(subject.bind(body), body.points @ subject.gradient(np.diag([1.5, lateral])).T, free, 0.5, damping)
+    return Motion(subject.bind(body), body.points @ subject.gradient(np.diag([1.5, lateral])).T, free, 0.5, damping)
 
 
 def damped_steps(subject: Subject) -> Outcome:
@@ -140,7 +145,7 @@ def sudden_load(subject: Subject) -> Outcome:
     along = np.rint(body.points[:, 0] / SPACING - 0.5)
     free = np.ones_like(body.points)
     free[along == 0] = 0
-    motion, pieces = _Motion(force, body.points.copy(), free, 0.5), 2000 // (10 if subject.quick else 1)
+    motion, pieces = Motion(force, body.points.copy(), free, 0.5), 2000 // (10 if subject.quick else 1)
     motion.velocities[:] = 0
     loaded = along == along.max()
     motion.load[loaded, 0] = 0.1 * subject.law.shear_modulus * body.volumes[loaded] / SPACING

@@ -12,10 +12,17 @@ from ..artifacts import ArtifactError, list_artifacts, load_surrogate
 from ..engine.threads import at_most, most_threads
 from ..forces import FORCES
 from ..results.provenance import processor
-from . import conformance, deformations, discretisations, dynamics, tangents
+from . import conformance, deformations, discretisations, dynamics, equilibria, tangents
 from .case import INAPPLICABLE, PASS, STOPS, WEAK, WEAKNESSES, Case, Subject
 
-CASES: tuple[Case, ...] = (*tangents.CASES, *conformance.PROPERTIES, *deformations.CASES, *discretisations.CASES, *dynamics.CASES)
+CASES: tuple[Case, ...] = (
+    *tangents.CASES,
+    *conformance.PROPERTIES,
+    *deformations.CASES,
+    *discretisations.CASES,
+    *equilibria.CASES,
+    *dynamics.CASES,
+)
 """All cases in the order of the table: the hard ones, then the properties of `conformance`."""
 
 

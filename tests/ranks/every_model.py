@@ -5,6 +5,7 @@ import sys
 import numpy as np
 
 from pdsurrogate.body import ReflectionPlane
+from pdsurrogate.engine.compile import compilation_clock
 from pdsurrogate.forces import ForceSettings
 from pdsurrogate.ranks import ReductionsOfParts, communicator, divided
 from pdsurrogate.solvers import ExplicitDynamics
@@ -50,9 +51,10 @@ def measured(row, steps, ranks):
 
 def main(out: str, steps: int, names: list[str]) -> None:
     ranks, arrays = communicator(), {}
-    for row in TABLE:
-        if not names or row.name in names:
-            arrays |= {f"{row.name}: {key}": values for key, values in measured(row, steps, ranks).items()}
+    with compilation_clock(lambda: print("compiled", flush=True)):
+        for row in TABLE:
+            if not names or row.name in names:
+                arrays |= {f"{row.name}: {key}": values for key, values in measured(row, steps, ranks).items()}
     if ranks.rank == 0:
         np.savez(out, **arrays)
 

@@ -6,6 +6,7 @@ import json
 import numpy as np
 
 from pdsurrogate.body import Body, ReflectionPlane
+from pdsurrogate.engine.compile import compilation_clock
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.forces.interfaces import SIGHT
 from pdsurrogate.materials import NeoHookean
@@ -54,7 +55,8 @@ def digests(name, plane, ranks):
 
 if __name__ == "__main__":
     everyone = communicator()
-    for case in CASES:
-        row = digests(*case, everyone)
-        if everyone.rank == 0:
-            print(json.dumps(row), flush=True)
+    with compilation_clock(lambda: print("compiled", flush=True)):
+        for case in CASES:
+            row = digests(*case, everyone)
+            if everyone.rank == 0:
+                print(json.dumps(row), flush=True)
