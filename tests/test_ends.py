@@ -18,7 +18,7 @@ import pdsurrogate as pd
 from pdsurrogate.cli import app
 from pdsurrogate.results.files import TEMPORARY
 from pdsurrogate.results.folder import FolderTaken
-from pdsurrogate.run import levels
+from pdsurrogate.run import levels, record
 from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SimulationInterrupted, simulate
 from pdsurrogate.stress_test.case import Subject
@@ -145,6 +145,30 @@ def test_a_run_that_was_killed_before_its_first_checkpoint_is_begun_anew(tmp_pat
     with pytest.raises(FolderTaken, match="another run of uniaxial: stretches"):
         simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=[1.3]), "analytic", folder=tmp_path)
     assert simulate(scene, "analytic", folder=tmp_path).status == "done"
+
+
+@pytest.mark.parametrize(("share", "outputs"), [(1e9, 0), (1e9, 1), (0.0, 2)])
+def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(share, outputs, tmp_path, monkeypatch):
+    """The summary was written once a second at most, and `show` denied a state whose file lay there."""
+    monkeypatch.setattr(record, "SECONDS", 1e9)
+    monkeypatch.setattr(record, "SHARE", share)
+    begun = []
+
+    class Killed(Silent):
+        def level(self, number, parameter):
+            begun.append(parameter)
+            if len(begun) > outputs:
+                raise KeyboardInterrupt  # as good as a kill
+
+    scene = pd.load_scene("uniaxial", spacing=0.25, stretches=[1.1, 1.2, 1.3])
+    with pytest.raises(KeyboardInterrupt):
+        simulate(scene, "analytic", folder=tmp_path, progress=Killed())
+    read = pd.load_result(tmp_path)
+    assert len(read.states) == len(read.levels) == len(list(tmp_path.glob("*.vtu"))) == outputs
+    shown = CliRunner().invoke(app, ["show", str(tmp_path), "--out", str(tmp_path)])
+    assert shown.exit_code == 0, shown.output
+    assert ("holds no state to draw: its summary lists none yet; --resume goes on with the run" in shown.stderr) == (not outputs)
+    assert (tmp_path / "uniaxial-displacement.png").exists() == bool(outputs)
 
 
 class Stops(Silent):

@@ -33,6 +33,7 @@ def show_result(
     """Draw what a run has saved: a picture of a field, or one page with fields over all outputs, curves and tables."""
     from ..results import load_result
     from ..results.files import check_writable, write_text
+    from ..results.folder import RUNNING
 
     with bad_input(ValueError, OSError):
         if html is not None and html.is_file() and MARK not in html.read_bytes()[:MARK_WITHIN]:
@@ -56,7 +57,8 @@ def show_result(
         note(f"Wrote {html}")
         return
     if not result.states:
-        err.print(f"[yellow]pdsurrogate:[/] {folder} holds no state to draw: the run has not come to its first output", soft_wrap=True)
+        why = "its summary lists none yet; --resume goes on with the run" if result.status == RUNNING else "the run came to no output"
+        err.print(f"[yellow]pdsurrogate:[/] {escape(str(folder))} holds no state to draw: {why}", soft_wrap=True)
         return
     name = result.summary["scene"]
     chosen = field or (["damage"] if "damage" in result.field_names() else ["displacement"])

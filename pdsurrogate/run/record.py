@@ -8,7 +8,7 @@ from ..results.result import write_tables
 from .run import Run
 
 SECONDS = 1.0
-"""Between two times of writing, at least."""
+"""Between two times of writing, at least, where no state was recorded."""
 
 SHARE = 20
 """Of the time that writing took, at least as many go by before the next."""
@@ -27,7 +27,7 @@ class Record:
 
     def __init__(self, run: Run, summary: dict) -> None:
         self._run, self._summary, self._to = run, summary, run.progress
-        self._began, self._due = time.monotonic(), 0.0
+        self._began, self._due, self._due_with_state = time.monotonic(), 0.0, 0.0
 
     def keep(self) -> None:
         """Write history, convergence and summary."""
@@ -42,7 +42,13 @@ class Record:
         }
         write_tables(run.folder, self._summary | reached, run.history, run.convergence, run.scene.units)
         ended = time.monotonic()
-        self._due = ended + max(SECONDS, SHARE * (ended - began))
+        self._due_with_state = ended + SHARE * (ended - began)
+        self._due = max(self._due_with_state, ended + SECONDS)
+
+    def state(self) -> None:
+        """Write what is new with a recorded state: the first at once, others as soon as writing is cheap enough."""
+        if len(self._run.states) == 1 or time.monotonic() >= self._due_with_state:
+            self.keep()
 
     def _keep_if_due(self) -> None:
         if time.monotonic() >= self._due:

@@ -484,6 +484,8 @@ class Run:
         moment = Moment(equilibria + since, self.parameter, since)
         self._tell_beyond_data(moment)
         self.states.append(moment if self.scene.stretched else Moment(moment.run_time, None, since, self.parameter), fields)
+        if self.record_of_folder is not None:
+            self.record_of_folder.state()
 
     def _tell_beyond_data(self, moment: Moment) -> None:
         """Count the bonds, or of an energy the points, that are beyond the test data that the force was learnt from."""
