@@ -125,7 +125,8 @@ def test_a_turned_bond_is_pushed_back(law, stretch, J, C33):
     if law.name not in ("gent", "arruda-boyce", "full-network"):
         assert defined.all()
         # In a sheet at equibiaxial stretch 3 the exact force of laws that soften, or that know I2bar, is not monotone itself: q > 0.
-        if law.name == "neo-hookean" or C33 >= 0.1:
+        # The third power of I1bar - 3 in a sheet pressed to 0.3 of its volume and 8 times as thick is not, either.
+        if law.name == "neo-hookean" or (C33 >= 0.1 and not (law.name == "polyconvex" and J < 1)):
             assert (np.diff(T_nn) > 0).all()
     if law.name == "neo-hookean" or C33 >= 0.1:
         assert (T_nm[defined] > 0).all()

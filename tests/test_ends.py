@@ -261,7 +261,7 @@ def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
     force = pd.load_surrogate("analytic")
     keys = {"body": pd.Rectangle(size=(1.0, 1.0)), "spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
     calls = {
-        "stress_test.deformations": lambda: module._run(Subject("analytic"), keys),
+        "stress_test.deformations": lambda: module.run_described(Subject("analytic"), keys),
         "stress_test.conformance": lambda: module.checkpoint(Subject("analytic")),
         "reports.compare": lambda: module.measure_scene(module.Candidate("exact", force, "float64"), pd.NeoHookean(), 0.25),
     }

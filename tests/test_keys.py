@@ -142,7 +142,7 @@ def test_a_full_disk_under_the_cache_is_done_without(twice, monkeypatch, caplog)
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr("os.replace", full)
-    compile_module._tell_not_kept.cache_clear()
+    compile_module.log_not_kept.cache_clear()
     for _ in range(2):
         assert compile_module.kernel(twice)(3.0) == 6.0
     assert [record.message.count("No space left on device") for record in caplog.records] == [1]

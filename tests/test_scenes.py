@@ -319,7 +319,7 @@ def test_what_has_no_units_claims_none(tmp_path, monkeypatch):
     result = pd.simulate(scene, "analytic")
     result.save(tmp_path)
     texts = [path.read_text() for path in tmp_path.glob("*.csv")] + [html_page(result, ["stress_11"]), result.label("stress_11")]
-    for printed in (running._print_levels, running._print_cells, running._print_grip):
+    for printed in (running.print_levels, running.print_cells, running.print_grip):
         with running.out.capture() as said:
             printed(result)
         texts.append(said.get())

@@ -106,8 +106,8 @@ def run(
                 result = simulate(described, model, threads=threads, progress=bar, **options)
         except SimulationFailed as error:
             failure, result = error, error.result
-        _print_cells(result)
-        (_print_levels if described.stretched else _print_outputs)(result)
+        print_cells(result)
+        (print_levels if described.stretched else _print_outputs)(result)
         if folder is not None and first:
             if not isinstance(failure, SimulationInterrupted):  # whose tables are there, and pictures take their time
                 with writing(folder):
@@ -247,7 +247,7 @@ def _print_crack(result) -> None:
     )
 
 
-def _print_cells(result) -> None:
+def print_cells(result) -> None:
     """Say which cells were taken where squares of the spacing do not fill the body."""
     summary, asked, units = result.summary, result.scene.spacing, result.scene.units
     horizon = units.amount(summary["horizon"], "length", ".6g")
@@ -262,7 +262,7 @@ def _print_cells(result) -> None:
         )
 
 
-def _print_levels(result) -> None:
+def print_levels(result) -> None:
     summary, units = result.summary, result.scene.units
     compared = any("nominal_stress_reference" in level for level in summary["levels"])
     # The mean narrowing where the exact solution is homogeneous, the greatest where it is not.
@@ -295,7 +295,7 @@ def _print_levels(result) -> None:
         table.add_row(*cells)
     if summary["levels"]:
         show(table)
-        _print_grip(result)
+        print_grip(result)
     _print_end(result)
 
 
@@ -387,7 +387,7 @@ def _print_end(result) -> None:
     )
 
 
-def _print_grip(result) -> None:
+def print_grip(result) -> None:
     """Say which of two unlike cross-sections the stress belongs to."""
     summary, units = result.summary, result.scene.units
     level, areas = summary["levels"][-1], summary["grip_areas"]

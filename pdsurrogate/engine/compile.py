@@ -119,11 +119,11 @@ class DigestCache(FunctionCache):
             super().save_overload(sig, data)
         except OSError as error:
             self.disable()
-            _tell_not_kept(self._cache_path, error.strerror or str(error))
+            log_not_kept(self._cache_path, error.strerror or str(error))
 
 
 @cache
-def _tell_not_kept(folder: str, why: str) -> None:
+def log_not_kept(folder: str, why: str) -> None:
     logger.warning("compiled code is not kept in %s, and is compiled anew by every process: %s", folder, why)
 
 

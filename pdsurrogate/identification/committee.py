@@ -71,7 +71,7 @@ def committee(
     check_whole_number(n_members, "n_members", 2)
     check_seed(random_state)
     check_jobs(n_jobs)
-    X, y = check_X_y(in_order(X, regressor._columns, "X"), y)
+    X, y = check_X_y(in_order(X, regressor.columns, "X"), y)
     tests = np.arange(len(y)) if tests is None else np.asarray(tests)
     for what, rows in (("tests", tests), ("sample_weight", sample_weight)):
         if rows is not None and np.shape(rows) != y.shape:

@@ -187,7 +187,7 @@ class EnergyRegressor(StressRegressor):
     def beyond(self, X) -> np.ndarray:
         """How far states are beyond the hull of the data, in log-stretch, shape (n_samples,); 0 and less within it and its margin."""
         check_is_fitted(self)
-        logs = ordered_logs(self._stretches(np.asarray(in_order(X, self._columns, "X"), dtype=float)))
+        logs = ordered_logs(self._stretches(np.asarray(in_order(X, self.columns, "X"), dtype=float)))
         return (logs @ self.hull_[:, :2].T + self.hull_[:, 2]).max(axis=1) - self.margin
 
     def domain_hull(self) -> list[list[float]]:

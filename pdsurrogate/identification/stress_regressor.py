@@ -70,7 +70,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
     A subclass writes `fit`: it takes its data from `_checked` and ends with `_store`, which keeps the law, its parameters and their errors.
     """
 
-    _columns = ("stretch", "lateral_stretch")
+    columns = ("stretch", "lateral_stretch")
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()
@@ -84,7 +84,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
     def predict(self, X: ArrayLike) -> np.ndarray:
         """Nominal stress, shape (n_samples,); NaN past the law's limit.  Tables are read by the names of their columns, as in `fit`."""
         check_is_fitted(self)
-        X = validate_data(self, in_order(X, self._columns, "X"), dtype=np.float64, reset=False)
+        X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
         return nominal_stress(self.law_, self._stretches(X))
 
     def redrawn(self, random: np.random.Generator) -> StressRegressor:
@@ -108,7 +108,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         """Checked data: stretches, stresses and roots of weights of rows with a weight above zero, and which they are."""
         self.forget()  # a training that fails leaves nothing of an earlier one
         self._validate_params()
-        X, y = validate_data(self, in_order(X, self._columns, "X"), y, dtype=np.float64, y_numeric=True)
+        X, y = validate_data(self, in_order(X, self.columns, "X"), y, dtype=np.float64, y_numeric=True)
         root = np.sqrt(_check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True))
         used = root > 0
         if not used.any():

@@ -189,7 +189,7 @@ def chain_limit(subject: Subject) -> Outcome:
     return Outcome(WEAK, "went on beyond the limit", None, None, "accuracy")
 
 
-def _run(subject: Subject, described: dict, force=None) -> Result | Outcome:
+def run_described(subject: Subject, described: dict, force=None) -> Result | Outcome:
     """Return the run of a described scene in the material of a subject, with its model or another force; or a failed outcome."""
     scene = Scene(**{"name": "hard-case", "material": subject.law.describe(), "solver": {"most_evaluations": 5000}} | described)
     try:
@@ -229,8 +229,10 @@ def bonded_faces(subject: Subject) -> Outcome:
             ],
             "steps": [{"to": 1.0, "largest_increment": min(1.0, 0.05 / abs(half))}],
         }
-        exact = None if isinstance(law, NeoHookean) else _run(subject, described, "bond-energy")
-        found = [run if isinstance(run, Outcome) else _reaction(run) for run in (_run(subject, described), exact) if run is not None]
+        exact = None if isinstance(law, NeoHookean) else run_described(subject, described, "bond-energy")
+        found = [
+            run if isinstance(run, Outcome) else _reaction(run) for run in (run_described(subject, described), exact) if run is not None
+        ]
         for one in found:
             if isinstance(one, Outcome):
                 return replace(one, figure=f"K/mu = {bulk_modulus:g}, {stretch:g}: {one.figure}")
@@ -254,7 +256,7 @@ def torsion(subject: Subject) -> Outcome:
     their horizons and the torque is some 9 % low at any angle: it must be within a tenth, and its error must change by no more than 2 %.
     """
     radius, length, turned = 0.5, 1.5, 180.0
-    run = _run(
+    run = run_described(
         subject,
         {
             "spacing": 0.125,
@@ -293,7 +295,7 @@ def slender(subject: Subject) -> Outcome:
     young = 9 * law.bulk_modulus * law.shear_modulus / (3 * law.bulk_modulus + law.shear_modulus)
     bending = length**3 / (3 * young * thickness**3 / 12) + length / (5 / 6 * law.shear_modulus * thickness)
     expected = 0.02 * length
-    run = _run(
+    run = run_described(
         subject,
         {
             "spacing": thickness / 4,
