@@ -263,6 +263,7 @@ def print_cells(result) -> None:
 
 
 def print_levels(result) -> None:
+    """Print a table of the levels of a run between grips, with the exact solution where there is one."""
     summary, units = result.summary, result.scene.units
     compared = any("nominal_stress_reference" in level for level in summary["levels"])
     # The mean narrowing where the exact solution is homogeneous, the greatest where it is not.

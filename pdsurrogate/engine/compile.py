@@ -124,6 +124,7 @@ class DigestCache(FunctionCache):
 
 @cache
 def log_not_kept(folder: str, why: str) -> None:
+    """Log once per folder and reason that compiled code is not kept on disk."""
     logger.warning("compiled code is not kept in %s, and is compiled anew by every process: %s", folder, why)
 
 
