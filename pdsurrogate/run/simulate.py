@@ -347,7 +347,8 @@ def _go(run: Run, resume: bool) -> None:
 def _take_double(run: Run, error: TooSmall) -> None:
     """Go on in double precision, and say so."""
     reason = f"{error}: the forces are evaluated in double precision from here on"
-    run.convergence.append({run.loading.parameter: run.target, "evaluation": run.force.evaluations, "reason": reason})
+    row = {run.loading.parameter: run.target, "increment": run.parameter, "evaluation": run.force.evaluations, "reason": reason}
+    run.convergence.append(row)
     if run.ranks.rank == 0:
         warnings.warn(f"{run.loading.at(run.target)}: {reason}", SinglePrecisionLeft, stacklevel=4)
     run.take_double()
