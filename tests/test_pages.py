@@ -78,11 +78,13 @@ def test_the_readme_twice_in_one_folder(tmp_path):
     assert len(next(text for _, kind, text in blocks_of(page) if kind == "python").strip().splitlines()) <= 15
     for version in (1, 3):
         printed = type_in(page, tmp_path)
-        assert abs(float(printed[0])) < 1e-3
+        path, error = printed[0].splitlines()
+        assert path == f"artifacts/my-rubber/{version}"
+        assert abs(float(error)) < 1e-3
         assert (tmp_path / "stress.png").stat().st_size > 5000
         learnt, fitted = (pd.load_card(tmp_path / "artifacts" / "my-rubber" / str(number)) for number in (version, version + 1))
         assert learnt.training["cross_validation"][0]["rms"] < 1e-2
-        # The table is of this rubber.
+        # The table is of this rubber, with a bulk modulus of 1000 shear moduli.
         assert fitted.material.trained_with["shear_modulus"] == pytest.approx(400.0, rel=0.01)
         assert fitted.material.trained_with["chain_limit"] == pytest.approx(60.0, rel=0.02)
         summary = json.loads((tmp_path / "out" / "tear" / "summary.json").read_text())
