@@ -1,6 +1,7 @@
 """Materials of very different stiffness side by side, and regions that are rigid."""
 
 import signal
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -287,3 +288,47 @@ def test_a_confined_layer_in_plane_strain_is_told_of():
     scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"most_evaluations": 2})})
     with pytest.warns(UserWarning, match="too soft where it is confined"), pytest.raises(pd.SimulationFailed):
         pd.simulate(scene, "bond-energy")
+
+
+def test_a_rigid_region_that_nothing_holds_is_refused():
+    """It came to rest anywhere, as far as within the other part."""
+    scene = Scene(
+        name="stack",
+        spacing=0.1,
+        body={"size": (1.0, 1.5)},
+        material=rubber(),
+        materials=tuple({"region": {"box": ((-1, low), (2, low + 0.5))}, "material": RIGID} for low in (0.5, 1.0)),
+        prescribed=({"region": "bottom", "x1": 0, "x2": 0},),
+        loads=({"region": "top", "force": (0, -1e-3)},),
+        steps=(1.0,),
+    )
+    with pytest.raises(SceneError, match=r"materials\.1.*nothing holds this rigid region"):
+        pd.simulate(scene, "bond-energy")
+
+
+def test_a_traction_on_a_thin_rigid_region_is_told_of():
+    scene = Scene(
+        name="plate",
+        spacing=0.1,
+        body={"size": (1.0, 1.0)},
+        material=rubber(),
+        materials=({"region": {"box": ((-1, 0.8), (2, 2))}, "material": RIGID},),
+        prescribed=({"region": "bottom", "x1": 0, "x2": 0},),
+        loads=({"region": "top", "traction": (0, 1e-3)},),
+        steps=(1.0,),
+    )
+    with pytest.warns(UserWarning, match="rigid region is at most 3 cells thick"):
+        pd.simulate(scene, "bond-energy")
+
+
+@pytest.mark.parametrize("key", ["material", "materials.0"])
+def test_a_bulk_modulus_in_other_units_is_told_of(key):
+    """Left out beside a shear modulus of 1e6 it was 100, and the sheet swelled sideways without a word."""
+    changes = {"material": NeoHookean(1e6, 1e8).describe()}
+    described = {"law": "neo-hookean", "shear_modulus": 1e6}
+    changes |= (
+        {"material": described} if key == "material" else {"materials": [{"region": {"box": ((-1, 0.4), (2, 0.6))}, "material": described}]}
+    )
+    scene = layer(2.0, 4).model_dump() | changes | {"solver": {"most_evaluations": 2}}
+    with pytest.warns(UserWarning, match=f"{key}: the bulk modulus, 100, is less than two thirds"), suppress(pd.SimulationFailed):
+        pd.simulate(Scene.model_validate(scene), "bond-energy")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from .. import artifacts
@@ -15,6 +17,20 @@ from ..solvers.regions import BodyRegions
 def settings_of(scene: Scene) -> ForceSettings:
     """Choices of a scene for the evaluation of its force model."""
     return ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None, scene.plane)
+
+
+def warn_of_bulk_moduli(scene: Scene) -> None:
+    """Warn of materials that no rubber is, as where a bulk modulus was left out beside a shear modulus in other units."""
+    laws = {"material": scene.law()}
+    laws |= {f"materials.{number}": part.material.build() for number, part in enumerate(scene.materials) if not part.rigid}
+    for key, law in laws.items():
+        if law.bulk_modulus < 2 / 3 * law.shear_modulus:
+            warnings.warn(
+                f"scene {scene.name}: {key}: the bulk modulus, {law.bulk_modulus:g}, is less than two thirds of the shear modulus, "
+                f"{law.shear_modulus:g}, and Poisson's ratio is negative: give bulk_modulus in the units of shear_modulus; left out, it is "
+                "100 or 200 whatever these are",
+                stacklevel=3,
+            )
 
 
 def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
