@@ -375,7 +375,7 @@ class Run:
                 raise ValueError(f"materials: a rigid region ({', '.join(rigid)}) is one cell thick, and needs 2; take a smaller spacing")
             if modulus is None and 0 < cells < LEAST_LOADED_CELLS and {load.kind for load in self.scene.loads} & {"traction", "pressure"}:
                 warnings.warn(
-                    f"scene {self.scene.name}: a rigid region is at most {cells:.0f} cells thick, and a part of a traction or pressure on it "
+                    f"scene {self.scene.name}: a rigid region is at most {cells:.0f} cells thick, and part of a traction or pressure on it "
                     "acts on what is behind it: its force in the results is up to 31 % off with 2 cells, 20 % with 3, though all forces "
                     "are in balance; give the load as a force on the region, or take a smaller spacing",
                     stacklevel=2,
