@@ -33,14 +33,14 @@ from sklearn.preprocessing import PolynomialFeatures
 from sklearn.svm import SVR
 from skorch import NeuralNetRegressor
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.identification import committee_spread, nominal_stress
 from pdsurrogate.learning.settings import FitSettings
 from pdsurrogate.learning.validation import stiffness_slopes
 from pdsurrogate.reports.speed import bench_positions, sheet
 
-LAW = pd.Ogden()
+LAW = pds.Ogden()
 SAMPLES = 2000
 PATIENCE = 20.0
 """Seconds of timing of all models, in turn."""
@@ -89,13 +89,13 @@ def regressors() -> dict[str, object]:
 
 def stress_error(force) -> float:
     """Relative error of the nominal stress in the scene uniaxial at a stretch of 2."""
-    scene = pd.load_scene("uniaxial", spacing=0.05, stretches=2.0, material=LAW.describe())
-    return pd.simulate(scene, force).levels[0]["nominal_stress_error"]
+    scene = pds.load_scene("uniaxial", spacing=0.05, stretches=2.0, material=LAW.describe())
+    return pds.simulate(scene, force).levels[0]["nominal_stress_error"]
 
 
 def least_slope(force) -> float:
     """Of the normal force by the stretch of a bond, in states of plane stress from 0.5 to 4."""
-    states = pd.wide_design(LAW, 10_000, off_surface=0, random_state=1_000_003).X
+    states = pds.wide_design(LAW, 10_000, off_surface=0, random_state=1_000_003).X
     return float(stiffness_slopes(force, states).min())
 
 
@@ -107,7 +107,7 @@ def costs(models: list[tuple[object, str]]) -> list[float]:
     body = sheet()
     with thread_count(1):
         positions, out = bench_positions(body, LAW), np.empty_like(body.points)
-        bound = [model.bind(body, LAW, pd.ForceSettings(precision=precision)) for model, precision in models]
+        bound = [model.bind(body, LAW, pds.ForceSettings(precision=precision)) for model, precision in models]
         least, began = np.full(len(bound), np.inf), time.perf_counter()
         while time.perf_counter() - began < PATIENCE:
             for number, force in enumerate(bound):
@@ -124,15 +124,15 @@ def percent(value: float) -> str:
 
 def of_ten(folder: Path) -> str:
     """The table of all regressors."""
-    samples = pd.wide_design(LAW, SAMPLES, random_state=0)
+    samples = pds.wide_design(LAW, SAMPLES, random_state=0)
     names, rows, cases = [], [], []
     for number, (name, regressor) in enumerate(regressors().items()):
         console.print(name)
         began = time.perf_counter()
-        model = pd.bond_force_pipeline("isochoric", regressor).fit(samples.X, samples.y)
+        model = pds.bond_force_pipeline("isochoric", regressor).fit(samples.X, samples.y)
         seconds = time.perf_counter() - began
-        path = pd.store(model, samples, LAW, folder, f"own-{number}", "1", name)
-        card, force = pd.load_card(path), pd.load_surrogate(path)
+        path = pds.store(model, samples, LAW, folder, f"own-{number}", "1", name)
+        card, force = pds.load_card(path), pds.load_surrogate(path)
         box, resampling = card.errors["box"], card.training.get("resampling")
         taken = "as it is" if resampling is None else f"spline, {force.size}"
         names.append(name)
@@ -148,7 +148,7 @@ def of_ten(folder: Path) -> str:
             ]
         )
         cases.append((force, "float32"))
-    exact = pd.AnalyticBondForce(LAW)
+    exact = pds.AnalyticBondForce(LAW)
     names.append("exact bond force")
     rows.append(["", "", "", "", "0", f"{least_slope(exact.bond_force):.3f}", percent(stress_error("analytic"))])
     cases.append((exact, "float64"))
@@ -173,35 +173,35 @@ def refused(folder: Path) -> str:
     from sklearn.linear_model import LinearRegression, LogisticRegression
     from sklearn.preprocessing import StandardScaler
 
-    samples = pd.wide_design(LAW, 500, random_state=0)
-    scene = pd.load_scene("uniaxial", spacing=0.2, stretches=1.2, material="ogden")
+    samples = pds.wide_design(LAW, 500, random_state=0)
+    scene = pds.load_scene("uniaxial", spacing=0.2, stretches=1.2, material="ogden")
 
     def stored(regressor):
-        pd.store(pd.bond_force_pipeline("isochoric", regressor).fit(samples.X, samples.y), samples, LAW, folder, "none", "1", "none")
+        pds.store(pds.bond_force_pipeline("isochoric", regressor).fit(samples.X, samples.y), samples, LAW, folder, "none", "1", "none")
 
     cases = [
-        ("a classifier", "before the training", lambda: pd.bond_force_pipeline("isochoric", LogisticRegression())),
-        ("a transformer", "before the training", lambda: pd.bond_force_pipeline("isochoric", StandardScaler())),
-        ("a class, not an instance", "before the training", lambda: pd.bond_force_pipeline("isochoric", Ridge)),
-        ("a pipeline that is not fitted", "before the run", lambda: pd.simulate(scene, pd.bond_force_pipeline("isochoric"))),
+        ("a classifier", "before the training", lambda: pds.bond_force_pipeline("isochoric", LogisticRegression())),
+        ("a transformer", "before the training", lambda: pds.bond_force_pipeline("isochoric", StandardScaler())),
+        ("a class, not an instance", "before the training", lambda: pds.bond_force_pipeline("isochoric", Ridge)),
+        ("a pipeline that is not fitted", "before the run", lambda: pds.simulate(scene, pds.bond_force_pipeline("isochoric"))),
         (
             "a search without a fitted model",
             "before the run",
-            lambda: pd.simulate(
+            lambda: pds.simulate(
                 scene,
                 GridSearchCV(
-                    pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor()),
+                    pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor()),
                     {"regressor__regressor__regressor__degree": [2, 3]},
                     cv=2,
                     refit=False,
                 ).fit(samples.X, samples.y),
             ),
         ),
-        ("a regressor of bonds by itself", "before the run", lambda: pd.simulate(scene, LinearRegression().fit(samples.X, samples.y))),
+        ("a regressor of bonds by itself", "before the run", lambda: pds.simulate(scene, LinearRegression().fit(samples.X, samples.y))),
         (
             "a regressor of other columns",
             "at storing",
-            lambda: pd.store(LinearRegression().fit(samples.X[:, :3], samples.y), samples, LAW, folder, "none", "1", "none"),
+            lambda: pds.store(LinearRegression().fit(samples.X[:, :3], samples.y), samples, LAW, folder, "none", "1", "none"),
         ),
         ("a regressor that is far off", "at storing", lambda: stored(DummyRegressor())),
     ]
@@ -218,20 +218,20 @@ def refused(folder: Path) -> str:
 
 def search() -> str:
     """A grid search over features and widths, and straight into a run."""
-    samples = pd.wide_design(LAW, 2000, random_state=0)
+    samples = pds.wide_design(LAW, 2000, random_state=0)
     path = "regressor__regressor__regressor"
     found, rows = {}, []
     for features in ("isochoric", "symmetric"):
-        network = pd.LevenbergMarquardtRegressor(activation="algebraic", max_iter=250, random_state=0)
+        network = pds.LevenbergMarquardtRegressor(activation="algebraic", max_iter=250, random_state=0)
         grid = {f"{path}__hidden_layer_sizes": [(4,), (8,), (16,)]}
-        found[features] = GridSearchCV(pd.bond_force_pipeline(features, network), grid, cv=3).fit(samples.X, samples.y)
-        for row in pd.learning.fitting.search_table(found[features]):
+        found[features] = GridSearchCV(pds.bond_force_pipeline(features, network), grid, cv=3).fit(samples.X, samples.y)
+        for row in pds.learning.fitting.search_table(found[features]):
             units = row[f"{path}__hidden_layer_sizes"][0]
             rows.append([f"{features}, {units} units", f"{1 - row['score']:.1e}"])
     best = max(found.values(), key=lambda one: one.best_score_)
     units = best.best_params_[f"{path}__hidden_layer_sizes"][0]
     table = markdown_table(["features and width", "1 - R² on the folds left out"], rows)
-    run = "`pd.simulate(scene, search)` of the best"
+    run = "`pds.simulate(scene, search)` of the best"
     return f"{table}\n\n{run}, {units} units: stress at a stretch of 2 off by {percent(stress_error(best))}."
 
 
@@ -240,11 +240,11 @@ SETS, SHEETS = 40, 10
 """Sets of noisy stresses of every law whose committees are asked for stresses, and of these those that run a sheet with a hole."""
 
 KNOWN = {
-    "ogden": pd.Ogden(moduli=(0.4, -0.02), exponents=(2.0, -2.0), bulk_modulus=420.0),
-    "mooney-rivlin": pd.MooneyRivlin(0.4, 400.0, 0.15),
-    "gent": pd.Gent(0.4, 400.0, 60.0),
-    "arruda-boyce": pd.ArrudaBoyce(0.4, 400.0, 20.0),
-    "yeoh": pd.Yeoh(0.4, 400.0, -0.006, 2e-4),
+    "ogden": pds.Ogden(moduli=(0.4, -0.02), exponents=(2.0, -2.0), bulk_modulus=420.0),
+    "mooney-rivlin": pds.MooneyRivlin(0.4, 400.0, 0.15),
+    "gent": pds.Gent(0.4, 400.0, 60.0),
+    "arruda-boyce": pds.ArrudaBoyce(0.4, 400.0, 20.0),
+    "yeoh": pds.Yeoh(0.4, 400.0, -0.006, 2e-4),
 }
 """Laws that noisy data are made from, with the K/mu of the fits; the committee's make was chosen with the first of them alone."""
 
@@ -258,8 +258,8 @@ def identified(name: str, seed: int, weights: str) -> list:
     noise = np.random.default_rng(100 * list(KNOWN).index(name) + seed).standard_normal(len(MEASURED))  # no two laws have the same
     y = nominal_stress(KNOWN[name], MEASURED) * (1 + NOISE * noise)
     weight = WEIGHTS[weights](y)
-    model = pd.EnergyRegressor().fit(MEASURED, y, weight)
-    return [model, *pd.committee(model, MEASURED, y, MEMBERS, random_state=seed, sample_weight=weight)]
+    model = pds.EnergyRegressor().fit(MEASURED, y, weight)
+    return [model, *pds.committee(model, MEASURED, y, MEMBERS, random_state=seed, sample_weight=weight)]
 
 
 def off_and_spread(results: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -275,7 +275,7 @@ def stresses_of_committees() -> str:
     states, rows = np.vstack([between, beyond]), []
     for name, law in KNOWN.items():
         right, exact = nominal_stress(law, states), nominal_stress(law, MEASURED)
-        form = np.abs(pd.EnergyRegressor().fit(MEASURED, exact, exact**-2).predict(states) / right - 1)[: len(between)].max()
+        form = np.abs(pds.EnergyRegressor().fit(MEASURED, exact, exact**-2).predict(states) / right - 1)[: len(between)].max()
         for weights in WEIGHTS:
             fits = (identified(name, seed, weights) for seed in range(SETS))
             off, spread = map(
@@ -294,8 +294,8 @@ def stresses_of_committees() -> str:
 
 def sheet_with_a_hole(material, force) -> np.ndarray:
     """Nominal stress of the pull, and greatest narrowing."""
-    scene = pd.load_scene("hole", {"spacing": 0.1, "stretches": 1.5}, material=material)
-    level = pd.simulate(scene, force).levels[0]
+    scene = pds.load_scene("hole", {"spacing": 0.1, "stretches": 1.5}, material=material)
+    level = pds.simulate(scene, force).levels[0]
     return np.array([level["nominal_stress"], level["greatest_lateral_displacement"]])
 
 
@@ -303,7 +303,7 @@ def of_artefact(fits: list, folder: Path) -> np.ndarray:
     """Results of a committee in one artefact, shape (1 + members, 2)."""
     settings = FitSettings(folds=0, samples=2000).within(*fits[0].stretch_range_)
     drawn = settings.committee([one.law_ for one in fits])
-    path = pd.store(*drawn[0], folder, "noisy", None, "an energy of noisy data", members=drawn[1:])
+    path = pds.store(*drawn[0], folder, "noisy", None, "an energy of noisy data", members=drawn[1:])
     return np.array([sheet_with_a_hole(one[2], f"{path}#{number}" if number else path) for number, one in enumerate(drawn)])
 
 

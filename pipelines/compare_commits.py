@@ -55,10 +55,10 @@ RUNS = {
 
 FIGURES = """
 import json, sys
-import pdsurrogate as pd
+import pdsurrogate as pds
 for line in sys.stdin:
     scene, force, changes = json.loads(line)
-    result = pd.simulate(pd.load_scene(scene, changes), force)
+    result = pds.simulate(pds.load_scene(scene, changes), force)
     found = {}
     for level in result.levels:
         for key in ("nominal_stress", "nominal_stress_work_conjugate", "lateral_displacement", "greatest_lateral_displacement", "energy"):
@@ -86,7 +86,7 @@ SPEED = """
 import json, sys, time
 from pathlib import Path
 import numba, numpy as np
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.reports.speed import bench_positions
 MOST = numba.config.NUMBA_NUM_THREADS
 bound = {}
@@ -94,12 +94,12 @@ for line in sys.stdin:
     name, width, threads = json.loads(line)
     numba.set_num_threads(threads)
     if (name, width, threads) not in bound:
-        body = pd.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width)
-        model = pd.load_surrogate(name)
+        body = pds.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width)
+        model = pds.load_surrogate(name)
         card = Path("artifacts") / name / "1" / "card.json"
         material = json.loads(card.read_text())["material"]["trained_with"] if card.exists() else {"law": "neo-hookean"}
-        law = pd.LAWS[material.pop("law")](**{key: tuple(v) if isinstance(v, list) else v for key, v in material.items()})
-        force = model.bind(body, law, pd.ForceSettings())
+        law = pds.LAWS[material.pop("law")](**{key: tuple(v) if isinstance(v, list) else v for key, v in material.items()})
+        force = model.bind(body, law, pds.ForceSettings())
         bound[name, width, threads] = force, bench_positions(body, law), np.empty_like(body.points), body.bonds.n_directed
         for _ in range(3):
             force(*bound[name, width, threads][1:3])
@@ -113,20 +113,20 @@ for line in sys.stdin:
 
 WHOLE = """
 import json, sys
-import pdsurrogate as pd
+import pdsurrogate as pds
 for line in sys.stdin:
     scene, changes = json.loads(line)
-    summary = pd.simulate(pd.load_scene(scene, changes)).summary
+    summary = pds.simulate(pds.load_scene(scene, changes)).summary
     print(json.dumps(summary["seconds_total"] - summary["seconds_compile"]), flush=True)
 """
 
 COMPILE = """
 import json, sys, time
-import pdsurrogate as pd
-result = pd.simulate(pd.load_scene("uniaxial", {"spacing": 0.1}), None)
+import pdsurrogate as pds
+result = pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.1}), None)
 print(json.dumps(result.summary["seconds_compile"]), flush=True)
 for name, law in (("bond-energy", "neo-hookean"), ("ba-nosb", "neo-hookean"), ("analytic", "yeoh"), ("analytic", "ogden")):
-    result = pd.simulate(pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": 1.2, "material": law}), name)
+    result = pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": 1.2, "material": law}), name)
     print(json.dumps(result.summary["seconds_compile"]), flush=True)
 """
 

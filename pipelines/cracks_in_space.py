@@ -15,7 +15,7 @@ import numpy as np
 from disc_crack import opened_volume
 from pages import markdown_table, replace_block
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.scenes.model import tip_diameter
 
@@ -33,7 +33,7 @@ STARTED = 4
 """Spacings from the precut's end after which a crack counts as running."""
 
 
-def turned_scene(angle: float, ratio: float, rate: float = RATE) -> pd.Scene:
+def turned_scene(angle: float, ratio: float, rate: float = RATE) -> pds.Scene:
     """A strip in pure shear whose lattice is turned against it; length, shear modulus and density in units of 1."""
     cosine, sine = np.cos(np.radians(angle)), np.sin(np.radians(angle))
 
@@ -48,7 +48,7 @@ def turned_scene(angle: float, ratio: float, rate: float = RATE) -> pd.Scene:
     up = place(0, 1)
     travel = [(stretch - 1) * HIGH for stretch in (BEGIN, END)]
     dynamics = {"duration": (travel[1] - travel[0]) / rate, "density": 1.0, "damping": 0.02, "viscosity": 0.1}
-    return pd.Scene.model_validate(
+    return pds.Scene.model_validate(
         {
             "name": "turned",
             "spacing": 1.0,
@@ -91,7 +91,7 @@ def held_at_tip(result, critical: float) -> float:
 
 def turned_row(angle: float, ratio: float) -> list[str]:
     """One strip: tip diameter at which the crack runs, its direction, and how far it strays."""
-    result = pd.simulate(turned_scene(angle, ratio))
+    result = pds.simulate(turned_scene(angle, ratio))
     law, turn, rows = result.scene.material.build(), np.radians(angle), in_dynamics(result)
     tips = [(entry["t"], entry["time"], tip[:2]) for entry in result.summary["crack"]["tips"] for tip in entry["tips"][:1]]
     stretches = np.array([1 + t / (HIGH + 1) for t, _, _ in tips])
@@ -157,7 +157,7 @@ def mode_figures(found: dict[str, float], held: float, waves: float) -> list[str
 
 def strip_row(rate: float) -> list[str]:
     """A strip along a row of the lattice at a horizon of 2.2 spacings, by the speed of its clamps."""
-    result = pd.simulate(turned_scene(0, 2.2, rate))
+    result = pds.simulate(turned_scene(0, 2.2, rate))
     law, held = result.scene.material.build(), held_at_tip(result, CRITICAL)
     reached = []
     for advance in (1, 4, 12):
@@ -191,7 +191,7 @@ def peel_row(critical_stretch: float, spacing: float = 2 / 3, ratio: float = 2.2
         "fracture": {"critical_stretch": critical_stretch},
         "steps": [{"to": begin}, {"to": end, "outputs": 20, "dynamics": dynamics}],
     }
-    result = pd.simulate(pd.load_scene("trousers", changes))
+    result = pds.simulate(pds.load_scene("trousers", changes))
     return _mode_of_legs("legs pulled apart in their plane", result, critical_stretch, "force_one_2", leg, PEEL["steady"])
 
 
@@ -204,7 +204,7 @@ def _mode_of_legs(name: str, result, critical_stretch: float, force: str, leg: f
         rows, bonds_across(result.scene.horizon_ratio, result.scene.spacing, round(THICKNESS / result.scene.spacing)), THICKNESS, 0
     )
     waves = np.sqrt(law.shear_modulus / 1e-3)
-    return _told([name, f"{pd.tearing_energy(law, mean, leg, THICKNESS) / held:.2f}", *mode_figures(found, held, waves)])
+    return _told([name, f"{pds.tearing_energy(law, mean, leg, THICKNESS) / held:.2f}", *mode_figures(found, held, waves)])
 
 
 def modes() -> str:
@@ -255,7 +255,7 @@ def torn_trousers(tear: Tear):
         "fracture": {"critical_stretch": tear.critical_stretch},
         "steps": [{"to": tear.begin}, {"to": tear.end, "outputs": 40, "dynamics": dynamics}],
     }
-    result = pd.simulate(pd.load_scene("trousers", changes))
+    result = pds.simulate(pds.load_scene("trousers", changes))
     return result, in_dynamics(result)[:-1]  # in the last row the legs come to a halt
 
 
@@ -264,7 +264,7 @@ def tear_row(tear: Tear) -> list[str]:
     result, rows = torn_trousers(tear)
     law = result.scene.material.build()
     force = float(np.mean([row["force_one_3"] for row in rows if row["t"] > tear.steady]))
-    measured = pd.tearing_energy(law, force, LEG_WIDTH, THICKNESS)
+    measured = pds.tearing_energy(law, force, LEG_WIDTH, THICKNESS)
     put_in = held_at_tip(result, tear.critical_stretch) * tip_diameter("space", tear.ratio)
     stray = max(abs(entry["tip"][1] - LEG_WIDTH) for entry in result.summary["crack"]["tips"] if entry["tip"])
     figures = [f"{tear.spacing:.3g}", f"{tear.critical_stretch:g}", f"{put_in:.3f}", f"{force:.3f}", f"{measured:.3f}"]
@@ -289,7 +289,7 @@ def trousers() -> str:
 
 def penny_row(spacing: float) -> list[str]:
     """Volume of the opened disc, by what it takes off the force, over that of a disc in a cylinder of this radius and no end."""
-    result = pd.simulate(pd.load_scene("penny", {"spacing": spacing}))
+    result = pds.simulate(pds.load_scene("penny", {"spacing": spacing}))
     scene, law = result.scene, result.scene.material.build()
     stretch, radius, outer, length = scene.stretches[0], scene.precuts[0].radius, scene.body.radius, scene.body.length
     stress, uncut = result.levels[-1]["nominal_stress"], homogeneous.uniaxial(law, stretch).nominal_stress

@@ -13,7 +13,7 @@ import numpy as np
 from pages import markdown_table
 from rich.console import Console
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.forces import ForceSettings
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.results import measures
@@ -30,7 +30,7 @@ def scenes() -> str:
     rows = []
     for scene in ("uniaxial", "pure-shear", "hole"):
         for force in ("neo-hookean-energy", "neo-hookean"):
-            result = pd.simulate(pd.load_scene(scene), force)
+            result = pds.simulate(pds.load_scene(scene), force)
             for level in result.levels:
                 errors = {key.removesuffix("_error"): f"{100 * value:+.4f}" for key, value in level.items() if key.endswith("_error")}
                 displacement = errors.get("greatest_lateral_displacement", "")
@@ -42,8 +42,8 @@ def scenes() -> str:
 
 STATES = {
     "rest": np.eye(2),
-    "uniaxial 2": np.diag([2.0, homogeneous.uniaxial(pd.NeoHookean(), 2.0).lateral_stretch]),
-    "uniaxial 3": np.diag([3.0, homogeneous.uniaxial(pd.NeoHookean(), 3.0).lateral_stretch]),
+    "uniaxial 2": np.diag([2.0, homogeneous.uniaxial(pds.NeoHookean(), 2.0).lateral_stretch]),
+    "uniaxial 3": np.diag([3.0, homogeneous.uniaxial(pds.NeoHookean(), 3.0).lateral_stretch]),
     "shear 0.8": np.array([[1.0, 0.8], [0.0, 1.0]]),
     "equibiaxial 2": np.diag([2.0, 2.0]),
 }
@@ -51,13 +51,13 @@ STATES = {
 
 def modes() -> str:
     """Least eigenvalue over the greatest on 12 x 12 points, translations and the rotation of the deformed body left out."""
-    body, law = pd.Body.rectangle(1.2, 1.2, 0.1, 0.315), pd.NeoHookean()
+    body, law = pds.Body.rectangle(1.2, 1.2, 0.1, 0.315), pds.NeoHookean()
     rows = []
     for force in ("bond-energy", "neo-hookean-energy", "nosb"):
         row = [force]
         for F in STATES.values():
             y = body.points @ F.T
-            bound = pd.load_surrogate(force).bind(body, law, DOUBLE)
+            bound = pds.load_surrogate(force).bind(body, law, DOUBLE)
             A = bound.tangent(y).matrix().toarray() if bound.has_tangent else difference_tangent(bound, y)
             n = len(y)
             rigid = np.zeros((2 * n, 3))
@@ -103,20 +103,20 @@ def drift() -> str:
         ("nosb", "float64"),
         ("ba-nosb", "float64"),
     ]
-    return _drifts([(name, precision, pd.NeoHookean(), "stress") for name, precision in cases])
+    return _drifts([(name, precision, pds.NeoHookean(), "stress") for name, precision in cases])
 
 
 def isochoric_drift() -> str:
     """The same of the learnt isochoric energies, in plane strain."""
-    laws = (pd.NeoHookean(), pd.ArrudaBoyce(), pd.Ogden(), pd.FullNetwork())
+    laws = (pds.NeoHookean(), pds.ArrudaBoyce(), pds.Ogden(), pds.FullNetwork())
     return _drifts([(f"{law.name}-isochoric", "float64", law, "strain") for law in laws])
 
 
 def _drifts(cases: list[tuple]) -> str:
     """Of force models by name, each with its precision, law and plane."""
-    body, rows = pd.Body.rectangle(2.0, 1.0, 0.1, 0.315), []
+    body, rows = pds.Body.rectangle(2.0, 1.0, 0.1, 0.315), []
     for name, precision, law, plane in cases:
-        force = pd.load_surrogate(name).bind(body, law, ForceSettings(precision=precision, plane=plane))
+        force = pds.load_surrogate(name).bind(body, law, ForceSettings(precision=precision, plane=plane))
         # In plane strain without a change of volume, which would be thrown back as hard as the bulk modulus is.
         start = body.points @ np.diag([1.2, 1.0 if plane == "stress" else 1 / 1.2])
         mass, y, f = body.volumes[:, None], start.copy(), np.empty_like(start)
@@ -149,7 +149,7 @@ def solvers() -> str:
             seconds = []
             for _ in range(repeats):
                 run = Run(
-                    pd.load_scene(scene, precision=precision) if precision else pd.load_scene(scene), pd.load_surrogate(ENERGY), Silent()
+                    pds.load_scene(scene, precision=precision) if precision else pds.load_scene(scene), pds.load_surrogate(ENERGY), Silent()
                 )
                 run.warm_up()
                 y = run.loading.stretched(run.positions, 1.0, stretch)
@@ -169,7 +169,7 @@ def tear() -> str:
     rows = []
     for spacing in (0.1, 0.05):
         # Farther than the scene's own 1.6, at which the coarser sheet has not yet come apart.
-        result = pd.simulate(pd.load_scene("tear", {"spacing": spacing, "dynamics.stretch": 1.7}), ENERGY)
+        result = pds.simulate(pds.load_scene("tear", {"spacing": spacing, "dynamics.stretch": 1.7}), ENERGY)
         history = [row for row in result.history if "work" in row]
         begin, end = history[0], history[-1]
         gained = sum(end[key] - begin[key] for key in ("strain_energy", "kinetic_energy", "damped_energy", "released_energy"))

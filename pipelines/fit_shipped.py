@@ -27,7 +27,7 @@ from sklearn.base import clone
 from sklearn.metrics import make_scorer
 from sklearn.model_selection import GridSearchCV
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.artifacts.card import same_values
 from pdsurrogate.learning.isochoric import ISOCHORIC
 from pdsurrogate.learning.sampling import random_order
@@ -96,11 +96,11 @@ def make(name, law, description, samples, model, grid, folder, version=FIRST) ->
     samples = as_drawn(samples)
     searched = search(model, samples, grid)
     show(f"Search: relative RMS force error on the folds left out, networks {ROUNDS} iterations", searched)
-    folds = pd.cross_validate(model, samples, folds=5, n_jobs=2)
+    folds = pds.cross_validate(model, samples, folds=5, n_jobs=2)
     show("Cross-validation of the final settings", folds)
     model.fit(samples.X, samples.y)
-    path = pd.store(model, samples, law, folder, name, version, pd.CardText(description, folds, searched))
-    errors = pd.load_card(path).errors["box"]
+    path = pds.store(model, samples, law, folder, name, version, pds.CardText(description, folds, searched))
+    errors = pds.load_card(path).errors["box"]
     console.print(f"{path}: on the surface {errors['on_surface']['rms']:.1e}, off it {errors['off_surface']['rms']:.1e}\n", soft_wrap=True)
 
 
@@ -110,23 +110,23 @@ def make_energy(name, law, description, samples, regressor, searched_over, folde
     samples = as_drawn(samples)
 
     def pipeline(regressor):
-        return pd.energy_pipeline(regressor, isochoric=samples.form is ISOCHORIC)
+        return pds.energy_pipeline(regressor, isochoric=samples.form is ISOCHORIC)
 
     errors = {}
     for activation, units in searched_over:
-        model = pipeline(pd.SobolevRegressor(units, activation, max_iter=ROUNDS, random_state=0))
-        errors[activation, units] = [row["rms"] for row in pd.cross_validate_energy(model, samples, folds=3)]
+        model = pipeline(pds.SobolevRegressor(units, activation, max_iter=ROUNDS, random_state=0))
+        errors[activation, units] = [row["rms"] for row in pds.cross_validate_energy(model, samples, folds=3)]
     searched = [
         {"activation": activation, "n_units": units, "rms": sum(rows) / len(rows), "spread": max(rows) - min(rows)}
         for (activation, units), rows in errors.items()
     ]
     show(f"Search: relative RMS stress error on the folds left out, {ROUNDS} iterations", searched)
     model = pipeline(regressor)
-    table = pd.cross_validate_energy(model, samples, folds)
+    table = pds.cross_validate_energy(model, samples, folds)
     show("Cross-validation of the final settings", table)
     model.fit(samples.X, samples.y)
-    path = pd.store_energy(model, samples, law, folder, name, FIRST, pd.CardText(description, table, searched))
-    box = list(pd.load_card(path).errors.values())[-1]
+    path = pds.store_energy(model, samples, law, folder, name, FIRST, pds.CardText(description, table, searched))
+    box = list(pds.load_card(path).errors.values())[-1]
     low, high = box["stretch_range"]
     errors = box["on_surface"]
     console.print(
@@ -136,14 +136,14 @@ def make_energy(name, law, description, samples, regressor, searched_over, folde
 
 def make_all(folder: Path) -> None:
     """All artefacts."""
-    law = pd.NeoHookean()
+    law = pds.NeoHookean()
     make(
         "neo-hookean",
         law,
         "Bond force of slightly compressible Neo-Hookean rubber: symmetric features, wide design; the default force.",
-        pd.wide_design(law, 8000, random_state=0),
-        pd.bond_force_pipeline(
-            "symmetric", pd.LevenbergMarquardtRegressor((20,), "algebraic", max_iter=2000, n_iter_no_change=200, random_state=0)
+        pds.wide_design(law, 8000, random_state=0),
+        pds.bond_force_pipeline(
+            "symmetric", pds.LevenbergMarquardtRegressor((20,), "algebraic", max_iter=2000, n_iter_no_change=200, random_state=0)
         ),
         {"hidden_layer_sizes": [(8,), (12,), (20,)], "activation": ["algebraic", "logistic", "tanh"]},
         folder,
@@ -152,10 +152,10 @@ def make_all(folder: Path) -> None:
         "neo-hookean",
         law,
         "Bond force of slightly compressible Neo-Hookean rubber: isochoric features, 4 units; the default force since version 2.",
-        pd.wide_design(law, 8000, random_state=0),
+        pds.wide_design(law, 8000, random_state=0),
         # The outputs of this law are constant in these features (theory (16)): any network has them to rounding, and the smallest will do.
-        pd.bond_force_pipeline(
-            "isochoric", pd.LevenbergMarquardtRegressor((4,), "algebraic", max_iter=2000, n_iter_no_change=200, random_state=0)
+        pds.bond_force_pipeline(
+            "isochoric", pds.LevenbergMarquardtRegressor((4,), "algebraic", max_iter=2000, n_iter_no_change=200, random_state=0)
         ),
         {"hidden_layer_sizes": [(4,), (8,)], "activation": ["algebraic", "logistic", "tanh"]},
         folder,
@@ -165,9 +165,9 @@ def make_all(folder: Path) -> None:
         "neo-hookean-paper",
         law,
         "The paper's own network: its five features, Algorithm 1 on its box of stretches, 20 logistic units.",
-        pd.algorithm_1(law, random_state=0),
-        pd.bond_force_pipeline(
-            "paper", pd.LevenbergMarquardtRegressor((20,), "logistic", max_iter=1000, n_iter_no_change=100, random_state=0)
+        pds.algorithm_1(law, random_state=0),
+        pds.bond_force_pipeline(
+            "paper", pds.LevenbergMarquardtRegressor((20,), "logistic", max_iter=1000, n_iter_no_change=100, random_state=0)
         ),
         {"hidden_layer_sizes": [(10,), (20,)], "activation": ["logistic", "tanh"]},
         folder,
@@ -176,39 +176,39 @@ def make_all(folder: Path) -> None:
         "neo-hookean-energy",
         law,
         "Plane-stress energy of slightly compressible Neo-Hookean rubber, K = 100 mu: 12 units on two logarithmic invariants.",
-        pd.energy_design(law, 2000, random_state=0),
-        pd.SobolevRegressor(12, "algebraic", max_iter=1000, random_state=0),
+        pds.energy_design(law, 2000, random_state=0),
+        pds.SobolevRegressor(12, "algebraic", max_iter=1000, random_state=0),
         [(activation, units) for activation in ("algebraic", "logistic", "tanh") for units in (4, 8, 12)],
         folder,
     )
     for law, title in (
-        (pd.NeoHookean(), "Neo-Hookean rubber"),
-        (pd.Ogden(), "Ogden rubber, three terms of 1972 for Treloar's data"),
-        (pd.ArrudaBoyce(), "Arruda-Boyce rubber with chains of 26.5 links"),
-        (pd.FullNetwork(), "full-network rubber with chains of 60 links"),
+        (pds.NeoHookean(), "Neo-Hookean rubber"),
+        (pds.Ogden(), "Ogden rubber, three terms of 1972 for Treloar's data"),
+        (pds.ArrudaBoyce(), "Arruda-Boyce rubber with chains of 26.5 links"),
+        (pds.FullNetwork(), "full-network rubber with chains of 60 links"),
     ):
         make_energy(
             f"{law.name}-isochoric",
             law,
             f"Isochoric energy of {title}, for plane strain, space and every bulk modulus: 8 units on two logarithmic invariants.",
-            pd.energy_design(law, 1000, random_state=0, isochoric=True),
+            pds.energy_design(law, 1000, random_state=0, isochoric=True),
             # Of two trainings the better: one in a few ends where the stress is a thousandth off.
-            pd.SobolevRegressor(8, "algebraic", max_iter=500, n_init=2, random_state=0),
+            pds.SobolevRegressor(8, "algebraic", max_iter=500, n_init=2, random_state=0),
             [("algebraic", 4), ("algebraic", 8)],
             folder,
             folds=3,
         )
     for law, title in (
-        (pd.Gent(), "Gent rubber with the paper's chain limit of 120"),
-        (pd.Ogden(), "Ogden rubber, three terms of 1972 for Treloar's data"),
-        (pd.FullNetwork(), "full-network rubber with chains of 60 links"),
+        (pds.Gent(), "Gent rubber with the paper's chain limit of 120"),
+        (pds.Ogden(), "Ogden rubber, three terms of 1972 for Treloar's data"),
+        (pds.FullNetwork(), "full-network rubber with chains of 60 links"),
     ):
         make(
             law.name,
             law,
             f"Bond force of {title}: a polynomial in the two isochoric features.",
-            pd.wide_design(law, 8000, random_state=0),
-            pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((9, 4))),
+            pds.wide_design(law, 8000, random_state=0),
+            pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((9, 4))),
             {"degree": [8, (8, 4), (9, 3), (9, 4), 10, (10, 4), (12, 6)]},
             folder,
         )

@@ -11,12 +11,12 @@ from scipy.optimize import linprog
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.identification import fitted_laws
 from pdsurrogate.identification.energy import NEGATIVE, POSITIVE, dictionary, half_planes, ordered_logs
 from pdsurrogate.learning.validation import stiffness_slopes
 
-DATA = pd.load_test_data("kawabata")
+DATA = pds.load_test_data("kawabata")
 X, Y = DATA.stretches, DATA.nominal_stress
 LARGE = 0.05 * Y.max() < Y
 """Stresses whose relative error is asked for."""
@@ -45,8 +45,8 @@ def of_data() -> str:
         return row
 
     parts = {name: known for name, known in PARTS.items() if known is not PARTS["the other half"]}
-    rows = [["an energy without a law", *scores(pd.EnergyRegressor())]]
-    rows += [[law, *scores(pd.LawRegressor(law))] for law in fitted_laws() if law != "full-network"]
+    rows = [["an energy without a law", *scores(pds.EnergyRegressor())]]
+    rows += [[law, *scores(pds.LawRegressor(law))] for law in fitted_laws() if law != "full-network"]
     return markdown_table(["fitted to", *parts], rows)
 
 
@@ -64,7 +64,7 @@ def stress_by_stress() -> str:
     """How far single stresses are from what the free energy foretells, its least stiffness, and what any energy could do."""
     rows, off, left_out = [], {}, np.full(len(Y), np.nan)
     for name, known in PARTS.items():
-        model = pd.EnergyRegressor().fit(X[known], Y[known])
+        model = pds.EnergyRegressor().fit(X[known], Y[known])
         inside, off[name] = asked_of(known, model), errors_of(model.predict(X))
         sizes = np.sort(np.abs(off[name][inside]))
         if name in ("half of the grid", "the other half"):
@@ -72,7 +72,7 @@ def stress_by_stress() -> str:
         # W is a sum over the stretches: its curvatures by their logarithms are those of the summands.
         stretch = np.geomspace(0.25, 4.0, 2001)
         curvature = (model.weights_ * stretch[:, None] ** model.exponents_).sum(axis=1) / model.weights_.sum()
-        slope = stiffness_slopes(pd.AnalyticBondForce(model.law_).bond_force, pd.wide_design(model.law_, 10_000, off_surface=0).X).min()
+        slope = stiffness_slopes(pds.AnalyticBondForce(model.law_).bond_force, pds.wide_design(model.law_, 10_000, off_surface=0).X).min()
         asked = LARGE & (~known if not known.all() else known)
         shares = [f"{100 * (sizes <= most).mean():.0f} %" for most in (0.03, LIMIT)]
         greatest = f"{100 * np.median(sizes):.1f} %, {100 * sizes[-1]:.0f} %"
@@ -85,7 +85,7 @@ def stress_by_stress() -> str:
 
 def of_two_modes(off: np.ndarray) -> str:
     """Where the energy of two modes is off."""
-    model = pd.EnergyRegressor().fit(X[TWO_MODES], Y[TWO_MODES])
+    model = pds.EnergyRegressor().fit(X[TWO_MODES], Y[TWO_MODES])
     inside = asked_of(TWO_MODES, model)
     kinds = {
         "along a side longer than at rest": X[:, 0] > 1 + 1e-9,
@@ -252,7 +252,7 @@ def of_classes(scattered: np.ndarray) -> str:
                 curvature = next((bound for side in sides if (bound := energy.least_curvature(weights, side)) > 0), np.nan)
         row.append(f"{curvature:.2f}")
         for half in (HALF, ~HALF):
-            model = pd.EnergyRegressor().fit(X[half], Y[half])  # for its hull
+            model = pds.EnergyRegressor().fit(X[half], Y[half])  # for its hull
             weights = least_error(energy, LARGE & half, False, positive, convex)
             sizes = np.abs(errors_of(energy.stresses(X) @ weights)[asked_of(half, model)])
             row.append(f"{100 * (sizes <= LIMIT).mean():.0f} %, {100 * sizes.max():.0f} %")

@@ -18,7 +18,7 @@ import numba
 from pages import markdown_table, replace_block
 from rich.console import Console
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.results.provenance import processor
 
 console = Console()
@@ -58,11 +58,11 @@ def main() -> None:
     parser.add_argument("points", nargs="?", type=int, default=100, help="points a side (100)")
     parser.add_argument("--docs", action="store_true", help="put the figures into the documentation")
     arguments = parser.parse_args()
-    scene = pd.load_scene("bonded-block", {"spacing": 1 / arguments.points, "solver.tolerance": 1e-5})
+    scene = pds.load_scene("bonded-block", {"spacing": 1 / arguments.points, "solver.tolerance": 1e-5})
     # Kernels are compiled or loaded by a small one.
-    pd.simulate(pd.load_scene("bonded-block", {"spacing": 1 / 18, "solver.tolerance": 1e-2}))
+    pds.simulate(pds.load_scene("bonded-block", {"spacing": 1 / 18, "solver.tolerance": 1e-2}))
     began, worked, profile = time.perf_counter(), time.process_time(), cProfile.Profile()
-    result = profile.runcall(pd.simulate, scene)
+    result = profile.runcall(pds.simulate, scene)
     seconds, worked = time.perf_counter() - began, time.process_time() - worked
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     level = result.levels[-1]

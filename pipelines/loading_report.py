@@ -19,7 +19,7 @@ import numpy as np
 from pages import markdown_table, replace_block
 from rich.console import Console
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 
 console = Console()
 
@@ -154,10 +154,10 @@ def main() -> None:
                     key = case.scene, repr(case.changes), arguments.force or case.force, spacing
                     if key not in runs:
                         status.update(f"{name}, spacing {spacing:g}")
-                        scene = pd.load_scene(case.scene, {**case.changes, "spacing": spacing})
+                        scene = pds.load_scene(case.scene, {**case.changes, "spacing": spacing})
                         try:
-                            runs[key] = pd.simulate(scene, key[2]).levels
-                        except pd.SimulationFailed as error:
+                            runs[key] = pds.simulate(scene, key[2]).levels
+                        except pds.SimulationFailed as error:
                             console.print(f"{name}, spacing {spacing:g}: {error}")
                             runs[key] = error.result.levels
                     levels = runs[key]

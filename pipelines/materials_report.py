@@ -14,7 +14,7 @@ from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 from rich.table import Table
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.identification import figure, fitted_laws, held_out_modes, report
 from pdsurrogate.learning import domain_of, surrogate_of
 from pdsurrogate.materials import plane_stress
@@ -75,11 +75,11 @@ def as_markdown(rows: list[dict]) -> str:
 
 def identification(folder: Path) -> dict:
     """All laws on Treloar's data; Kawabata's grid predicted with the same parameters."""
-    treloar, kawabata = pd.load_test_data("treloar"), pd.load_test_data("kawabata")
+    treloar, kawabata = pds.load_test_data("treloar"), pds.load_test_data("kawabata")
     models, rows, found = [], [], []
     for name in fitted_laws():
-        model = pd.LawRegressor(name).fit(treloar.stretches, treloar.nominal_stress, treloar.balanced_weights())
-        uniform = pd.LawRegressor(name).fit(treloar.stretches, treloar.nominal_stress)
+        model = pds.LawRegressor(name).fit(treloar.stretches, treloar.nominal_stress, treloar.balanced_weights())
+        uniform = pds.LawRegressor(name).fit(treloar.stretches, treloar.nominal_stress)
         models.append(model)
         found.append({**report(model, treloar), "uniform_weights": report(uniform, treloar)})
         predicted = model.predict(kawabata.stretches)
@@ -94,7 +94,7 @@ def identification(folder: Path) -> dict:
         )
         found[-1]["r_squared_kawabata"] = kawabata.r_squared(predicted)["biaxial"]
     show("Treloar's data, the three modes weighted alike; Kawabata's grid is predicted, not fitted", rows)
-    held_out = held_out_modes([pd.LawRegressor(name) for name in fitted_laws()], treloar, ["uniaxial"])
+    held_out = held_out_modes([pds.LawRegressor(name) for name in fitted_laws()], treloar, ["uniaxial"])
     show(
         "Fitted to uniaxial tension alone",
         [
@@ -108,7 +108,7 @@ def identification(folder: Path) -> dict:
 
 def beside_published() -> list[dict]:
     """Constants found here and by others."""
-    data = pd.load_test_data("treloar")
+    data = pds.load_test_data("treloar")
     tension = data.of("uniaxial")
     fits = {
         "all, by scatter": (data.stretches, data.nominal_stress, data.balanced_weights()),
@@ -116,7 +116,7 @@ def beside_published() -> list[dict]:
     }
     rows = []
     for name, fitted_to, constants, source in PUBLISHED:
-        law = pd.LawRegressor(name, bulk_ratio=INCOMPRESSIBLE).fit(*fits[fitted_to]).law_
+        law = pds.LawRegressor(name, bulk_ratio=INCOMPRESSIBLE).fit(*fits[fitted_to]).law_
         for constant, value in constants.items():
             found = {"here": CONSTANTS[constant](law), "published": f"{value:g}", "source": source}
             rows.append({"law": name, "fitted to": fitted_to, "constant": constant, **found})
@@ -126,14 +126,14 @@ def beside_published() -> list[dict]:
 
 def surrogate(law, degree):
     """Polynomial surrogate of a law."""
-    samples = pd.wide_design(law, 8000, pd.reachable_stretches(law), random_state=0)
-    model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(degree)).fit(samples.X, samples.y)
+    samples = pds.wide_design(law, 8000, pds.reachable_stretches(law), random_state=0)
+    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(degree)).fit(samples.X, samples.y)
     return surrogate_of(model, law, domain_of(samples))
 
 
 def errors_of(model, law) -> tuple[float, float]:
     """Relative RMS force error on and off the surface."""
-    found = pd.evaluate(model.bond_force, law, pd.reachable_stretches(law))
+    found = pds.evaluate(model.bond_force, law, pds.reachable_stretches(law))
     return found["on_surface"]["rms"], found["off_surface"]["rms"]
 
 
@@ -144,8 +144,8 @@ def cheapest(law):
 
 def scene_errors(law, model) -> tuple[float, float]:
     """Relative errors of nominal stress and lateral displacement in the uniaxial scene at stretch 2."""
-    scene = pd.load_scene("uniaxial", {"spacing": 0.05, "stretches": [2.0]}, material=law.describe())
-    level = pd.simulate(scene, model).levels[-1]
+    scene = pds.load_scene("uniaxial", {"spacing": 0.05, "stretches": [2.0]}, material=law.describe())
+    level = pds.simulate(scene, model).levels[-1]
     return abs(level["nominal_stress_error"]), abs(level["lateral_displacement_error"])
 
 
@@ -153,7 +153,7 @@ def thickness_error(model, law, precision: str) -> float:
     """Greatest relative error of J3 from the learnt force in the waved state of the comparison; NaN where the law is solved."""
     from pdsurrogate.forces import ForceSettings
 
-    body = pd.Body.rectangle(3.0, 1.0, 0.05, 3.15 * 0.05)
+    body = pds.Body.rectangle(3.0, 1.0, 0.05, 3.15 * 0.05)
     positions = bench_positions(body, law)
     force = model.bind(body, law, ForceSettings(precision=precision))
     force(positions, np.empty_like(positions))
@@ -166,12 +166,12 @@ def thickness_error(model, law, precision: str) -> float:
 def speed(quick: bool) -> tuple[list[dict], str]:
     """Cost of the exact bond force and of its surrogate for every law, and how far to trust it."""
     rows, costs, body = [], [], sheet()
-    for law in (law() for law in pd.LAWS.values()):
+    for law in (law() for law in pds.LAWS.values()):
         model, finer = cheapest(law), surrogate(law, DEGREES[-1])
-        cases = [TimedModel(pd.AnalyticBondForce(law), "float64", body), TimedModel(model, "float32", body)]
+        cases = [TimedModel(pds.AnalyticBondForce(law), "float64", body), TimedModel(model, "float32", body)]
         exact, learnt = measure_speed(cases, law, 2.0 if quick else 40.0)
         costs += [exact, learnt]
-        slope = pd.evaluate(pd.AnalyticBondForce(law).bond_force, law, pd.reachable_stretches(law), 5000)["least_slope_exact"]
+        slope = pds.evaluate(pds.AnalyticBondForce(law).bond_force, law, pds.reachable_stretches(law), 5000)["least_slope_exact"]
         errors = [errors_of(candidate, law) for candidate in (model, finer)]
         stress, displacement = scene_errors(law, model)
         ratio = exact["ns_per_directed_bond_1"] / learnt["ns_per_directed_bond_1"]
@@ -204,7 +204,7 @@ def chain_limit_as_input() -> list[dict]:
     from pdsurrogate.learning.pipeline import feature_values, force_of_outputs, outputs_of_force
 
     def states(limits, seed):
-        found = [pd.wide_design(pd.Gent(chain_limit=limit), 3000, (0.6, 2.8), random_state=seed) for limit in limits]
+        found = [pds.wide_design(pds.Gent(chain_limit=limit), 3000, (0.6, 2.8), random_state=seed) for limit in limits]
         X, y = np.vstack([samples.X for samples in found]), np.vstack([samples.y for samples in found])
         return X, y, np.column_stack([feature_values(X, "isochoric"), np.repeat(1 / np.asarray(limits), 3000)])
 
@@ -213,7 +213,7 @@ def chain_limit_as_input() -> list[dict]:
     test_X, test_y, test_features = states(middles, 1)
     rows = []
     for degree in ((8, 4, 3), (10, 4, 4), (10, 6, 6), (12, 8, 8)):
-        model = pd.ChebyshevRegressor(degree).fit(features, outputs_of_force(X, y, "isochoric"))
+        model = pds.ChebyshevRegressor(degree).fit(features, outputs_of_force(X, y, "isochoric"))
         error = force_of_outputs(test_X, model.predict(test_features), "isochoric") - test_y
         rms = float(np.sqrt((error**2).sum() / (test_y**2).sum()))
         rows.append({"degrees in log Jbar, tr Cbar, 1/Jm": str(degree), "terms": len(model.powers_), "RMS": f"{rms:.1e}"})

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 from pages import VALIDATION
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.forces import PlainBondEnergyForce
 from pdsurrogate.results.files import write_text
 
@@ -48,8 +48,8 @@ def row(name: str, bulk: float, points: int, stretch: float) -> list[str]:
     changes = {"material.bulk_modulus": bulk, "spacing": 1 / points, "stretches": stretch}
     start = [name, f"{bulk:g}", str(points), f"{stretch:g}"]
     try:
-        result = pd.simulate(pd.load_scene("plane-strain-block", {**changes, "solver.most_evaluations": 20_000}), MODELS[name])
-    except pd.SimulationFailed:
+        result = pds.simulate(pds.load_scene("plane-strain-block", {**changes, "solver.most_evaluations": 20_000}), MODELS[name])
+    except pds.SimulationFailed:
         return [*start, "no equilibrium", *["-"] * 4]
     level = result.levels[-1]
     errors = (f"{100 * level[f'{key}_error']:+.2f} %" for key in ("nominal_stress", "greatest_lateral_displacement"))

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.reports.speed import TimedModel, measure_speed, sheet
 from pdsurrogate.results.figures import STYLE, draw_cells, polygons_of, save
 from pdsurrogate.results.files import write_json
@@ -87,7 +87,7 @@ def fields_figure(panels, component: str, titles: list[str]) -> Figure:
 
 def uniaxial() -> list[dict]:
     """6.2: Tables 1 and 2, Fig. 6."""
-    result, rival = (pd.simulate(pd.load_scene("uniaxial"), force) for force in ("neo-hookean", "ba-nosb"))
+    result, rival = (pds.simulate(pds.load_scene("uniaxial"), force) for force in ("neo-hookean", "ba-nosb"))
     with matplotlib.rc_context(STYLE):
         figure, axes = figure_of(7.2, 4.6, 3, 2)
         for column, (run, title) in enumerate(((result, "surrogate"), (rival, "BA-NOSB"))):
@@ -121,8 +121,8 @@ def uniaxial() -> list[dict]:
             )
         )
     body = sheet()
-    cases = [TimedModel(pd.BANOSBForce(), "float64", body), TimedModel(pd.load_surrogate("neo-hookean"), "float32", body)]
-    slow, fast = measure_speed(cases, pd.NeoHookean(), 20.0)
+    cases = [TimedModel(pds.BANOSBForce(), "float64", body), TimedModel(pds.load_surrogate("neo-hookean"), "float32", body)]
+    slow, fast = measure_speed(cases, pds.NeoHookean(), 20.0)
     ratio = slow["ns_per_directed_bond_1"] / fast["ns_per_directed_bond_1"]
     rows.append(row("6.2, Table 2", f"cost of BA-NOSB over the surrogate's, per evaluation (paper: {PAPER_SPEED_RATIO})", ratio, None, ""))
     return rows
@@ -131,7 +131,7 @@ def uniaxial() -> list[dict]:
 def pure_shear() -> list[dict]:
     """6.3: Figs. 8 and 9."""
     stretches = [1.1, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5]
-    result, rival = (pd.simulate(pd.load_scene("pure-shear", stretches=stretches), force) for force in ("neo-hookean", "ba-nosb"))
+    result, rival = (pds.simulate(pds.load_scene("pure-shear", stretches=stretches), force) for force in ("neo-hookean", "ba-nosb"))
     curve = np.array(DATA["pure_shear_curve"]["rows"])
     with matplotlib.rc_context(STYLE):
         figure, axis = figure_of(4.2, 3.0)
@@ -161,7 +161,7 @@ def pure_shear() -> list[dict]:
 
 def hole() -> list[dict]:
     """6.4: Figs. 11 and 12."""
-    result = pd.simulate(pd.load_scene("hole"))
+    result = pds.simulate(pds.load_scene("hole"))
     save(fields_figure([result, DATA["hole"]], "u2", ["surrogate", "finite elements"]), FIGURES / "figure-11.png")
     x2, u1, _ = edge_displacements(result.body, result.displacement(), 0)
     edge = DATA["hole_left_edge"]
@@ -187,13 +187,13 @@ def hole() -> list[dict]:
 
 def zero_energy() -> list[dict]:
     """Section 3: Fig. 2, the force that drives a single displaced point back."""
-    spacing, law = 0.05, pd.NeoHookean()
-    body = pd.Body.rectangle(1.05, 1.05, spacing, 3.15 * spacing)
+    spacing, law = 0.05, pds.NeoHookean()
+    body = pds.Body.rectangle(1.05, 1.05, spacing, 3.15 * spacing)
     centre = int(np.argmin(np.linalg.norm(body.points - 0.525, axis=1)))
     moves = np.linspace(0.0, 0.5, 11)
     curves = {}
     for name in ("analytic", "neo-hookean", "ba-nosb", "nosb"):
-        force, out, curve = pd.load_surrogate(name).bind(body, law, pd.ForceSettings()), np.empty_like(body.points), []
+        force, out, curve = pds.load_surrogate(name).bind(body, law, pds.ForceSettings()), np.empty_like(body.points), []
         for move in moves:
             positions = body.points.copy()
             positions[centre, 0] += move * spacing
@@ -213,7 +213,7 @@ def zero_energy() -> list[dict]:
 def tear_scene(spacing: float, **changes):
     # 0.03 does not divide 11 cm.
     length = round(11.0 / spacing) * spacing
-    return pd.load_scene("tear", {"spacing": spacing, "body.size": [length, 3.0], **changes})
+    return pds.load_scene("tear", {"spacing": spacing, "body.size": [length, 3.0], **changes})
 
 
 def tear() -> list[dict]:
@@ -225,7 +225,7 @@ def tear() -> list[dict]:
     ):
         for spacing in (0.04, 0.03, 0.02):
             console.log(f"tear, {title}, spacing {spacing}")
-            result = pd.simulate(tear_scene(spacing, **changes))
+            result = pds.simulate(tear_scene(spacing, **changes))
             summary = result.summary
             curves.append((f"{title}, spacing {spacing:g}", result))
             part = f"6.5, {title}, spacing {spacing:g}"
@@ -244,7 +244,7 @@ def tear() -> list[dict]:
                     if "nominal_stress_reference" in level:
                         quantity = f"precut, nominal stress at {level['stretch']:g} (kPa)"
                         rows.append(row("6.5", quantity, level["nominal_stress"], level["nominal_stress_reference"], "FEM"))
-    uncut = pd.simulate(pd.load_scene("tear", {"precuts": [], "fracture": None, "dynamics": None, "stretches": [1.1, 1.25, 1.5, 2.0]}))
+    uncut = pds.simulate(pds.load_scene("tear", {"precuts": [], "fracture": None, "dynamics": None, "stretches": [1.1, 1.25, 1.5, 2.0]}))
     for level in uncut.levels:
         rows.append(
             row(
@@ -270,7 +270,7 @@ def tear() -> list[dict]:
 
 def voids() -> list[dict]:
     """6.6: Fig. 17."""
-    result = pd.simulate(pd.load_scene("voids"))
+    result = pds.simulate(pds.load_scene("voids"))
     save(result.figure(), FIGURES / "figure-17.png")
     entries = result.summary["crack"]["tips"]
     radius = 0.25
@@ -287,7 +287,7 @@ def voids() -> list[dict]:
 
 def gent() -> list[dict]:
     """6.7: Fig. 18."""
-    result = pd.simulate(pd.load_scene("gent"))
+    result = pds.simulate(pds.load_scene("gent"))
     save(result.figure(), FIGURES / "figure-18.png")
     level = result.levels[0]
     return [
@@ -315,8 +315,8 @@ def convergence() -> list[dict]:
     rows = []
     for scene, spacings in (("pure-shear", (0.05, 0.025, 0.0125)), ("hole", (0.05, 0.025, 0.0125))):
         for spacing in spacings:
-            level = pd.simulate(
-                pd.load_scene(scene, spacing=spacing, stretches=[2.0 if scene == "pure-shear" else 1.2]), "analytic"
+            level = pds.simulate(
+                pds.load_scene(scene, spacing=spacing, stretches=[2.0 if scene == "pure-shear" else 1.2]), "analytic"
             ).levels[0]
             for key, name in (("nominal_stress", "nominal stress"), ("greatest_lateral_displacement", "greatest lateral displacement")):
                 part = f"{scene}, spacing {spacing:g}"

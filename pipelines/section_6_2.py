@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.results.figures import STYLE, draw_cells, polygons_of, save
 
 console = Console()
@@ -81,7 +81,7 @@ def main() -> None:
     results = []
     for title, force, changes in RUNS:
         with console.status(title):
-            results.append((title, pd.simulate(pd.load_scene("uniaxial", changes), force)))
+            results.append((title, pds.simulate(pds.load_scene("uniaxial", changes), force)))
     text = table(results, results[0][1].levels)
     console.print(text, soft_wrap=True)
     named = dict(results)

@@ -26,7 +26,7 @@ from scipy.integrate import solve_bvp
 from scipy.interpolate import RegularGridInterpolator
 from scipy.optimize import brentq
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 
 DATA = json.loads((Path(__file__).parent / "data" / "solid_fields.json").read_text())
 EDGE = 3
@@ -50,8 +50,8 @@ class Case:
     sizes : tuple of int
     """
 
-    run: Callable[[int], pd.Result]
-    measure: Callable[[pd.Result, int], list[float | None]]
+    run: Callable[[int], pds.Result]
+    measure: Callable[[pds.Result, int], list[float | None]]
     prototype: dict[int, str]
     sizes: tuple[int, ...] = (8, 16, 24, 32)
 
@@ -59,7 +59,7 @@ class Case:
 def bonded(name: str, length: float, bulk_modulus: float, stretch: float, prototype: dict[int, str], **more) -> Case:
     """A block between bonded plates: an eighth of it, between planes of symmetry."""
 
-    def run(points: int) -> pd.Result:
+    def run(points: int) -> pds.Result:
         scene = {
             "name": "bonded-eighth",
             "spacing": 1 / points,
@@ -74,9 +74,9 @@ def bonded(name: str, length: float, bulk_modulus: float, stretch: float, protot
             "steps": [{"to": 1.0, "largest_increment": min(1.0, 0.1 / abs(stretch - 1))}],
             "solver": {"tolerance": 1e-5},
         }
-        return pd.simulate(pd.Scene(**scene))
+        return pds.simulate(pds.Scene(**scene))
 
-    def measure(result: pd.Result, points: int) -> list[float | None]:
+    def measure(result: pds.Result, points: int) -> list[float | None]:
         reference, cells = DATA[name], (round(length * points / 2), points // 2, points // 2)
         body, fields = result.body, result.states[-1][1]
         order = np.lexsort(body.points.T[::-1])
@@ -127,12 +127,12 @@ def alternating(values: np.ndarray) -> np.ndarray:
     return values if values.size else np.full(1, np.nan)
 
 
-def run_torsion(points: int) -> pd.Result:
+def run_torsion(points: int) -> pds.Result:
     """The scene of the package."""
-    return pd.simulate(pd.load_scene("torsion", {"spacing": 1 / points, "solver.tolerance": 1e-5}))
+    return pds.simulate(pds.load_scene("torsion", {"spacing": 1 / points, "solver.tolerance": 1e-5}))
 
 
-def measure_torsion(result: pd.Result, points: int) -> list[float | None]:
+def measure_torsion(result: pds.Result, points: int) -> list[float | None]:
     """Torque, axial force and displacements."""
     reference, level = DATA["cube_torsion60_K100"], result.levels[-1]
     expected = field_of(reference, "x", "u", 3)(result.body.points)
@@ -149,7 +149,7 @@ def measure_torsion(result: pd.Result, points: int) -> list[float | None]:
 def rollers(stretch: float) -> Case:
     """A cube between frictionless plates."""
 
-    def run(points: int) -> pd.Result:
+    def run(points: int) -> pds.Result:
         grips = [{"edge": "left", "holds": "normal"}, {"edge": "right", "holds": "normal", "travel": 1.0}]
         scene = {
             "name": "rollers",
@@ -160,9 +160,9 @@ def rollers(stretch: float) -> Case:
             "stretches": [stretch],
             "solver": {"tolerance": 1e-7},
         }
-        return pd.simulate(pd.Scene(**scene))
+        return pds.simulate(pds.Scene(**scene))
 
-    def measure(result: pd.Result, points: int) -> list[float | None]:
+    def measure(result: pds.Result, points: int) -> list[float | None]:
         def stresses(side: float) -> tuple[float, float]:
             """Nominal stress along the load and across it."""
             J, K = stretch * side**2, 100.0
@@ -178,15 +178,15 @@ def rollers(stretch: float) -> Case:
 
 
 @cache
-def run_sphere(points: int) -> pd.Result:
+def run_sphere(points: int) -> pds.Result:
     """The scene of the package, at both of its pressures."""
-    return pd.simulate(pd.load_scene("inflation", {"spacing": 1 / points, "solver.tolerance": 1e-5}))
+    return pds.simulate(pds.load_scene("inflation", {"spacing": 1 / points, "solver.tolerance": 1e-5}))
 
 
 def inflation(level: int) -> Case:
     """The thick sphere at one of its pressures."""
 
-    def measure(result: pd.Result, points: int) -> list[float | None]:
+    def measure(result: pds.Result, points: int) -> list[float | None]:
         places, volumes, moved = result.body.points, result.body.volumes, result.states[level][1]["displacement"]
         radius = np.linalg.norm(places, axis=1)
         expected = sphere(0.25 * (level + 1), 100.0)(radius)
@@ -275,7 +275,7 @@ def main() -> None:
             began = time.perf_counter()
             try:
                 result = case.run(points)
-            except pd.SimulationFailed as error:
+            except pds.SimulationFailed as error:
                 console.print(f"{name}, {points} points a side: {error}")
                 continue
             seconds = time.perf_counter() - began

@@ -17,7 +17,7 @@ import numpy as np
 from pages import FIGURES, markdown_table, replace_block
 from rich.console import Console
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.reports import presentation
 from pdsurrogate.reports.compare import compare
 from pdsurrogate.reports.speed import TimedModel, measure_speed
@@ -33,28 +33,28 @@ PATIENCE = 100.0
 """Seconds of waiting for undisturbed timings of all sizes."""
 
 
-def body_of(n1: int, n2: int) -> pd.Body:
+def body_of(n1: int, n2: int) -> pds.Body:
     """A sheet of n1 x n2 points."""
-    return pd.Body.rectangle(0.02 * n1, 0.02 * n2, 0.02, 0.063)
+    return pds.Body.rectangle(0.02 * n1, 0.02 * n2, 0.02, 0.063)
 
 
 def measure_memory(n1: int, n2: int) -> dict:
     """Time and peak memory of one evaluation from nothing; run in a process of its own, so that its memory is its own."""
     began = time.perf_counter()
     body = body_of(n1, n2)
-    force = pd.load_surrogate("neo-hookean").bind(body, pd.NeoHookean(), pd.ForceSettings())
+    force = pds.load_surrogate("neo-hookean").bind(body, pds.NeoHookean(), pds.ForceSettings())
     force(body.points * [1.5, 0.82], np.empty_like(body.points))
     return {"setup_seconds": time.perf_counter() - began, "gigabytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20}
 
 
 def scaling_table() -> str:
     """Cost per directed bond and peak memory against the number of points."""
-    force, cases, memory = pd.load_surrogate("neo-hookean"), [], []
+    force, cases, memory = pds.load_surrogate("neo-hookean"), [], []
     for size in SIZES:
         arguments = [sys.executable, __file__, "--size", *map(str, size)]
         memory.append(json.loads(subprocess.run(arguments, capture_output=True, text=True, check=True).stdout))
         cases.append(TimedModel(force, "float32", body_of(*size)))
-    costs = measure_speed(cases, pd.NeoHookean(), PATIENCE)
+    costs = measure_speed(cases, pds.NeoHookean(), PATIENCE)
     rows = [
         [
             f"{len(case.body):,}",

@@ -16,7 +16,7 @@ import numpy as np
 from pages import markdown_table, replace_block
 from rich.console import Console
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.artifacts import list_artifacts, load_card, load_surrogate
 from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.forces.settings import PRECISIONS
@@ -31,11 +31,11 @@ SECONDS = 60.0
 """Of the processor, for which all evaluations take turns; the machine may be shared, so the fastest tenth of each counts."""
 
 
-def cube() -> pd.Body:
+def cube() -> pds.Body:
     """A lattice with the default horizon of bodies in space, 26 bonds of points within."""
     axis = (np.arange(POINTS) + 0.5) / POINTS
     points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-    return pd.Body(points, np.full(len(points), float(POINTS) ** -3), 1.75 / POINTS, 1 / POINTS)
+    return pds.Body(points, np.full(len(points), float(POINTS) ** -3), 1.75 / POINTS, 1 / POINTS)
 
 
 def stretched(points: np.ndarray) -> np.ndarray:
@@ -67,17 +67,17 @@ def timed(evaluations: dict[str, Callable[[], None]]) -> dict[str, float]:
 
 def table() -> str:
     """The table of the documentation."""
-    body, settings = cube(), pd.ForceSettings(plane="space")
+    body, settings = cube(), pds.ForceSettings(plane="space")
     y, forces, errors = stretched(body.points), {}, {}
-    forces["NOSB"] = pd.NOSBForce().bind(body, pd.NeoHookean(), settings)
-    for name, law in pd.LAWS.items():
-        forces[f"exact, {name}"] = pd.BondEnergyForce().bind(body, law(), settings)
+    forces["NOSB"] = pds.NOSBForce().bind(body, pds.NeoHookean(), settings)
+    for name, law in pds.LAWS.items():
+        forces[f"exact, {name}"] = pds.BondEnergyForce().bind(body, law(), settings)
     out, exact = np.empty_like(y), np.empty_like(y)
     for folder in list_artifacts():
         card = load_card(folder)
-        if card.kind != pd.IsochoricNetwork.kind:
+        if card.kind != pds.IsochoricNetwork.kind:
             continue
-        law, found = pd.LAWS[card.material.law](), card.errors["box"]["on_surface"]
+        law, found = pds.LAWS[card.material.law](), card.errors["box"]["on_surface"]
         forces[f"exact, {card.material.law}"](y, exact)
         for precision in PRECISIONS:
             name = f"learnt, {card.material.law}, {precision}"

@@ -16,7 +16,7 @@ import numpy as np
 from pages import VALIDATION, markdown_table, replace_block
 from rich.console import Console
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.forces import Domain, ForceSettings
 from pdsurrogate.learning import domain_of, surrogate_of
@@ -55,14 +55,14 @@ def _short(cell: str) -> str:
 
 def fallback() -> str:
     """Section 6.2 with a surrogate trained to stretch 1.5 only, against the analytic bond force."""
-    law = pd.NeoHookean()
-    samples = pd.wide_design(law, 8000, (0.8, 1.5), random_state=0)
-    network = pd.LevenbergMarquardtRegressor((20,), "algebraic", max_iter=600, n_iter_no_change=100, random_state=0)
+    law = pds.NeoHookean()
+    samples = pds.wide_design(law, 8000, (0.8, 1.5), random_state=0)
+    network = pds.LevenbergMarquardtRegressor((20,), "algebraic", max_iter=600, n_iter_no_change=100, random_state=0)
     with console.status("Fitting a surrogate to stretch 1.5"):
-        model = pd.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
+        model = pds.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
     small = surrogate_of(model, law, domain_of(samples))
     with console.status("Section 6.2"):
-        mine, exact = (pd.simulate(pd.load_scene("uniaxial"), force) for force in (small, "analytic"))
+        mine, exact = (pds.simulate(pds.load_scene("uniaxial"), force) for force in (small, "analytic"))
     rows = []
     for level, reference in zip(mine.levels, exact.levels, strict=True):
         errors = [100 * (level[key] / reference[key] - 1) for key in ("nominal_stress", "lateral_displacement")]
@@ -74,7 +74,7 @@ def fallback() -> str:
 def overhead() -> str:
     """Cost of the guard where no bond is outside: the whole evaluation with and without, interleaved, on one thread."""
     body = sheet()
-    model, law = pd.load_surrogate("neo-hookean"), pd.NeoHookean()
+    model, law = pds.load_surrogate("neo-hookean"), pds.NeoHookean()
     positions, out = body.points @ np.diag([1.5, 0.82]), np.empty_like(body.points)
     lines = []
     for precision in ("float32", "float64"):
@@ -108,9 +108,9 @@ def jump() -> str:
         for band in (False, True):
             Domain.interior = interior if band else property(lambda domain: domain)
             try:
-                result = pd.simulate(pd.load_scene(name, [*changes, "solver.most_evaluations=8000"]), "neo-hookean-paper")
+                result = pds.simulate(pds.load_scene(name, [*changes, "solver.most_evaluations=8000"]), "neo-hookean-paper")
                 cells.append(" / ".join(str(level["evaluations"]) for level in result.levels))
-            except pd.SimulationFailed as error:
+            except pds.SimulationFailed as error:
                 cells.append(f"not converged: {str(error).split(';')[0]}")
             finally:
                 Domain.interior = interior

@@ -24,7 +24,7 @@ import numpy as np
 from pages import markdown_table, replace_block
 from rich.console import Console
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.engine.threads import SPIN_COUNT, thread_count
 from pdsurrogate.reports.speed import bench_positions
 
@@ -56,13 +56,13 @@ SECONDS_FREE, SECONDS_BUSY = 0.1, 0.4
 
 def serve(threads: int) -> None:
     """Answer every width that is asked for with nanoseconds per directed bond, on so many threads."""
-    model, law = pd.load_surrogate("neo-hookean"), pd.NeoHookean()
+    model, law = pds.load_surrogate("neo-hookean"), pds.NeoHookean()
     forces = {}
     with thread_count(threads):
         for width in WIDTHS:
-            body = pd.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width)
+            body = pds.Body.rectangle(3.0, 1.0, 1 / width, 3.15 / width)
             forces[width] = (
-                model.bind(body, law, pd.ForceSettings()),
+                model.bind(body, law, pds.ForceSettings()),
                 bench_positions(body, law),
                 np.empty_like(body.points),
                 body.bonds.n_directed,

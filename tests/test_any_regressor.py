@@ -14,7 +14,7 @@ from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, MinMaxScaler, PolynomialFeatures, StandardScaler
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.artifacts import ArtifactError
 from pdsurrogate.forces import Domain, NetworkForce, SplineForce
 from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
@@ -23,17 +23,17 @@ from pdsurrogate.learning.export import force_of, taken_over
 from pdsurrogate.learning.resampling import fitted_spline, greatest_jump
 from pdsurrogate.learning.sampling import COLUMNS, TARGETS
 
-LAW = pd.Ogden()
+LAW = pds.Ogden()
 GRID = "regressor__regressor__regressor"
 
 
 @pytest.fixture(scope="module")
 def samples():
-    return pd.wide_design(LAW, 1500, (0.6, 2.5), random_state=0)
+    return pds.wide_design(LAW, 1500, (0.6, 2.5), random_state=0)
 
 
 def fitted(samples, regressor, features="isochoric", **weights):
-    return pd.bond_force_pipeline(features, regressor).fit(samples.X, samples.y, **weights)
+    return pds.bond_force_pipeline(features, regressor).fit(samples.X, samples.y, **weights)
 
 
 def agreement(surrogate, model, samples) -> float:
@@ -82,7 +82,7 @@ def test_spline_kernels_of_two_features(random, cells):
     coefficients = random.standard_normal((2, *(count + 3 for count in cells)))
     low, step = np.array([-1.0, 0.0]), np.array([2.0, 2.2]) / cells
     model = SplineForce("x", "isochoric", np.array([0.1, -0.2]), Domain(0.5, 4, 0.7, 1.4), "ogden", {}, low, step, coefficients)
-    X = pd.wide_design(pd.NeoHookean(), 600, random_state=1).X
+    X = pds.wide_design(pds.NeoHookean(), 600, random_state=1).X
     exact = model.bond_force(*X.T)
     for dtype in (np.float32, np.float64):
         compiled = kernel_bond_force(model, LAW, dtype)(*X.T)
@@ -105,7 +105,7 @@ def test_spline_kernels_of_three_features(random, monkeypatch):
     coefficients = random.standard_normal((2, 5, 7, 6))
     low, step = np.array([0.0, 0.2, 0.1]), np.array([0.5, 1.0, 0.4])
     model = SplineForce("x", "three", np.zeros(2), Domain(0.5, 4, 0.7, 1.4), "ogden", {}, low, step, coefficients)
-    X = pd.wide_design(pd.NeoHookean(), 600, random_state=1).X
+    X = pds.wide_design(pds.NeoHookean(), 600, random_state=1).X
     exact = model.bond_force(*X.T)
     for dtype in (np.float32, np.float64):
         assert np.abs(kernel_bond_force(model, LAW, dtype)(*X.T) - exact).max() < 1000 * np.finfo(dtype).eps * np.abs(exact).max()
@@ -144,7 +144,7 @@ def test_a_network_of_torch_by_skorch_is_taken_over(samples):
 
     net = skorch.NeuralNetRegressor(module, max_epochs=2, lr=0.01, train_split=None, verbose=0)
     single = FunctionTransformer(np.float32)
-    model = pd.bond_force_pipeline("isochoric", make_pipeline(single, net))
+    model = pds.bond_force_pipeline("isochoric", make_pipeline(single, net))
     model.set_params(
         regressor__regressor__transformer=make_pipeline(StandardScaler(), FunctionTransformer(np.float32)),
         regressor__regressor__check_inverse=False,
@@ -195,7 +195,7 @@ def test_what_sees_more_than_three_features_is_resampled_as_a_function_of_bonds(
 
 def test_a_force_of_python_is_resampled(samples):
     """The exact force itself: what is left is the error of resampling, on and off plane stress."""
-    exact = pd.AnalyticBondForce(LAW)
+    exact = pds.AnalyticBondForce(LAW)
 
     class Mine:
         def bond_force(self, stretch, rotation, length, C33, J):
@@ -211,40 +211,40 @@ def test_a_plain_pipeline_of_bonds_is_stored_with_its_samples(samples, tmp_path)
     """Fitted to the five bond quantities and nothing of the package; by itself it does not say where it holds."""
     model = make_pipeline(StandardScaler(), PolynomialFeatures(5), Ridge(1e-6)).fit(samples.X, samples.y)
     with pytest.raises(ValueError, match="does not say which stretches it was fitted to: fit it within a bond_force_pipeline"):
-        pd.simulate("uniaxial", model)
-    card = pd.load_card(pd.store(model, samples, LAW, tmp_path, "plain", "1", "plain"))
+        pds.simulate("uniaxial", model)
+    card = pds.load_card(pds.store(model, samples, LAW, tmp_path, "plain", "1", "plain"))
     assert card.training["resampling"]["rms"] < 0.1
     assert card.training["regressor"] == "Pipeline(Ridge)"
-    assert pd.evaluate(model, LAW, (0.6, 2.5), 500)["on_surface"]["rms"] < 0.1
+    assert pds.evaluate(model, LAW, (0.6, 2.5), 500)["on_surface"]["rms"] < 0.1
 
 
 def test_a_search_goes_straight_into_storing_and_evaluation(samples, tmp_path):
-    search = GridSearchCV(pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor()), {f"{GRID}__degree": [2, 6]}, cv=3)
+    search = GridSearchCV(pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor()), {f"{GRID}__degree": [2, 6]}, cv=3)
     search.fit(samples.X, samples.y)
-    card = pd.load_card(pd.store(search, samples, LAW, tmp_path, "searched", "1", "searched"))
+    card = pds.load_card(pds.store(search, samples, LAW, tmp_path, "searched", "1", "searched"))
     assert [row[f"{GRID}__degree"] for row in card.training["search"]] == [2, 6]
     assert card.training["parameters"] == {"degree": 6}
-    assert pd.evaluate(search, LAW, (0.6, 2.5), 500) == pd.evaluate(search.best_estimator_, LAW, (0.6, 2.5), 500)
+    assert pds.evaluate(search, LAW, (0.6, 2.5), 500) == pds.evaluate(search.best_estimator_, LAW, (0.6, 2.5), 500)
     search.refit = False
     with pytest.raises(ValueError, match="keeps no fitted model: give it refit=True"):
-        pd.evaluate(GridSearchCV(search.estimator, search.param_grid, cv=2, refit=False).fit(samples.X, samples.y), LAW)
+        pds.evaluate(GridSearchCV(search.estimator, search.param_grid, cv=2, refit=False).fit(samples.X, samples.y), LAW)
 
 
 def test_artefacts_and_names_are_evaluated_as_well(samples, tmp_path):
-    path = pd.store(fitted(samples, pd.ChebyshevRegressor(6)), samples, LAW, tmp_path, "mine", "1", "x")
-    report = pd.evaluate(path, LAW, n_samples=500)
+    path = pds.store(fitted(samples, pds.ChebyshevRegressor(6)), samples, LAW, tmp_path, "mine", "1", "x")
+    report = pds.evaluate(path, LAW, n_samples=500)
     assert report["stretch_range"] == [0.6, 2.5]
-    assert pd.evaluate("analytic", LAW, (0.6, 2.5), 300)["on_surface"]["max"] < 1e-13
-    assert "energy_rms" in pd.evaluate("ogden-isochoric", LAW, n_samples=300)["on_surface"]
+    assert pds.evaluate("analytic", LAW, (0.6, 2.5), 300)["on_surface"]["max"] < 1e-13
+    assert "energy_rms" in pds.evaluate("ogden-isochoric", LAW, n_samples=300)["on_surface"]
     with pytest.raises(TypeError, match="nosb has no bond force of its own"):
-        pd.evaluate("nosb", LAW)
+        pds.evaluate("nosb", LAW)
 
 
 def test_a_forest_runs_from_its_artefact(samples, tmp_path):
     model = fitted(samples, RandomForestRegressor(50, min_samples_leaf=2, random_state=0))
-    path = pd.store(model, samples, LAW, tmp_path, "forest", "1", "trees")
-    scene = pd.load_scene("uniaxial", spacing=0.2, stretches=1.4, material="ogden")
-    stress = [pd.simulate(scene, force).levels[0]["nominal_stress_error"] for force in (path, model)]
+    path = pds.store(model, samples, LAW, tmp_path, "forest", "1", "trees")
+    scene = pds.load_scene("uniaxial", spacing=0.2, stretches=1.4, material="ogden")
+    stress = [pds.simulate(scene, force).levels[0]["nominal_stress_error"] for force in (path, model)]
     assert abs(stress[0]) < 0.05
     assert stress[1] == pytest.approx(stress[0], abs=5e-3)  # another domain: that of its samples
 
@@ -260,33 +260,33 @@ def test_a_forest_runs_from_its_artefact(samples, tmp_path):
 )
 def test_what_cannot_work_says_so_before_the_training(regressor, message):
     with pytest.raises(ValueError, match=message):
-        pd.bond_force_pipeline("isochoric", regressor)
+        pds.bond_force_pipeline("isochoric", regressor)
 
 
 def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
     for columns in (3, 4):
         with pytest.raises(ValueError, match=f"was fitted to {columns} features; taken are regressors of the five bond quantities"):
-            pd.store(LinearRegression().fit(samples.X[:, :columns], samples.y), samples, LAW, tmp_path, "x", "1", "x")
+            pds.store(LinearRegression().fit(samples.X[:, :columns], samples.y), samples, LAW, tmp_path, "x", "1", "x")
     with pytest.raises(ValueError, match="not fitted"):
-        surrogate_of(pd.bond_force_pipeline(), LAW, domain_of(samples))
+        surrogate_of(pds.bond_force_pipeline(), LAW, domain_of(samples))
 
     class Holed:
         def bond_force(self, stretch, rotation, length, C33, J):
             return np.full((len(stretch), 2), np.nan)
 
     with pytest.raises(ValueError, match=r"Holed: bond_force gives \(nan, nan\), which is not finite, at stretch = "):
-        pd.store(Holed(), samples, LAW, tmp_path, "x", "1", "x")
+        pds.store(Holed(), samples, LAW, tmp_path, "x", "1", "x")
     assert list(tmp_path.iterdir()) == []
 
 
 WEIGHTED = {
-    "a polynomial": pd.ChebyshevRegressor(4),
-    "Levenberg-Marquardt": pd.LevenbergMarquardtRegressor((3,), "algebraic", max_iter=15, random_state=0),
+    "a polynomial": pds.ChebyshevRegressor(4),
+    "Levenberg-Marquardt": pds.LevenbergMarquardtRegressor((3,), "algebraic", max_iter=15, random_state=0),
     "a pipeline": make_pipeline(PolynomialFeatures(2), Ridge(1.0)),
     "one target at a time": GradientBoostingRegressor(n_estimators=3, random_state=0),
     "drawn with replacement": RandomForestRegressor(3, random_state=0),
     "a search": GridSearchCV(make_pipeline(PolynomialFeatures(1), Ridge()), {"ridge__alpha": [0.1, 1.0]}, cv=KFold(2)),
-    "torch": pytest.param(pd.TorchMLPRegressor((4,), max_epochs=3, random_state=0), marks=needs_torch),
+    "torch": pytest.param(pds.TorchMLPRegressor((4,), max_epochs=3, random_state=0), marks=needs_torch),
 }
 
 
@@ -300,7 +300,7 @@ def repeated(samples, stride=5):
 @pytest.mark.parametrize("regressor", WEIGHTED.values(), ids=WEIGHTED)
 def test_a_weight_of_two_is_a_sample_twice_in_every_pipeline(samples, regressor):
     """The same bits: scalings, splits and early stopping see the same samples.  Scalings took copies and no weights."""
-    model = pd.bond_force_pipeline("isochoric", regressor)
+    model = pds.bond_force_pipeline("isochoric", regressor)
     X, y, weights, copied_X, copied_y = repeated(samples)
     right = clone(model).fit(copied_X, copied_y).predict(X)
     assert np.abs(right - clone(model).fit(X, y).predict(X)).max() > 1e-8  # weights matter
@@ -313,8 +313,8 @@ def test_a_weight_of_two_is_a_sample_twice_in_every_pipeline(samples, regressor)
 
 
 def test_a_weight_of_two_is_a_sample_twice_for_energies():
-    samples = pd.energy_design(LAW, 300, (0.7, 2.0), isochoric=True)
-    model = pd.energy_pipeline(pd.SobolevRegressor(3, max_iter=20, random_state=0), isochoric=True)
+    samples = pds.energy_design(LAW, 300, (0.7, 2.0), isochoric=True)
+    model = pds.energy_pipeline(pds.SobolevRegressor(3, max_iter=20, random_state=0), isochoric=True)
     X, y, weights, copied_X, copied_y = repeated(samples, 1)
     right = clone(model).fit(copied_X, copied_y).predict(X)
     assert np.abs(right - clone(model).fit(X, y).predict(X)).max() > 1e-8
@@ -329,7 +329,7 @@ def test_a_regressor_without_weights_refuses_them_by_name(samples):
 
 def test_weights_need_no_knowledge_of_the_scalings_of_a_pipeline(samples):
     """``set_fit_request(sample_weight=True)`` ended in an error that asked for requests of the scaler."""
-    model, weights = pd.bond_force_pipeline("isochoric", Ridge(1.0)), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
+    model, weights = pds.bond_force_pipeline("isochoric", Ridge(1.0)), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
     right = clone(model).fit(samples.X, samples.y, sample_weight=weights).predict(samples.X)
     with config_context(enable_metadata_routing=True):
         itself = clone(model).fit(samples.X, samples.y, sample_weight=weights)
@@ -342,7 +342,7 @@ def test_weights_need_no_knowledge_of_the_scalings_of_a_pipeline(samples):
 
 
 def test_weights_are_routed_where_they_are_requested(samples):
-    model, weights = pd.bond_force_pipeline("isochoric", Ridge(1.0)), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
+    model, weights = pds.bond_force_pipeline("isochoric", Ridge(1.0)), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
     model.set_params(regressor__scaling="passthrough", regressor__regressor__transformer=FunctionTransformer())
     right = clone(model).fit(samples.X, samples.y, sample_weight=weights).predict(samples.X)
     with config_context(enable_metadata_routing=True):
@@ -357,7 +357,7 @@ def test_frames_of_pandas_go_through_with_their_names(samples):
     X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=TARGETS)
     names = ["log Jbar", "tr Cbar/(2 Jbar) - 1"]
     right = fitted(samples, Ridge(0.1)).predict(samples.X)
-    plain = pd.bond_force_pipeline("isochoric", Ridge(0.1))
+    plain = pds.bond_force_pipeline("isochoric", Ridge(0.1))
     framed = clone(plain)
     framed.regressor.set_output(transform="pandas")
     with config_context(transform_output="pandas"):
@@ -380,7 +380,7 @@ def test_columns_of_frames_are_told_by_their_names(samples):
     pandas = pytest.importorskip("pandas")
     X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=TARGETS)
     swapped, other = X[SHUFFLED], X.rename(columns={"J": "detF"})
-    model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(4))
+    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(4))
     right = clone(model).fit(X, y)
     for found in (clone(model).fit(swapped, y[["t_tau", "t_n"]]), right):
         np.testing.assert_array_equal(found.predict(swapped), right.predict(X))
@@ -390,9 +390,9 @@ def test_columns_of_frames_are_told_by_their_names(samples):
         right.predict(X.assign(more=1.0))
     with pytest.raises(ValueError, match="y must have the columns t_n, t_tau, in any order, not t_n, force"):
         clone(model).fit(X, y.rename(columns={"t_tau": "force"}))
-    energies = pd.energy_design(LAW, 100, (0.7, 2.0), isochoric=True)
+    energies = pds.energy_design(LAW, 100, (0.7, 2.0), isochoric=True)
     frame = pandas.DataFrame(energies.X[:, ::-1], columns=["I2bar", "I1bar"])
-    energy = pd.energy_pipeline(pd.SobolevRegressor(2, max_iter=2, random_state=0), isochoric=True).fit(frame, energies.y)
+    energy = pds.energy_pipeline(pds.SobolevRegressor(2, max_iter=2, random_state=0), isochoric=True).fit(frame, energies.y)
     np.testing.assert_array_equal(energy.predict(frame), energy.predict(frame[["I1bar", "I2bar"]]))
 
 
@@ -408,16 +408,16 @@ def test_a_regressor_fitted_to_a_frame_by_itself_is_asked_in_its_order(samples):
 
 def test_a_search_over_features_and_widths_runs_as_it_is(samples, tmp_path):
     """Models of several feature sets are the choices for the one step of a pipeline."""
-    networks = [pd.LevenbergMarquardtRegressor((units,), "algebraic", max_iter=80, random_state=0) for units in (2, 8)]
-    choices = [pd.bond_force_pipeline(features, network) for features in ("symmetric", "isochoric") for network in networks]
+    networks = [pds.LevenbergMarquardtRegressor((units,), "algebraic", max_iter=80, random_state=0) for units in (2, 8)]
+    choices = [pds.bond_force_pipeline(features, network) for features in ("symmetric", "isochoric") for network in networks]
     search = GridSearchCV(Pipeline([("model", choices[0])]), {"model": choices}, cv=2).fit(samples.X, samples.y)
-    scene = pd.load_scene("uniaxial", spacing=0.25, stretches=1.3, material="ogden")
-    by_search, by_itself = (pd.simulate(scene, model).levels[0] for model in (search, search.best_estimator_[0]))
+    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.3, material="ogden")
+    by_search, by_itself = (pds.simulate(scene, model).levels[0] for model in (search, search.best_estimator_[0]))
     assert by_search["nominal_stress"] == by_itself["nominal_stress"]
     assert abs(by_search["nominal_stress_error"]) < 0.02
-    assert pd.evaluate(search, LAW, (0.6, 2.5), 300)["on_surface"]["rms"] < 0.05
-    path = pd.store(search, samples, LAW, tmp_path, "found", None, "the best of four")
-    rows = pd.load_card(path).training["search"]
+    assert pds.evaluate(search, LAW, (0.6, 2.5), 300)["on_surface"]["rms"] < 0.05
+    path = pds.store(search, samples, LAW, tmp_path, "found", None, "the best of four")
+    rows = pds.load_card(path).training["search"]
     assert [row["model"].split(" features, ")[0] for row in rows] == ["symmetric", "symmetric", "isochoric", "isochoric"]
     assert "hidden_layer_sizes=(8,)" in rows[1]["model"]
 
@@ -449,4 +449,4 @@ def test_plain_payloads_that_are_no_spline(samples, change, message):
 
 def test_an_unknown_artefact_is_named():
     with pytest.raises(ArtifactError, match="unknown force 'robber'"):
-        pd.evaluate("robber", LAW)
+        pds.evaluate("robber", LAW)

@@ -5,42 +5,42 @@ import re
 import numpy as np
 import pytest
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 
-LAW = pd.NeoHookean()
-SAMPLES = pd.wide_design(LAW, 200, (0.7, 2.0), random_state=0)
-ENERGIES = pd.energy_design(LAW, 100, (0.7, 1.8), random_state=0, isochoric=True)
+LAW = pds.NeoHookean()
+SAMPLES = pds.wide_design(LAW, 200, (0.7, 2.0), random_state=0)
+ENERGIES = pds.energy_design(LAW, 100, (0.7, 1.8), random_state=0, isochoric=True)
 
 
-class Unworkable(pd.ChebyshevRegressor):
+class Unworkable(pds.ChebyshevRegressor):
     """Fails where work starts."""
 
     def fit(self, X, y, sample_weight=None):
         raise AssertionError("work has started")
 
 
-MODEL = pd.bond_force_pipeline("isochoric", Unworkable(3))
-ENERGY = pd.energy_pipeline(isochoric=True)
-TREE = pd.load_test_data("treloar")
+MODEL = pds.bond_force_pipeline("isochoric", Unworkable(3))
+ENERGY = pds.energy_pipeline(isochoric=True)
+TREE = pds.load_test_data("treloar")
 
 
 def validated(samples=SAMPLES, model=MODEL, **arguments):
-    return pd.cross_validate(model, samples, **arguments)
+    return pds.cross_validate(model, samples, **arguments)
 
 
 def stored(folder, **arguments):
     names = ("model", "samples", "law", "folder", "name", "version", "text")
     given = dict(zip(names, (MODEL, SAMPLES, LAW, folder, "x", None, "x"), strict=True))
-    return pd.store(**{**given, **arguments})
+    return pds.store(**{**given, **arguments})
 
 
 def drawn(*arguments, **named):
-    return pd.committee(pd.LawRegressor(), TREE.stretches, TREE.nominal_stress, *arguments, **named)
+    return pds.committee(pds.LawRegressor(), TREE.stretches, TREE.nominal_stress, *arguments, **named)
 
 
 def bound(body="a body", law=LAW, settings=None):
-    body = pd.Body.rectangle(1.0, 1.0, 0.25, 0.7875) if body == "a body" else body
-    return pd.load_surrogate("analytic").bind(body, law, settings or pd.ForceSettings())
+    body = pds.Body.rectangle(1.0, 1.0, 0.25, 0.7875) if body == "a body" else body
+    return pds.load_surrogate("analytic").bind(body, law, settings or pds.ForceSettings())
 
 
 BAD = [
@@ -59,60 +59,60 @@ BAD = [
     (lambda _: validated(n_jobs="x"), TypeError, "n_jobs must be a whole number or None, not 'x'"),
     (lambda _: validated(random_state=-1), ValueError, "random_state must be from 0 to 4294967295, not -1"),
     (lambda _: validated(progress=3), TypeError, "progress must be a function, not 3"),
-    (lambda _: pd.cross_validate_energy(ENERGY, ENERGIES, folds=0), ValueError, "folds must be from 2 to 100, not 0"),
-    (lambda _: pd.cross_validate_energy(ENERGY, SAMPLES), TypeError, "samples must be EnergySamples, such as energy_design draws"),
+    (lambda _: pds.cross_validate_energy(ENERGY, ENERGIES, folds=0), ValueError, "folds must be from 2 to 100, not 0"),
+    (lambda _: pds.cross_validate_energy(ENERGY, SAMPLES), TypeError, "samples must be EnergySamples, such as energy_design draws"),
     (lambda to: stored(to, samples=None), TypeError, "samples must be BondSamples or EnergySamples, .* not None"),
-    (lambda to: stored(to, model=pd.ChebyshevRegressor), TypeError, "ChebyshevRegressor is a class: give an instance of it"),
+    (lambda to: stored(to, model=pds.ChebyshevRegressor), TypeError, "ChebyshevRegressor is a class: give an instance of it"),
     (lambda to: stored(to, model=lambda *bond: 1), ValueError, r"must give t_n and t_tau of each, an array of shape \(200, 2\), not \(\)"),
     (lambda to: stored(to, law="gent"), TypeError, "law must be a material law"),
     (lambda to: stored(3), TypeError, "folder must be text or a path, not 3"),
     (lambda to: stored(""), ValueError, "a folder of artefacts is needed, and its name is empty"),
     (lambda to: stored(to, name=None), ValueError, "name None is not allowed: it must be text that matches"),
     (lambda to: stored(to, text=None), TypeError, "description must be text, not None"),
-    (lambda _: pd.CardText("x", cross_validation="x"), TypeError, "cross_validation must be a list of dictionaries, or None, not 'x'"),
-    (lambda _: pd.CardText("x", search=[3]), TypeError, "search must be a list of dictionaries"),
+    (lambda _: pds.CardText("x", cross_validation="x"), TypeError, "cross_validation must be a list of dictionaries, or None, not 'x'"),
+    (lambda _: pds.CardText("x", search=[3]), TypeError, "search must be a list of dictionaries"),
     (
-        lambda _: pd.CardText("x", search=[{"rms": np.nan}]),
+        lambda _: pds.CardText("x", search=[{"rms": np.nan}]),
         ValueError,
         "search.0.rms: must be a finite number, text, a list or a table, not nan",
     ),
-    (lambda _: pd.CardText("x", identification="x"), TypeError, "identification must be a dictionary, or None, not 'x'"),
+    (lambda _: pds.CardText("x", identification="x"), TypeError, "identification must be a dictionary, or None, not 'x'"),
     (lambda to: stored(to, members=3), TypeError, "members must be a list of tuples, each a fitted model, its samples and its law, not 3"),
     (lambda to: stored(to, members=[(MODEL, SAMPLES)]), TypeError, "member 1 must be a tuple of a fitted model, its samples and its law"),
     (lambda to: stored(to, members=[(MODEL, SAMPLES, 3)]), TypeError, "law must be a material law"),
     (lambda to: stored(to, members=[(MODEL, ENERGIES, LAW)]), TypeError, "the samples of member 1 must be BondSamples"),
-    (lambda to: pd.store_energy(ENERGY, SAMPLES, LAW, to, "x", "1", "x"), TypeError, "samples must be EnergySamples"),
-    (lambda _: pd.energy_surrogate_of(ENERGY, 3, ENERGIES), TypeError, "law must be a material law"),
-    (lambda _: pd.energy_surrogate_of(ENERGY, LAW, SAMPLES), TypeError, "samples must be EnergySamples"),
-    (lambda _: pd.evaluate(object, LAW), TypeError, "object is a class: give an instance of it"),
-    (lambda _: pd.evaluate("neo-hookean", LAW, 3), ValueError, "stretch_range must be two numbers, .* not 3"),
-    (lambda _: pd.evaluate("neo-hookean", LAW, ()), ValueError, r"stretch_range must be two numbers, .* not \(\)"),
-    (lambda _: pd.evaluate("neo-hookean", LAW, "ab"), ValueError, "stretch_range must be two numbers, .* not 'ab'"),
-    (lambda _: pd.evaluate("neo-hookean", LAW, None, 100, -1), ValueError, "random_state must be from 0"),
-    (lambda _: pd.evaluate("neo-hookean-isochoric", LAW, (0.5, 2, 3)), ValueError, "stretch_range must be two numbers"),
-    (lambda _: pd.wide_design(LAW, near_rest=2.5), ValueError, "near_rest must be from 0 to 1, not 2.5"),
-    (lambda _: pd.wide_design(LAW, off_surface=np.nan), ValueError, "off_surface must be from 0 to 1, not nan"),
-    (lambda _: pd.wide_design(LAW, off_surface="x"), TypeError, "off_surface must be a number from 0 to 1, not 'x'"),
-    (lambda _: pd.energy_design(LAW, near_rest=-1), ValueError, "near_rest must be from 0 to 1, not -1"),
-    (lambda _: pd.energy_design(LAW, random_state="x"), TypeError, "random_state must be a whole number, not 'x'"),
-    (lambda _: pd.algorithm_1(LAW, horizon=-1.0), ValueError, "horizon must be positive and finite, not -1"),
-    (lambda _: pd.algorithm_1(LAW, weight="x"), ValueError, "unknown weight 'x'; there are"),
-    (lambda _: pd.bond_force_pipeline([]), ValueError, r"unknown features \[\]; there are"),
-    (lambda _: pd.LevenbergMarquardtRegressor(()).fit(SAMPLES.X, SAMPLES.y), ValueError, "at least one hidden layer"),
+    (lambda to: pds.store_energy(ENERGY, SAMPLES, LAW, to, "x", "1", "x"), TypeError, "samples must be EnergySamples"),
+    (lambda _: pds.energy_surrogate_of(ENERGY, 3, ENERGIES), TypeError, "law must be a material law"),
+    (lambda _: pds.energy_surrogate_of(ENERGY, LAW, SAMPLES), TypeError, "samples must be EnergySamples"),
+    (lambda _: pds.evaluate(object, LAW), TypeError, "object is a class: give an instance of it"),
+    (lambda _: pds.evaluate("neo-hookean", LAW, 3), ValueError, "stretch_range must be two numbers, .* not 3"),
+    (lambda _: pds.evaluate("neo-hookean", LAW, ()), ValueError, r"stretch_range must be two numbers, .* not \(\)"),
+    (lambda _: pds.evaluate("neo-hookean", LAW, "ab"), ValueError, "stretch_range must be two numbers, .* not 'ab'"),
+    (lambda _: pds.evaluate("neo-hookean", LAW, None, 100, -1), ValueError, "random_state must be from 0"),
+    (lambda _: pds.evaluate("neo-hookean-isochoric", LAW, (0.5, 2, 3)), ValueError, "stretch_range must be two numbers"),
+    (lambda _: pds.wide_design(LAW, near_rest=2.5), ValueError, "near_rest must be from 0 to 1, not 2.5"),
+    (lambda _: pds.wide_design(LAW, off_surface=np.nan), ValueError, "off_surface must be from 0 to 1, not nan"),
+    (lambda _: pds.wide_design(LAW, off_surface="x"), TypeError, "off_surface must be a number from 0 to 1, not 'x'"),
+    (lambda _: pds.energy_design(LAW, near_rest=-1), ValueError, "near_rest must be from 0 to 1, not -1"),
+    (lambda _: pds.energy_design(LAW, random_state="x"), TypeError, "random_state must be a whole number, not 'x'"),
+    (lambda _: pds.algorithm_1(LAW, horizon=-1.0), ValueError, "horizon must be positive and finite, not -1"),
+    (lambda _: pds.algorithm_1(LAW, weight="x"), ValueError, "unknown weight 'x'; there are"),
+    (lambda _: pds.bond_force_pipeline([]), ValueError, r"unknown features \[\]; there are"),
+    (lambda _: pds.LevenbergMarquardtRegressor(()).fit(SAMPLES.X, SAMPLES.y), ValueError, "at least one hidden layer"),
     (lambda _: drawn(1), ValueError, "n_members must be at least 2, not 1"),
     (lambda _: drawn("x"), TypeError, "n_members must be a whole number, not 'x'"),
     (lambda _: drawn(2, tests=[1, 2]), ValueError, r"tests must have one entry for each of the \d+ rows, not shape \(2,\)"),
-    (lambda _: pd.committee(3, TREE.stretches, TREE.nominal_stress), TypeError, "regressor must be an estimator"),
-    (lambda _: pd.load_test_data(None), TypeError, "test data must be text or a path, not None"),
-    (lambda _: pd.load_scene(3), TypeError, "a scene's reference must be text or a path, not 3"),
-    (lambda _: pd.load_surrogate(None), TypeError, "an artefact's reference must be text or a path, not None"),
-    (lambda _: pd.load_card([]), TypeError, "an artefact's reference must be text or a path"),
-    (lambda _: pd.load_result(None), TypeError, "folder must be text or a path, not None"),
-    (lambda to: pd.study(3, to), TypeError, "a study must be text or a path, not 3"),
-    (lambda _: pd.preview("uniaxial"), TypeError, "scene must be Scene, such as load_scene gives, not 'uniaxial'"),
-    (lambda _: pd.simulate("uniaxial", folder=3), TypeError, "folder must be text or a path, not 3"),
-    (lambda _: pd.simulate("uniaxial", threads="x"), TypeError, "threads must be a whole number, not 'x'"),
-    (lambda _: pd.simulate("uniaxial", progress=3), TypeError, "progress must be Progress, such as .*, not 3"),
+    (lambda _: pds.committee(3, TREE.stretches, TREE.nominal_stress), TypeError, "regressor must be an estimator"),
+    (lambda _: pds.load_test_data(None), TypeError, "test data must be text or a path, not None"),
+    (lambda _: pds.load_scene(3), TypeError, "a scene's reference must be text or a path, not 3"),
+    (lambda _: pds.load_surrogate(None), TypeError, "an artefact's reference must be text or a path, not None"),
+    (lambda _: pds.load_card([]), TypeError, "an artefact's reference must be text or a path"),
+    (lambda _: pds.load_result(None), TypeError, "folder must be text or a path, not None"),
+    (lambda to: pds.study(3, to), TypeError, "a study must be text or a path, not 3"),
+    (lambda _: pds.preview("uniaxial"), TypeError, "scene must be Scene, such as load_scene gives, not 'uniaxial'"),
+    (lambda _: pds.simulate("uniaxial", folder=3), TypeError, "folder must be text or a path, not 3"),
+    (lambda _: pds.simulate("uniaxial", threads="x"), TypeError, "threads must be a whole number, not 'x'"),
+    (lambda _: pds.simulate("uniaxial", progress=3), TypeError, "progress must be Progress, such as .*, not 3"),
 ]
 
 

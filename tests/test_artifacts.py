@@ -17,7 +17,7 @@ from conftest import SHIPPED
 from hypothesis import given
 from hypothesis import strategies as st
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.array_files import DamagedFile, read_arrays
 from pdsurrogate.artifacts import (
     ArtifactError,
@@ -32,20 +32,20 @@ from pdsurrogate.artifacts import (
 from pdsurrogate.artifacts.store import payload_of
 from pdsurrogate.learning.fitting import check_worth_storing
 
-LAW = pd.NeoHookean()
+LAW = pds.NeoHookean()
 
 
 @pytest.fixture(scope="module")
 def fitted():
-    samples = pd.wide_design(LAW, 800, random_state=0)
-    network = pd.LevenbergMarquardtRegressor((8,), "algebraic", max_iter=30, random_state=0)
-    return pd.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y), samples
+    samples = pds.wide_design(LAW, 800, random_state=0)
+    network = pds.LevenbergMarquardtRegressor((8,), "algebraic", max_iter=30, random_state=0)
+    return pds.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y), samples
 
 
 @pytest.fixture
 def stored(fitted, tmp_path):
     model, samples = fitted
-    return pd.store(model, samples, LAW, tmp_path, "rubber", "1.2", "a test")
+    return pds.store(model, samples, LAW, tmp_path, "rubber", "1.2", "a test")
 
 
 def rewrite(folder, payload: bytes, name="surrogate.npz"):
@@ -95,7 +95,7 @@ def test_versions_never_change(stored, fitted):
     model, samples = fitted
     before = {path.name: path.read_bytes() for path in stored.iterdir()}
     with pytest.raises(ArtifactError, match="exists already"):
-        pd.store(model, samples, LAW, stored.parents[1], "rubber", "1.2", "again")
+        pds.store(model, samples, LAW, stored.parents[1], "rubber", "1.2", "again")
     assert {path.name: path.read_bytes() for path in stored.iterdir()} == before
     assert sorted(path.name for path in stored.parent.iterdir()) == ["1.2"]  # no temporary folder is left
 
@@ -106,14 +106,14 @@ def test_versions_never_change(stored, fitted):
 def test_names_and_versions_that_are_not_allowed(fitted, tmp_path, name, version):
     model, samples = fitted
     with pytest.raises(ArtifactError, match="not allowed"):
-        pd.store(model, samples, LAW, tmp_path, name, version, "x")
+        pds.store(model, samples, LAW, tmp_path, name, version, "x")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_finding(stored, fitted, monkeypatch):
     model, samples = fitted
     root = stored.parents[1]
-    pd.store(model, samples, LAW, root, "rubber", "1.10", "newer")
+    pds.store(model, samples, LAW, root, "rubber", "1.10", "newer")
     monkeypatch.setenv("PDSURROGATE_ARTIFACTS", str(root))
     assert find_artifact("rubber").name == "1.10"  # versions are compared as numbers
     assert find_artifact("rubber@1.2") == stored
@@ -146,7 +146,7 @@ def test_a_folder_of_results_is_no_artefact(working_folder):
 
 def test_a_folder_that_holds_a_card_is_a_path(working_folder, fitted):
     model, samples = fitted
-    pd.store(model, samples, LAW, working_folder, "mine", "1", "in the working folder")
+    pds.store(model, samples, LAW, working_folder, "mine", "1", "in the working folder")
     assert load_surrogate("mine").name == "mine@1"
     shutil.copytree("mine/1", "neo-hookean")
     with pytest.raises(ArtifactError, match=r"is the artefact .*artifacts/neo-hookean/2 by its name, and the folder neo-hookean holds"):
@@ -164,7 +164,7 @@ def test_what_cannot_be_read_is_never_another_model(working_folder, damage):
         (folder / "card.json").write_text("{")
     else:
         (folder / ("card.json" if damage == "no card" else "surrogate.npz")).unlink()
-    for load in (lambda: surrogate_for(LAW), lambda: load_surrogate("neo-hookean"), lambda: pd.simulate("uniaxial")):
+    for load in (lambda: surrogate_for(LAW), lambda: load_surrogate("neo-hookean"), lambda: pds.simulate("uniaxial")):
         with pytest.raises(ArtifactError, match=r"neo-hookean/3: cannot read the card|not valid JSON|surrogate\.npz: cannot be read"):
             load()
     assert load_surrogate("neo-hookean@1").name == "neo-hookean@1"
@@ -178,9 +178,9 @@ def test_a_missing_folder_of_artefacts_is_named(working_folder, monkeypatch):
 
 def test_materials_that_an_artefact_does_not_describe_are_told_apart_in_full_digits():
     with pytest.raises(ValueError, match=r"with chain_limit = 120\.0, not 120\.00001; fit"):
-        load_surrogate("gent").check_material(pd.Gent(chain_limit=120.00001))
+        load_surrogate("gent").check_material(pds.Gent(chain_limit=120.00001))
     with pytest.raises(ValueError, match=r"describes ogden with exponent_1, .*modulus_3, not with exponent_1, modulus_1; fit"):
-        load_surrogate("ogden").check_material(pd.Ogden(moduli=(1.0,), exponents=(2.0,)))
+        load_surrogate("ogden").check_material(pds.Ogden(moduli=(1.0,), exponents=(2.0,)))
 
 
 def test_shipped_artifacts_are_small_and_complete():
@@ -188,7 +188,7 @@ def test_shipped_artifacts_are_small_and_complete():
         folder = find_artifact(SHIPPED / name)
         assert sum(path.stat().st_size for path in folder.iterdir()) < 2**20
         assert load_card(folder).training["cross_validation"]
-    assert isinstance(load_surrogate("neo-hookean"), pd.NetworkForce)
+    assert isinstance(load_surrogate("neo-hookean"), pds.NetworkForce)
 
 
 class Malice:
@@ -310,11 +310,11 @@ def test_plain_payloads_that_are_no_network(stored, change):
 
 
 def test_polynomials_are_stored_too(tmp_path):
-    samples = pd.wide_design(LAW, 500, random_state=0)
-    model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(3)).fit(samples.X, samples.y)
-    path = pd.store(model, samples, LAW, tmp_path, "poly", "1", "a polynomial")
+    samples = pds.wide_design(LAW, 500, random_state=0)
+    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(3)).fit(samples.X, samples.y)
+    path = pds.store(model, samples, LAW, tmp_path, "poly", "1", "a polynomial")
     force = load_surrogate(path)
-    assert isinstance(force, pd.PolynomialForce)
+    assert isinstance(force, pds.PolynomialForce)
     np.testing.assert_allclose(force.bond_force(*samples.X.T), model.predict(samples.X), rtol=1e-11, atol=1e-12)
     payload = payload_in(path)
     for change in (
@@ -375,12 +375,12 @@ def test_pipeline_needs_trust_and_its_digest(stored, tmp_path):
 
 def test_bytes_are_reproduced_in_another_process(tmp_path):
     code = """
-import sys, pdsurrogate as pd
-law = pd.NeoHookean()
-samples = pd.wide_design(law, 600, random_state=0)
-network = pd.LevenbergMarquardtRegressor((6,), "algebraic", max_iter=25, random_state=0)
-model = pd.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
-pd.store(model, samples, law, sys.argv[1], "rubber", "1", pd.CardText("reproduced", pd.cross_validate(model, samples, 2)))
+import sys, pdsurrogate as pds
+law = pds.NeoHookean()
+samples = pds.wide_design(law, 600, random_state=0)
+network = pds.LevenbergMarquardtRegressor((6,), "algebraic", max_iter=25, random_state=0)
+model = pds.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
+pds.store(model, samples, law, sys.argv[1], "rubber", "1", pds.CardText("reproduced", pds.cross_validate(model, samples, 2)))
 """
     folders = [tmp_path / "a", tmp_path / "b"]
     for number, folder in enumerate(folders):
@@ -394,7 +394,7 @@ def test_material_must_be_the_surrogates(stored):
     from pdsurrogate.forces import NetworkForce
 
     force = load_surrogate(stored)
-    force.check_material(pd.NeoHookean(7.0, 70.0))  # every modulus: the force is dimensionless
+    force.check_material(pds.NeoHookean(7.0, 70.0))  # every modulus: the force is dimensionless
     other = NetworkForce("other", force.feature_set, force.at_rest, force.domain, "gent", {}, force.activation, force.layers)
     with pytest.raises(ValueError, match="describes the law gent, not neo-hookean"):
         other.check_material(LAW)
@@ -409,7 +409,7 @@ def test_saving_leaves_nothing_behind_when_it_fails(fitted, tmp_path, monkeypatc
 
     monkeypatch.setattr(module.np, "savez", full)
     with pytest.raises(OSError, match="No space left"):
-        pd.store(model, samples, LAW, tmp_path, "rubber", "1", "x")
+        pds.store(model, samples, LAW, tmp_path, "rubber", "1", "x")
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
     assert list(tmp_path.iterdir()) == []
 
@@ -448,9 +448,9 @@ def test_an_artefact_binds_no_law_that_has_changed_since(tmp_path):
         return Exponential()
 
     law = law_with(0.05)
-    samples = pd.wide_design(law, 1000, (0.6, 2.5))
-    model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((8, 4))).fit(samples.X, samples.y)
-    path = pd.store(model, samples, law, tmp_path, "expo", "1", "a user's own law")
+    samples = pds.wide_design(law, 1000, (0.6, 2.5))
+    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((8, 4))).fit(samples.X, samples.y)
+    path = pds.store(model, samples, law, tmp_path, "expo", "1", "a user's own law")
     load_surrogate(path).check_material(law)
     with pytest.raises(ValueError, match=r"expo@1 differs from the forces of expo by .* its card states .*: the law has changed since"):
         load_surrogate(path).check_material(law_with(0.5))
@@ -461,9 +461,9 @@ def test_an_artefact_binds_no_law_that_has_changed_since(tmp_path):
     with pytest.warns(UserWarning, match=r"expo@1 differs from the forces of expo, which the scene asks for, by [1-5]"):
         unsaved.check_material(law_with(0.062))
     with pytest.warns(UserWarning, match=r"expo@3 is off by .* % RMS from expo, the law that it was compared with and is stored as"):
-        pd.store(model, samples, law_with(0.06), tmp_path, "expo", "3", "samples of a law nearby")
+        pds.store(model, samples, law_with(0.06), tmp_path, "expo", "3", "samples of a law nearby")
     with pytest.raises(ValueError, match=r"expo@2 is off by .* more than 10 %, and is not written: fit it"):
-        pd.store(model, samples, law_with(0.5), tmp_path, "expo", "2", "samples of another law")
+        pds.store(model, samples, law_with(0.5), tmp_path, "expo", "2", "samples of another law")
     assert not (tmp_path / "expo" / "2").exists()
 
 
@@ -478,12 +478,12 @@ def test_what_is_far_off_at_small_strains_alone_is_said():
 @pytest.mark.parametrize("bulk", [10.0, 1000.0])
 def test_shipped_bond_forces_serve_every_bulk_modulus(bulk):
     for name in ("neo-hookean@1", "neo-hookean@2", "neo-hookean-paper"):
-        load_surrogate(name).check_material(pd.NeoHookean(2.0, 2.0 * bulk))
+        load_surrogate(name).check_material(pds.NeoHookean(2.0, 2.0 * bulk))
 
 
 def test_names_and_versions_of_artefacts_that_would_be_misread(fitted, tmp_path):
     model, samples = fitted
     with pytest.raises(ArtifactError, match="'analytic' is not allowed: it is that of a force model"):
-        pd.store(model, samples, LAW, tmp_path, "analytic", "1", "x")
+        pds.store(model, samples, LAW, tmp_path, "analytic", "1", "x")
     with pytest.raises(ArtifactError, match="version 1 is not allowed: it must be text"):
-        pd.store(model, samples, LAW, tmp_path, "rubber", 1, "x")
+        pds.store(model, samples, LAW, tmp_path, "rubber", 1, "x")

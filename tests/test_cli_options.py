@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.cli import app, application
 from pdsurrogate.engine.threads import at_most, most_threads, threads_for
 from pdsurrogate.forces import OutsideDomainWarning
@@ -97,7 +97,7 @@ def own_law(tmp_path):
 
 
 def test_the_version_and_the_completion_of_shells():
-    assert invoke("--version").stdout == f"pdsurrogate {pd.__version__}\n"
+    assert invoke("--version").stdout == f"pdsurrogate {pds.__version__}\n"
     assert "--install-completion" in invoke("--help").output
     for typed, meant in (("st", {"stress-test", "study"}), ("run --thr", {"--threads"})):
         asked = {"_PDSURROGATE_COMPLETE": "complete_bash", "COMP_WORDS": f"pdsurrogate {typed}", "COMP_CWORD": str(1 + typed.count(" "))}
@@ -110,7 +110,7 @@ def test_json_is_all_that_is_printed_for_programs(tmp_path):
     assert run.exit_code == 0, run.output
     assert json.loads(run.stdout) == json.loads((tmp_path / "out" / "summary.json").read_text())
     assert {law["law"] for law in json.loads(invoke("materials", "--json").stdout)} == set(LAWS)
-    assert {scene["name"] for scene in json.loads(invoke("scenes", "--json").stdout)} == set(pd.scene_names())
+    assert {scene["name"] for scene in json.loads(invoke("scenes", "--json").stdout)} == set(pds.scene_names())
     assert json.loads(invoke("scenes", "tear", "--json").stdout)["body"]["size"] == [11.0, 3.0]
     assert "neo-hookean" in {entry["name"] for entry in json.loads(invoke("artifacts", "--json").stdout)}
     found = invoke("identify", "treloar", "--law", "gent", "--json")
@@ -135,7 +135,7 @@ def test_how_much_is_said(tmp_path):
 
 def test_the_package_logs_under_its_own_name(caplog):
     with caplog.at_level(logging.INFO, logger="pdsurrogate"):
-        pd.simulate(pd.load_scene("uniaxial", spacing=0.1, stretches=1.2), "neo-hookean")
+        pds.simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=1.2), "neo-hookean")
     assert {record.name for record in caplog.records} == {"pdsurrogate.run.simulate", "pdsurrogate.run.levels"}
 
 
@@ -209,7 +209,7 @@ def test_modules_without_laws_are_told_in_one_line(tmp_path, content, message):
 def test_a_scene_to_start_from(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert invoke("new", "my_scene.toml").exit_code == 0
-    scene = pd.load_scene("my_scene.toml")
+    scene = pds.load_scene("my_scene.toml")
     assert scene.name == "my_scene"
     assert (tmp_path / "my_scene.toml").read_text().count("#") > 15
     done = invoke("run", "my_scene.toml", "--set", "spacing=0.2", "--set", "steps=0.2", "--set", "probes=[]")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bodies import rotation
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import simulate
@@ -22,14 +22,14 @@ CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.
 
 
 def scene_of(prescribed=ROLLERS, **changes):
-    described = {"name": "block", "spacing": 0.1, "body": pd.Rectangle(size=(1.2, 1.0)), "material": "neo-hookean", "steps": (1.0,)}
-    return pd.Scene(**described | {"prescribed": prescribed} | changes)
+    described = {"name": "block", "spacing": 0.1, "body": pds.Rectangle(size=(1.2, 1.0)), "material": "neo-hookean", "steps": (1.0,)}
+    return pds.Scene(**described | {"prescribed": prescribed} | changes)
 
 
 def test_rollers_on_four_edges_give_homogeneous_biaxial_tension():
     """To 1e-6 of the exact stress and, as neither corner nor edge shows, of the displacement."""
     result = simulate(scene_of(), "analytic")
-    law = pd.NeoHookean()
+    law = pds.NeoHookean()
     exact = homogeneous.biaxial(law, 1.5, 1.2).nominal_stress, homogeneous.biaxial(law, 1.2, 1.5).nominal_stress
     forces = result.levels[0]["forces"]
     for low, high, axis, length in (("left", "right", 0, 1.0), ("bottom", "top", 1, 1.2)):
@@ -51,7 +51,7 @@ def test_rollers_on_four_edges_give_homogeneous_biaxial_tension():
 @pytest.mark.parametrize("support", ["reflected", "points"])
 def test_reactions_are_the_derivative_of_the_energy(prescribed, together, support):
     """Virtual work, in a state without symmetry: central differences of the energy by the displacements of edges."""
-    run = Run(scene_of(prescribed, support=support), pd.load_surrogate("bond-energy"), Silent())
+    run = Run(scene_of(prescribed, support=support), pds.load_surrogate("bond-energy"), Silent())
     x1, x2 = run.body.points.T
     start = run.body.points + 0.02 * np.stack([np.sin(2 * x1 + 3 * x2), np.cos(3 * x1 - 2 * x2)], axis=1)
     out, loading, h = np.empty_like(start), run.loading, 1e-5
@@ -95,8 +95,8 @@ def test_a_frame_that_shears_shears_what_it_holds():
     inner = np.zeros((n, n), dtype=bool)
     inner[7:-7, 7:-7] = True
     rows = [{"region": {"points": numbers[i][~inner[i]].tolist()}, "x1": 0.4 * (i + 0.5) * cell, "x2": 0.0} for i in range(n)]
-    scene = scene_of(rows, spacing=cell, body=pd.Rectangle(size=(1.0, 1.0)))
-    run = Run(scene, pd.load_surrogate("analytic"), Silent())
+    scene = scene_of(rows, spacing=cell, body=pds.Rectangle(size=(1.0, 1.0)))
+    run = Run(scene, pds.load_surrogate("analytic"), Silent())
     assert (run.loading.free == 1).sum() == 2 * inner.sum()
     result = simulate(scene, "analytic")
     exact = np.stack([0.4 * result.body.points[:, 1], np.zeros(n * n)], axis=1)
@@ -106,7 +106,7 @@ def test_a_frame_that_shears_shears_what_it_holds():
 
 @pytest.mark.parametrize("force", ["analytic", "bond-energy"])
 def test_a_turn_by_a_right_angle_leaves_no_stress(force):
-    result = simulate(pd.load_scene("rotation", spacing=0.1), force)
+    result = simulate(pds.load_scene("rotation", spacing=0.1), force)
     points = result.body.points
     centre = np.array([1.0, 0.5])
     for level, angle in zip(range(2), (np.pi / 4, np.pi / 2), strict=True):
@@ -118,7 +118,7 @@ def test_a_turn_by_a_right_angle_leaves_no_stress(force):
 
 def test_torsion_turns_without_force_and_its_moments_balance():
     """Of an energy, whose forces have no moment; by symmetry no forces either."""
-    result = simulate(pd.load_scene("disc-torsion", spacing=0.1, steps=(0.5, 1.0)), "bond-energy")
+    result = simulate(pds.load_scene("disc-torsion", spacing=0.1, steps=(0.5, 1.0)), "bond-energy")
     for level in result.levels:
         moments, forces = level["moments"], level["forces"]
         assert moments["holes"] > 0.1
@@ -152,19 +152,19 @@ def test_conditions_that_agree_may_share_points():
     ],
 )
 def test_conditions_that_make_no_sense_are_refused(prescribed, message):
-    with pytest.raises(pd.SceneError, match=message):
-        Run(scene_of(prescribed), pd.load_surrogate("analytic"), Silent())
+    with pytest.raises(pds.SceneError, match=message):
+        Run(scene_of(prescribed), pds.load_surrogate("analytic"), Silent())
 
 
 def test_a_loose_piece_is_named():
     cut = {"start": [0.0, 0.5], "end": [1.2, 0.5]}
-    with pytest.raises(pd.SceneError, match=r"nothing keeps a piece of 60 points of the body, at \(0\.05, 0\.55\), from moving along x1"):
-        Run(scene_of(({"region": "bottom", "x1": 0, "x2": 0},), precuts=[cut], horizon_ratio=1.5), pd.load_surrogate("analytic"), Silent())
+    with pytest.raises(pds.SceneError, match=r"nothing keeps a piece of 60 points of the body, at \(0\.05, 0\.55\), from moving along x1"):
+        Run(scene_of(({"region": "bottom", "x1": 0, "x2": 0},), precuts=[cut], horizon_ratio=1.5), pds.load_surrogate("analytic"), Silent())
 
 
 def test_a_round_end_is_no_plane():
-    with pytest.raises(pd.SceneError, match="prescribed: the body has no straight edge with material at its left end"):
-        Run(scene_of(CLAMPS, body=pd.Circle(radius=0.6)), pd.load_surrogate("analytic"), Silent())
+    with pytest.raises(pds.SceneError, match="prescribed: the body has no straight edge with material at its left end"):
+        Run(scene_of(CLAMPS, body=pds.Circle(radius=0.6)), pds.load_surrogate("analytic"), Silent())
 
 
 def extended(samples, positions):

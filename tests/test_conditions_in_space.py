@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.run.levels import solver_of
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.scenes import Box
@@ -17,11 +17,11 @@ CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0}, {"region": "right
 
 def scene_of(prescribed=CLAMPS, count=5, **changes):
     described = {"name": "cube", "spacing": 1 / count, "body": Box(size=(1.0, 1.0, 1.0)), "material": "neo-hookean", "steps": (1.0,)}
-    return pd.Scene(**described | {"prescribed": prescribed, "solver": {"method": "relaxation"}} | changes)
+    return pds.Scene(**described | {"prescribed": prescribed, "solver": {"method": "relaxation"}} | changes)
 
 
 def run_of(force="bond-energy", **changes):
-    return Run(scene_of(**changes), pd.load_surrogate(force), Silent())
+    return Run(scene_of(**changes), pds.load_surrogate(force), Silent())
 
 
 def rotation(axis, degrees):
@@ -44,7 +44,7 @@ def moment(places, forces):
 
 def test_rollers_on_three_faces_give_homogeneous_tension():
     """At their edges and corner images have images of images; the exact state leaves no residual, and the exact force."""
-    law, stretch = pd.NeoHookean(), 1.3
+    law, stretch = pds.NeoHookean(), 1.3
 
     def stress(along, across):
         """Nominal stress along an axis, of U = K/8 (J - 1/J)^2."""
@@ -94,10 +94,10 @@ def test_forces_and_moments_of_turned_planes_are_virtual_work(plane, dimension):
     if dimension == 3 and plane == "strain":
         pytest.skip("space has one plane")
     turned = {"region": "right", "rotation": 40.0, "about": (1.0, 0.5, 0.5)[:dimension], "x1": 0.1}
-    body, axis = (Box(size=(1.0, 1.0, 1.0)), {"axis": AXIS}) if dimension == 3 else (pd.Rectangle(size=(1.0, 1.0)), {})
+    body, axis = (Box(size=(1.0, 1.0, 1.0)), {"axis": AXIS}) if dimension == 3 else (pds.Rectangle(size=(1.0, 1.0)), {})
     about_nothing = {"plane": plane} if dimension == 2 else {}
     prescribed = (turned | axis, turned | axis | {"region": "left"})
-    run = Run(scene_of(prescribed, body=body, horizon_ratio=1.75, **about_nothing), pd.load_surrogate("bond-energy"), Silent())
+    run = Run(scene_of(prescribed, body=body, horizon_ratio=1.75, **about_nothing), pds.load_surrogate("bond-energy"), Silent())
     loading, Q = run.loading, rotation(AXIS, 20.0) if dimension == 3 else rotation((0, 0, 1), 20.0)[:2, :2]
     centre = np.array(turned["about"])
     start = centre + (run.body.points - centre) @ Q.T + 0.01 * np.sin(3 * run.body.points[:, ::-1])
@@ -195,10 +195,10 @@ def test_conditions_that_make_no_sense_are_refused(prescribed, message):
     if message is None:
         run_of(prescribed=prescribed)
         return
-    with pytest.raises(pd.SceneError, match=message):
+    with pytest.raises(pds.SceneError, match=message):
         run_of(prescribed=prescribed)
 
 
 def test_a_sheet_has_no_third_component():
-    with pytest.raises(pd.SceneError, match=r"prescribed\.0\.x3: a body in the plane has x1 and x2"):
-        scene_of(({"region": "left", "x1": 0.0, "x3": 0.0},), body=pd.Rectangle(size=(1.0, 1.0)))
+    with pytest.raises(pds.SceneError, match=r"prescribed\.0\.x3: a body in the plane has x1 and x2"):
+        scene_of(({"region": "left", "x1": 0.0, "x3": 0.0},), body=pds.Rectangle(size=(1.0, 1.0)))

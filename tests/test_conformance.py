@@ -12,7 +12,7 @@ from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.forces.bond_energy import BondEnergyEvaluation
 from pdsurrogate.forces.nosb import NOSBEvaluation, NOSBForce
@@ -90,15 +90,15 @@ BROUGHT = {"own-force": MyRubber, "own-energy": OwnEnergy, "spline": None}
 @pytest.fixture(scope="module")
 def brought(tmp_path_factory):
     """The subjects of `BROUGHT`: forces in Python stand in the table of force models for as long, as one of the package would."""
-    law = pd.Ogden()
-    samples = pd.wide_design(law, 1500, (0.5, 4.0), random_state=0)
-    model = pd.bond_force_pipeline("isochoric", make_pipeline(PolynomialFeatures(6), Ridge(1e-4))).fit(samples.X, samples.y)
-    path = pd.store(model, samples, law, tmp_path_factory.mktemp("brought"), "polynomial", "1", "resampled")
-    assert isinstance(pd.load_surrogate(path), pd.SplineForce)
+    law = pds.Ogden()
+    samples = pds.wide_design(law, 1500, (0.5, 4.0), random_state=0)
+    model = pds.bond_force_pipeline("isochoric", make_pipeline(PolynomialFeatures(6), Ridge(1e-4))).fit(samples.X, samples.y)
+    path = pds.store(model, samples, law, tmp_path_factory.mktemp("brought"), "polynomial", "1", "resampled")
+    assert isinstance(pds.load_surrogate(path), pds.SplineForce)
     with pytest.MonkeyPatch.context() as patch:
         for name, own in BROUGHT.items():
             if own is not None:
-                patch.setitem(FORCES, name, partial(pd.OwnBondForce, own()))
+                patch.setitem(FORCES, name, partial(pds.OwnBondForce, own()))
         yield {name: Subject(str(path) if own is None else name) for name, own in BROUGHT.items()}
 
 

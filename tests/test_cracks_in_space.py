@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
 from pdsurrogate.run import transient
 from pdsurrogate.run.fracture import critical_stretch_in
@@ -140,6 +140,6 @@ def test_a_small_trouser_tear():
     result = simulate(load_scene("trousers", changes))
     rows = in_dynamics(result)[:-1]  # in the last row the legs come to a halt
     force = np.mean([row["force_one_3"] for row in rows if row["t"] > 11])
-    assert pd.tearing_energy(result.scene.material.build(), force, 4.0, 2.0) == pytest.approx(1.0, rel=0.25)
+    assert pds.tearing_energy(result.scene.material.build(), force, 4.0, 2.0) == pytest.approx(1.0, rel=0.25)
     assert abs(account(rows)) < 0.01
     assert result.summary["crack"]["tips"][-1]["tip"][0] > 13

@@ -203,8 +203,8 @@ def test_a_scene_without_damage_has_nothing_of_it():
     """Neither the arrays nor the module are there."""
     code = """
 import sys
-import pdsurrogate as pd
-result = pd.simulate(pd.load_scene("uniaxial", spacing=0.1, stretches=[1.2]), "analytic")
+import pdsurrogate as pds
+result = pds.simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2]), "analytic")
 assert "crack" not in result.summary and "damage" not in result.states[0][1]
 loaded = [name for name in sys.modules if name.startswith("pdsurrogate") and ("damage" in name or "transient" in name)]
 assert not loaded, loaded

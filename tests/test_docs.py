@@ -13,7 +13,7 @@ import typer
 from conftest import needs_torch
 from test_pages import PAGES as TYPED_PAGES
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.forces import FORCES
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
@@ -54,12 +54,12 @@ def test_examples_run(page, tables, tmp_path, monkeypatch):
     runpy.run_path(str(script))
 
 
-PUBLIC = sorted(set(pd.__all__) - {"LAWS"})
+PUBLIC = sorted(set(pds.__all__) - {"LAWS"})
 
 
 def examples_of(name):
     """The examples in the docstring of a public name."""
-    thing = getattr(pd, name)
+    thing = getattr(pds, name)
     return doctest.DocTestParser().get_doctest(thing.__doc__, {}, name, None, None)
 
 
@@ -108,8 +108,8 @@ def test_commands_that_are_printed_are_understood(page):
         with group.make_context("pdsurrogate", list(words)) as context:
             name, command, rest = group.resolve_command(context, context._protected_args + context.args)
             given = command.make_context(name, rest, parent=context).params
-        if given.get("scene") in pd.scene_names() and not given.get("imports"):
-            pd.load_scene(given["scene"], given["change"] or [])
+        if given.get("scene") in pds.scene_names() and not given.get("imports"):
+            pds.load_scene(given["scene"], given["change"] or [])
 
 
 def described(page):
@@ -127,10 +127,10 @@ def described(page):
 def test_scenes_and_studies_that_are_printed_are_understood(page, tmp_path):
     for number, found in enumerate(described(page)):
         if "parameters" in found:
-            study = pd.Study.model_validate(found)
+            study = pds.Study.model_validate(found)
             tasks_of(study, tmp_path, parameters_of_runs(study), math.inf)
         else:
-            assert pd.Scene.model_validate(found).spacing > 0, number
+            assert pds.Scene.model_validate(found).spacing > 0, number
 
 
 @pytest.mark.slow  # they train, and compile a force that is not otherwise taken

@@ -8,7 +8,7 @@ from bodies import rotation, sheet
 from conftest import SHIPPED
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.cli import app
 from pdsurrogate.forces import (
@@ -25,7 +25,7 @@ from pdsurrogate.kernels.bond_state import along_and_across
 from pdsurrogate.kernels.domain import blend, exact_share, exact_share_at
 from pdsurrogate.materials import Gent, plane_stress
 
-LAW = pd.NeoHookean()
+LAW = pds.NeoHookean()
 PAPER = load_surrogate(SHIPPED / "neo-hookean-paper")
 
 
@@ -173,7 +173,7 @@ def test_a_point_on_a_single_bond_may_be_turned_over():
     """It has no gradient and keeps the rotation 0; the point it hangs on is turned by 180 degrees: they have no mean, and give no NaN."""
     corner = sheet(width=0.8, height=0.8).points
     points = np.vstack([corner, corner.max(axis=0) + 0.29 / np.sqrt(2)])
-    body = pd.Body(points, np.full(len(points), 0.01), 0.315, 0.1)
+    body = pds.Body(points, np.full(len(points), 0.01), 0.315, 0.1)
     assert body.bonds.pointers[-1] - body.bonds.pointers[-2] == 1
     for model in (AnalyticBondForce(LAW), PAPER, load_surrogate("neo-hookean"), load_surrogate("neo-hookean@1")):
         force, out = forces(model, points @ rotation(np.pi).T, body)
@@ -229,18 +229,18 @@ def test_bond_associated_stops_name_the_bond():
 @pytest.fixture(scope="module")
 def small_domain():
     """A surrogate trained to stretch 1.5 only."""
-    samples = pd.wide_design(LAW, 2000, (0.8, 1.5), random_state=0)
-    network = pd.LevenbergMarquardtRegressor((10,), "algebraic", max_iter=200, n_iter_no_change=50, random_state=0)
+    samples = pds.wide_design(LAW, 2000, (0.8, 1.5), random_state=0)
+    network = pds.LevenbergMarquardtRegressor((10,), "algebraic", max_iter=200, n_iter_no_change=50, random_state=0)
     from pdsurrogate.learning import domain_of, surrogate_of
 
-    model = pd.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
+    model = pds.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
     return surrogate_of(model, LAW, domain_of(samples))
 
 
 def test_fallback_carries_a_surrogate_through_the_whole_scene(small_domain):
     """Section 6.2 to stretch 2.5 with a surrogate that was trained to 1.5: within 0.1 % of the analytic bond force at every level."""
-    scene = pd.load_scene("uniaxial", spacing=0.05)
-    mine, exact = pd.simulate(scene, small_domain), pd.simulate(scene, "analytic")
+    scene = pds.load_scene("uniaxial", spacing=0.05)
+    mine, exact = pds.simulate(scene, small_domain), pds.simulate(scene, "analytic")
     for level, reference in zip(mine.levels, exact.levels, strict=True):
         for key in ("nominal_stress", "lateral_displacement"):
             assert level[key] == pytest.approx(reference[key], rel=1e-3)
@@ -249,8 +249,8 @@ def test_fallback_carries_a_surrogate_through_the_whole_scene(small_domain):
 
 def test_the_papers_network_converges_where_its_force_used_to_jump():
     """Pure shear to 2 leaves the box of the paper's network at its corners: with a jump there 8,000 evaluations were not enough."""
-    result = pd.simulate(
-        pd.load_scene("pure-shear", ["spacing=0.1", "stretches=1.5,2", "solver.most_evaluations=400"]), "neo-hookean-paper"
+    result = pds.simulate(
+        pds.load_scene("pure-shear", ["spacing=0.1", "stretches=1.5,2", "solver.most_evaluations=400"]), "neo-hookean-paper"
     )
     assert result.summary["converged"]
     assert result.summary["fallback_fraction"] > 0.005

@@ -9,7 +9,7 @@ import pytest
 from bodies import sheet
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.forces import AnalyticBondForce, ForceSettings, InvalidState
 from pdsurrogate.results.checkpoint import NAME, CheckpointError
@@ -20,7 +20,7 @@ from pdsurrogate.run.simulate import simulate
 from pdsurrogate.solvers import Diverging, ExplicitDynamics
 from pdsurrogate.solvers.conditions import Loading
 
-LAW = pd.NeoHookean()
+LAW = pds.NeoHookean()
 
 SMALL = {
     "spacing": 0.1,
@@ -35,7 +35,7 @@ SMALL = {
 
 
 def small(**changes):
-    return pd.load_scene("tear", {**SMALL, **changes})
+    return pds.load_scene("tear", {**SMALL, **changes})
 
 
 def free_bar(viscosity=0.0, damping=0.0, safety=0.5):
@@ -135,7 +135,7 @@ def torn(tmp_path_factory):
 
 def test_grips_faster_than_shear_waves_are_refused():
     """At rates of 100 and 1e6 the motion that the dynamics start with was energy out of nothing, and the run "converged"."""
-    with pytest.raises(pd.SceneError, match=r"dynamics.stretch_rate: the grips would move apart .* the greatest rate is 2683"):
+    with pytest.raises(pds.SceneError, match=r"dynamics.stretch_rate: the grips would move apart .* the greatest rate is 2683"):
         simulate(small(**{"dynamics.stretch_rate": 1e6}), "neo-hookean")
 
 
@@ -328,14 +328,14 @@ def test_scenes_without_fracture_have_dynamics_without_damage(tmp_path):
 
 
 def test_bodies_that_cannot_break_refuse(tmp_path):
-    with pytest.raises(pd.SceneError, match=r"ba-nosb does not take bonds that break \(fracture\)"):
+    with pytest.raises(pds.SceneError, match=r"ba-nosb does not take bonds that break \(fracture\)"):
         simulate(small(), "ba-nosb")
 
 
 def test_a_fracture_energy_sets_the_critical_stretch():
     scene = small(fracture={"energy": 60.0}, **{"dynamics.stretch": 1.45, "dynamics.outputs": 1})
     summary = simulate(scene, "neo-hookean").summary
-    assert summary["critical_stretch"] == pytest.approx(pd.critical_stretch_of(scene.material.build(), 60.0, 3.15 * scene.spacing))
+    assert summary["critical_stretch"] == pytest.approx(pds.critical_stretch_of(scene.material.build(), 60.0, 3.15 * scene.spacing))
 
 
 UNDAMPED = {
@@ -370,8 +370,8 @@ def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, mon
     message = {"inversion": "time .*:", "energy": "runs away", "grip": r"time .*: point \d+ at .* beyond the (bottom|top) grip"}[check]
     # Clamped, a point at a corner is turned inside out before another passes through a grip.
     rollers = {"grips": [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "normal", "travel": 1.0}]}
-    scene = pd.load_scene("tear", UNDAMPED | (rollers if check == "grip" else {}))
-    with pytest.raises(pd.SimulationFailed, match=message) as caught:
+    scene = pds.load_scene("tear", UNDAMPED | (rollers if check == "grip" else {}))
+    with pytest.raises(pds.SimulationFailed, match=message) as caught:
         simulate(scene, "ba-nosb", folder=tmp_path)
     assert "dynamics.safety" in str(caught.value)
     # The whole programme takes some 20,000 steps.
@@ -384,7 +384,7 @@ def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, mon
 
 def test_the_last_good_state_is_recorded_once(monkeypatch):
     """Where the step after an output fails, the state before it has been recorded: it came twice, at one time."""
-    run = Run(pd.load_scene("tear", UNDAMPED), pd.load_surrogate("analytic"), Silent())
+    run = Run(pds.load_scene("tear", UNDAMPED), pds.load_surrogate("analytic"), Silent())
     run.stage = len(run.stages) - 1
     motion = transient.Transient(run, run.stages[run.stage])
     motion.begin()
@@ -408,7 +408,7 @@ def test_the_last_good_state_is_recorded_once(monkeypatch):
 
 def test_a_step_beyond_the_critical_one_is_refused():
     for safety in (1.1, 2.0, 0.0, float("nan")):
-        with pytest.raises(pd.SceneError, match=r"dynamics\.safety"):
+        with pytest.raises(pds.SceneError, match=r"dynamics\.safety"):
             small(**{"dynamics.safety": safety})
 
 
@@ -420,5 +420,5 @@ def test_dynamics_without_a_time_step_are_refused():
     integrator = ExplicitDynamics(force, lambda positions, ahead: None, body.points.copy(), still, still, body.volumes, 0.0, 0.0, 0.5)
     with pytest.raises(Diverging, match="there is no time step"):
         integrator.begin()
-    with pytest.raises(pd.SimulationFailed, match=r"more than 1e\+09 of them; check the units of dynamics\.density"):
+    with pytest.raises(pds.SimulationFailed, match=r"more than 1e\+09 of them; check the units of dynamics\.density"):
         simulate(small(**{"dynamics.density": 1e-40}), "analytic")

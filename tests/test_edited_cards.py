@@ -12,11 +12,11 @@ from conftest import SHIPPED
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.artifacts import ArtifactError, load_card, load_surrogate
 from pdsurrogate.artifacts.shipped import SHIPPED_CARDS
 
-LAW = pd.Gent(chain_limit=60.0)
+LAW = pds.Gent(chain_limit=60.0)
 REFERENCES = ("", "#1", "#all")
 
 
@@ -25,25 +25,25 @@ def committee(tmp_path_factory):
     """A polynomial with two members, of a law with a shape, as identified from data."""
 
     def fitted(law):
-        samples = pd.wide_design(law, 800, (0.6, 2.0), random_state=0)
-        return pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y), samples, law
+        samples = pds.wide_design(law, 800, (0.6, 2.0), random_state=0)
+        return pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y), samples, law
 
-    others = [pd.Gent(2.0, 200.0, chain_limit=60.0), pd.Gent(chain_limit=70.0)]
+    others = [pds.Gent(2.0, 200.0, chain_limit=60.0), pds.Gent(chain_limit=70.0)]
     found = {"data": "mine.csv", "law": LAW.describe()}
     place = tmp_path_factory.mktemp("edited")
-    text = pd.CardText("x", identification=found)
-    return pd.store(*fitted(LAW), place, "mine", "1", text, members=[fitted(other) for other in others])
+    text = pds.CardText("x", identification=found)
+    return pds.store(*fitted(LAW), place, "mine", "1", text, members=[fitted(other) for other in others])
 
 
 @pytest.fixture(scope="module")
 def isochoric(tmp_path_factory):
     """A learnt isochoric energy by itself, with a hull of test data."""
-    law = pd.NeoHookean()
-    samples = pd.energy_design(law, 300, (0.7, 1.8), random_state=0, isochoric=True)
+    law = pds.NeoHookean()
+    samples = pds.energy_design(law, 300, (0.7, 1.8), random_state=0, isochoric=True)
     samples.design["hull"] = [[1.0, 0.0, 0.5], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.5]]
-    regressor = pd.SobolevRegressor(4, "algebraic", max_iter=60, random_state=0)
-    model = pd.energy_pipeline(regressor, isochoric=True).fit(samples.X, samples.y)
-    return pd.store(model, samples, law, tmp_path_factory.mktemp("edited"), "iso", "1", "x")
+    regressor = pds.SobolevRegressor(4, "algebraic", max_iter=60, random_state=0)
+    model = pds.energy_pipeline(regressor, isochoric=True).fit(samples.X, samples.y)
+    return pds.store(model, samples, law, tmp_path_factory.mktemp("edited"), "iso", "1", "x")
 
 
 def card_of(folder):
@@ -213,7 +213,7 @@ def test_what_is_edited_in_the_same_way_everywhere_is_not_believed(committee, ed
         assert "is not what was stored with these weights: put back what was written, or store the artefact again" in said
     (committee / "card.json").write_text(text)
     try:
-        for load in (load_card, lambda folder: pd.load_pipeline(folder, trust=True)):
+        for load in (load_card, lambda folder: pds.load_pipeline(folder, trust=True)):
             with pytest.raises(ArtifactError, match="digest"):
                 load(committee)
     finally:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.results.files import TEMPORARY
 from pdsurrogate.results.folder import FolderTaken
@@ -98,7 +98,7 @@ def test_a_run_that_is_killed_leaves_its_history_and_goes_on(tmp_path):
     wait(lambda: len(told(tmp_path)["levels"]) > 1, process)
     process.kill()
     process.communicate(timeout=PATIENCE)
-    read, rows = pd.load_result(tmp_path), len(list(csv.DictReader((tmp_path / "history.csv").open())))
+    read, rows = pds.load_result(tmp_path), len(list(csv.DictReader((tmp_path / "history.csv").open())))
     assert told(tmp_path)["status"] == read.status == "running"
     assert not read.summary["converged"]
     assert len(STRETCHES) > rows >= len(read.levels) == len(read.states)
@@ -109,13 +109,13 @@ def test_a_run_that_is_killed_leaves_its_history_and_goes_on(tmp_path):
     assert (tmp_path / "uniaxial-displacement.png").exists()
     # What a process leaves that is killed while it writes goes when the run goes on.
     (tmp_path / f"{TEMPORARY}uniaxial-004-abcdefgh.vtu").write_text("half")
-    scene = pd.load_scene("uniaxial", spacing=0.25, stretches=STRETCHES)
+    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=STRETCHES)
     with pytest.raises(FolderTaken, match="ended before its time: go on with it by --resume"):
         simulate(scene, "analytic", folder=tmp_path)
     resumed = simulate(scene, "analytic", folder=tmp_path, resume=True)
     assert resumed.history == simulate(scene, "analytic").history
     assert not list(tmp_path.glob(f"{TEMPORARY}*"))
-    assert pd.load_result(tmp_path).status == "done"
+    assert pds.load_result(tmp_path).status == "done"
 
 
 def test_the_dynamics_are_told_as_they_go(tmp_path):
@@ -125,14 +125,14 @@ def test_the_dynamics_are_told_as_they_go(tmp_path):
     wait(lambda: told(tmp_path)["n_steps"] > 0, process)
     process.kill()
     process.communicate(timeout=PATIENCE)
-    read = pd.load_result(tmp_path)
+    read = pds.load_result(tmp_path)
     assert [row for row in read.history if "kinetic_energy" in row]
     assert len(read.states) == 1
 
 
 def test_a_run_that_was_killed_before_its_first_checkpoint_is_begun_anew(tmp_path):
     """There is nothing to go on from, and nothing lost."""
-    scene = pd.load_scene("uniaxial", spacing=0.25, stretches=[1.2])
+    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.2])
 
     class Killed(Silent):
         def residual(self, evaluations, residual, tolerance):
@@ -140,10 +140,10 @@ def test_a_run_that_was_killed_before_its_first_checkpoint_is_begun_anew(tmp_pat
 
     with pytest.raises(KeyboardInterrupt):
         simulate(scene, "analytic", folder=tmp_path, progress=Killed())
-    assert pd.load_result(tmp_path).status == "running"
-    assert not pd.load_result(tmp_path).states
+    assert pds.load_result(tmp_path).status == "running"
+    assert not pds.load_result(tmp_path).states
     with pytest.raises(FolderTaken, match="another run of uniaxial: stretches"):
-        simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=[1.3]), "analytic", folder=tmp_path)
+        simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.3]), "analytic", folder=tmp_path)
     assert simulate(scene, "analytic", folder=tmp_path).status == "done"
 
 
@@ -160,10 +160,10 @@ def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(share, outp
             if len(begun) > outputs:
                 raise KeyboardInterrupt  # as good as a kill
 
-    scene = pd.load_scene("uniaxial", spacing=0.25, stretches=[1.1, 1.2, 1.3])
+    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.1, 1.2, 1.3])
     with pytest.raises(KeyboardInterrupt):
         simulate(scene, "analytic", folder=tmp_path, progress=Killed())
-    read = pd.load_result(tmp_path)
+    read = pds.load_result(tmp_path)
     assert len(read.states) == len(read.levels) == len(list(tmp_path.glob("*.vtu"))) == outputs
     shown = CliRunner().invoke(app, ["show", str(tmp_path), "--out", str(tmp_path)])
     assert shown.exit_code == 0, shown.output
@@ -184,9 +184,9 @@ class Stops(Silent):
 
 
 SCENES = {
-    "uniaxial": (pd.load_scene("uniaxial", spacing=0.25, stretches=[2.0]), "analytic"),
-    "ba-nosb": (pd.load_scene("uniaxial", spacing=0.25, stretches=[1.6]), "ba-nosb"),
-    "pressure": (pd.load_scene("ring-pressure", spacing=0.25), "bond-energy"),
+    "uniaxial": (pds.load_scene("uniaxial", spacing=0.25, stretches=[2.0]), "analytic"),
+    "ba-nosb": (pds.load_scene("uniaxial", spacing=0.25, stretches=[1.6]), "ba-nosb"),
+    "pressure": (pds.load_scene("ring-pressure", spacing=0.25), "bond-energy"),
 }
 
 
@@ -197,7 +197,7 @@ def test_the_first_equilibrium_goes_on_from_within(tmp_path, name):
     with pytest.raises(SimulationInterrupted) as stopped:
         simulate(scene, force, folder=tmp_path, progress=Stops(8))
     assert not stopped.value.result.levels
-    assert pd.load_result(tmp_path).status == "interrupted"
+    assert pds.load_result(tmp_path).status == "interrupted"
     before = np.load(tmp_path / "checkpoint.npz")["positions"]
     assert np.abs(before - stopped.value.result.body.points).max() > 0.01
     resumed, whole = simulate(scene, force, folder=tmp_path, resume=True), simulate(scene, force)
@@ -213,7 +213,7 @@ def test_the_first_equilibrium_goes_on_from_within(tmp_path, name):
 
 def test_checkpoints_on_the_way_come_by_the_clock(tmp_path, monkeypatch):
     """And change nothing."""
-    scene, written = pd.load_scene("uniaxial", spacing=0.25, stretches=[1.5]), []
+    scene, written = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.5]), []
     whole, checkpoint = simulate(scene, "analytic"), levels.Way.checkpoint
     monkeypatch.setattr(levels.Way, "checkpoint", lambda *given: (written.append(1), checkpoint(*given)))
     monkeypatch.setattr("pdsurrogate.run.run.SECONDS_BETWEEN_CHECKPOINTS", 0.0)
@@ -232,7 +232,7 @@ def test_a_run_ends_when_its_time_is_over_and_goes_on(tmp_path):
     assert json.loads(done.stdout)["status"] == "interrupted"
     done = CliRunner().invoke(app, [*command, "--resume"])
     assert done.exit_code == 0, done.output
-    assert len(pd.load_result(tmp_path).levels) == 3
+    assert len(pds.load_result(tmp_path).levels) == 3
     for wrong in (0, -1.0, math.inf):
         with pytest.raises(ValueError, match="max_time must be a number of seconds greater than 0"):
             simulate("uniaxial", max_time=wrong)
@@ -240,13 +240,13 @@ def test_a_run_ends_when_its_time_is_over_and_goes_on(tmp_path):
 
 def test_every_run_of_a_study_ends_when_its_time_is_over(tmp_path):
     keys = {"scene": "uniaxial", "force": "analytic", "set": {"spacing": 0.25}, "parameters": {"stretches": [1.2, 1.5]}}
-    stopped = pd.study(keys, tmp_path, jobs=1, threads=1, max_time=1e-6)
+    stopped = pds.study(keys, tmp_path, jobs=1, threads=1, max_time=1e-6)
     assert len(stopped.not_done) == 2
     assert len(list(tmp_path.glob("runs/*/checkpoint.npz"))) == 2
-    done = pd.study(keys, tmp_path, jobs=1, threads=1)
+    done = pds.study(keys, tmp_path, jobs=1, threads=1)
     assert [row["failure"] for row in done.rows] == [None, None]
     with pytest.raises(ValueError, match="max_time: a fit has no checkpoint"):
-        pd.study({"fit": {"material": "gent"}, "parameters": {"degree": [3]}}, tmp_path / "fits", max_time=1.0)
+        pds.study({"fit": {"material": "gent"}, "parameters": {"degree": [3]}}, tmp_path / "fits", max_time=1.0)
 
 
 @pytest.mark.parametrize("where", ["stress_test.deformations", "stress_test.conformance", "reports.compare"])
@@ -258,12 +258,12 @@ def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
         raise SimulationInterrupted("interrupted", None)
 
     monkeypatch.setattr(module, "simulate", interrupted)
-    force = pd.load_surrogate("analytic")
-    keys = {"body": pd.Rectangle(size=(1.0, 1.0)), "spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
+    force = pds.load_surrogate("analytic")
+    keys = {"body": pds.Rectangle(size=(1.0, 1.0)), "spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
     calls = {
         "stress_test.deformations": lambda: module.run_described(Subject("analytic"), keys),
         "stress_test.conformance": lambda: module.checkpoint(Subject("analytic")),
-        "reports.compare": lambda: module.measure_scene(module.Candidate("exact", force, "float64"), pd.NeoHookean(), 0.25),
+        "reports.compare": lambda: module.measure_scene(module.Candidate("exact", force, "float64"), pds.NeoHookean(), 0.25),
     }
     with pytest.raises(KeyboardInterrupt):
         calls[where]()
@@ -281,4 +281,4 @@ def test_ctrl_c_ends_what_does_not_hear_it(tmp_path, how):
     assert process.returncode == 130, told
     assert "interrupted" in told
     assert "Traceback" not in told
-    assert pd.load_result(tmp_path).status in ("interrupted", "running")
+    assert pds.load_result(tmp_path).status in ("interrupted", "running")

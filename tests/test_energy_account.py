@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.run import transient
 from pdsurrogate.run.fracture import Damage
@@ -23,7 +23,7 @@ def pulled(duration, **dynamics):
     """A sheet clamped on the left, and pulled on the right by a traction that is there from one moment to the next."""
     pull = {"region": "right", "traction": [0.5, 0.0], "amplitude": [[0.0, 0.0], [1e-9, 1.0]]}
     dynamics = {"duration": duration, "density": 1.0, **dynamics}
-    return pd.Scene(
+    return pds.Scene(
         name="pulled",
         spacing=0.1,
         body={"shape": "rectangle", "size": [2.0, 0.6]},
@@ -38,7 +38,7 @@ def kicked(safety):
     """A bar in space that a pulse sets swinging, far and without damping."""
     duration, held = 25.0, {**CLAMP, "x3": 0.0}
     pulse = [[0.0, 0.0], [0.5 / duration, 1.0], [1.0 / duration, 0.0], [1.0, 0.0]]
-    return pd.Scene(
+    return pds.Scene(
         name="kicked",
         spacing=0.25,
         body={"shape": "box", "size": [2.0, 0.75, 0.75]},
@@ -51,7 +51,7 @@ def kicked(safety):
 
 def strip(size=(2.0, 1.0), cuts=((0.0, 0.8),), stretch=3.0, **dynamics):
     """A strip with cuts along its middle, pulled apart slowly."""
-    return pd.Scene(
+    return pds.Scene(
         name="strip",
         spacing=0.1,
         body={"shape": "rectangle", "size": size},
@@ -74,7 +74,7 @@ def test_what_viscosity_takes_is_summed_in_every_step():
 
     The trapezoidal rule in every step is of the second order in it: a fiftieth of the error with a seventh of the step.  0.09 % was found.
     """
-    coarse, fine = (pd.simulate(pulled(2.0, damping=2.0, viscosity=0.01, safety=safety), "bond-energy") for safety in (0.7, 0.1))
+    coarse, fine = (pds.simulate(pulled(2.0, damping=2.0, viscosity=0.01, safety=safety), "bond-energy") for safety in (0.7, 0.1))
     damped, expected = (result.history[-1]["damped_energy"] for result in (coarse, fine))
     assert damped == pytest.approx(expected, rel=5e-3)
     assert abs(account(coarse)["greatest_energy_gap"]) < 0.2
@@ -87,10 +87,10 @@ def test_motion_that_fine_steps_alone_keep_is_warned_of():
     The scheme is of the second order: a quarter with half the step.  The gap varies by 3 % with 1 % of the pulse: it is not chance.
     """
     with pytest.warns(UserWarning, match=r"account of energy is off by 1\.\d %: .* put in, and .* were lost; a smaller dynamics.safety"):
-        coarse = pd.simulate(kicked(0.7))
+        coarse = pds.simulate(kicked(0.7))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        fine = pd.simulate(kicked(0.35))
+        fine = pds.simulate(kicked(0.35))
     gaps = [abs(account(result)["energy_gap"]) for result in (coarse, fine)]
     assert 1 < gaps[0] < 5
     assert gaps[1] < 0.5 * gaps[0]
@@ -100,8 +100,8 @@ def test_motion_that_fine_steps_alone_keep_is_warned_of():
 
 def test_a_crack_that_makes_energy_is_a_failure():
     """Without viscosity the last bonds of a ligament gave the strip half as much again as was put in: "converged", without a word."""
-    with pytest.raises(pd.SimulationFailed, match=r"account of energy is off by|runs away") as caught:
-        pd.simulate(strip(viscosity=0.0), "bond-energy")
+    with pytest.raises(pds.SimulationFailed, match=r"account of energy is off by|runs away") as caught:
+        pds.simulate(strip(viscosity=0.0), "bond-energy")
     summary = caught.value.result.summary
     assert "more dynamics.viscosity" in summary["failure"]
     assert not summary["converged"]
@@ -110,7 +110,7 @@ def test_a_crack_that_makes_energy_is_a_failure():
 
 def test_what_cracks_need_is_the_default():
     """0.7 spacings over the speed of shear waves: the account of a strip that tears closes, within 1e-4 as it was found."""
-    result = pd.simulate(strip(), "bond-energy")
+    result = pds.simulate(strip(), "bond-energy")
     assert result.summary["crack"]["through"]
     assert account(result)["viscosity"] == pytest.approx(0.07, rel=1e-12)
     assert abs(account(result)["greatest_energy_gap"]) < 0.2
@@ -122,7 +122,7 @@ def test_what_cracks_need_is_the_default():
 
 
 def viscosity_of(scene):
-    run = Run(scene, pd.load_surrogate("analytic"), Silent())
+    run = Run(scene, pds.load_surrogate("analytic"), Silent())
     run.stage = len(run.stages) - 1
     run.damage = None if scene.fracture is None else Damage(run.body, scene.fracture.critical_stretch)
     return transient.Transient(run, run.stages[run.stage]).viscosity
@@ -133,12 +133,12 @@ def test_viscosity_where_none_is_said():
     assert viscosity_of(strip(density=4.0)) == pytest.approx(0.7 * 0.1 * 2.0)
     assert viscosity_of(strip(viscosity=0.0)) == 0
     assert viscosity_of(pulled(1.0)) == 0
-    assert viscosity_of(pd.load_scene("tear", spacing=0.5)) == 5e-6
+    assert viscosity_of(pds.load_scene("tear", spacing=0.5)) == 5e-6
 
 
 def test_forces_without_an_energy_have_no_account_and_say_so(tmp_path):
     scene = strip(stretch=1.32)
-    told = account(pd.simulate(scene, "analytic"))
+    told = account(pds.simulate(scene, "analytic"))
     assert told["energy_gap"] is None
     assert told["remark"] == "analytic has no energy: whether the motion keeps it is not known"
     options = ["--set", "spacing=0.25", "--set", "stretches=1.1", "--set", "dynamics.stretch=1.11"]
@@ -153,7 +153,7 @@ def test_what_viscosity_takes_of_the_work_of_holders_is_counted(support):
     """Ends that move to and fro: their forces are followed between rows as those of the points are."""
     scene = pulled(2.0, viscosity=0.05).model_dump(by_alias=True, exclude_unset=True) | {"loads": [], "support": support}
     scene["prescribed"] = [CLAMP, {"region": "right", "x1": 0.1, "x2": 0.0, "amplitude": "sin(6*t)"}]
-    told = account(pd.simulate(pd.Scene.model_validate(scene), "bond-energy"))
+    told = account(pds.simulate(pds.Scene.model_validate(scene), "bond-energy"))
     assert abs(told["greatest_energy_gap"]) < 0.5
 
 
@@ -161,7 +161,7 @@ def test_what_viscosity_takes_of_the_work_of_holders_is_counted(support):
 @pytest.mark.parametrize("force", ["analytic", "bond-energy"])
 def test_the_history_has_a_row_at_every_output(scene, force):
     """There was one for every twenty steps alone: 11 for 100 outputs."""
-    result = pd.simulate(scene, force)
+    result = pds.simulate(scene, force)
     moving = {row["time"] for row in result.history if "time" in row}
     outputs = [moment.time for number, moment in enumerate(result.states.moments) if number in result.in_dynamics()] or [
         level["time"] for level in result.levels
@@ -173,7 +173,7 @@ def test_the_history_has_a_row_at_every_output(scene, force):
 @pytest.mark.parametrize("force", ["analytic", "bond-energy"])
 def test_more_outputs_than_steps_end_where_the_programme_does(force):
     """Every step had one output at most, so that 50 of them went on to a time of 0.69, with work counted at grips that stood still."""
-    result = pd.simulate(strip(stretch=1.31, outputs=50), force)
+    result = pds.simulate(strip(stretch=1.31, outputs=50), force)
     times = [moment.time for moment in result.states.moments[len(result.levels) :]]
     assert len(times) == 50
     assert times[-1] == pytest.approx(0.5, rel=1e-9)
@@ -181,7 +181,7 @@ def test_more_outputs_than_steps_end_where_the_programme_does(force):
 
 def test_a_crack_starts_where_bonds_broke_at_each_tip():
     """Of two notches, whose first bonds break together, it said the middle of the sheet."""
-    result = pd.simulate(strip(size=(3.0, 1.0), cuts=((0.0, 0.81), (2.19, 3.0)), stretch=1.6, outputs=2), "bond-energy")
+    result = pds.simulate(strip(size=(3.0, 1.0), cuts=((0.0, 0.81), (2.19, 3.0)), stretch=1.6, outputs=2), "bond-energy")
     crack = result.summary["crack"]
     start, horizon = crack["start"], result.body.horizon
     assert start["event"] == "first bond broken"
@@ -215,5 +215,5 @@ def test_groups_of_first_bonds():
 def test_a_fracture_energy_is_refused_where_the_tip_was_not_measured(scene, changes, force, here):
     """With 1.15 horizons, which are right for forces of bonds, a sheet tore at 8 to 23 % too little by `bond-energy`."""
     known = r"\(bond force, plane stress, horizon_ratio 2.2 to 4.2; bond energy, in space, horizon_ratio 1.75; .*2.2\)"
-    with pytest.raises(pd.SceneError, match=rf"fracture\.energy .*{known}, and not for {here}; give fracture\.critical_stretch"):
-        pd.simulate(pd.load_scene(scene, changes), force)
+    with pytest.raises(pds.SceneError, match=rf"fracture\.energy .*{known}, and not for {here}; give fracture\.critical_stretch"):
+        pds.simulate(pds.load_scene(scene, changes), force)

@@ -9,7 +9,7 @@ from bodies import rotation, sheet
 from matplotlib import image
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.body import CellMesh
 from pdsurrogate.cli import app
 from pdsurrogate.materials import plane_strain, plane_stress, solid
@@ -17,7 +17,7 @@ from pdsurrogate.results import measures, rendering, vtk
 from pdsurrogate.results.deformed import deformed_cells
 from pdsurrogate.results.views import section
 
-LAW = pd.NeoHookean(2.0, 200.0)
+LAW = pds.NeoHookean(2.0, 200.0)
 F2 = np.array([[1.25, 0.2], [-0.1, 0.9]])
 F3 = np.array([[1.2, 0.1, 0.05], [0.0, 0.95, 0.2], [0.1, -0.05, 0.9]])
 
@@ -26,11 +26,11 @@ def cube(count=6):
     spacing = 1 / count
     along = (np.arange(count) + 0.5) * spacing
     points = np.stack(np.meshgrid(along, along, along, indexing="ij"), axis=-1).reshape(-1, 3)
-    return pd.Body(points, np.full(len(points), spacing**3), 1.75 * spacing, spacing)
+    return pds.Body(points, np.full(len(points), spacing**3), 1.75 * spacing, spacing)
 
 
 def fields_of(name, body, positions, plane):
-    force = pd.load_surrogate(name).bind(body, LAW, pd.ForceSettings(plane=plane, precision="float64"))
+    force = pds.load_surrogate(name).bind(body, LAW, pds.ForceSettings(plane=plane, precision="float64"))
     return measures.point_fields(measures.PointState(force, positions))
 
 
@@ -68,7 +68,7 @@ def test_fields_of_a_homogeneous_state(name, plane):
 
 def test_stress_and_energy_are_those_of_the_learnt_energy_that_ran():
     """Its card states errors of some 1e-5: closer to its own derivative than to the law; far outside, the exact energy has the word."""
-    body, model = sheet(), pd.load_surrogate("neo-hookean-energy")
+    body, model = sheet(), pds.load_surrogate("neo-hookean-energy")
     trace, J = (np.array([value]) for value in plane_stress.invariants(F2))
     own = model.energy_derivatives(LAW, trace, J)
     fields = fields_of(model.name, body, body.points @ F2.T, "stress")

@@ -5,13 +5,13 @@ import pytest
 from any_input import AnyInput
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.identification import MODES, LawRegressor, nominal_stress
 from pdsurrogate.identification.energy import groups_of
 from pdsurrogate.materials import plane_stress
 
 
-class AnyEnergy(AnyInput, pd.EnergyRegressor):
+class AnyEnergy(AnyInput, pds.EnergyRegressor):
     """`EnergyRegressor` for the general checks."""
 
 
@@ -22,7 +22,7 @@ def test_it_keeps_scikit_learns_conventions(estimator, check):
 
 @pytest.fixture(scope="module")
 def kawabata():
-    return pd.load_test_data("kawabata")
+    return pds.load_test_data("kawabata")
 
 
 def r_squared(truth, predicted) -> float:
@@ -30,12 +30,12 @@ def r_squared(truth, predicted) -> float:
 
 
 def fitted(data, **parameters):
-    return pd.EnergyRegressor(**parameters).fit(data.stretches, data.nominal_stress, data.balanced_weights())
+    return pds.EnergyRegressor(**parameters).fit(data.stretches, data.nominal_stress, data.balanced_weights())
 
 
 @pytest.mark.parametrize("name", ["treloar", "kawabata"])
 def test_it_describes_rubber_about_as_well_as_ogdens_law_to_a_thousandth(name):
-    data = pd.load_test_data(name)
+    data = pds.load_test_data(name)
     ogden = LawRegressor("ogden").fit(data.stretches, data.nominal_stress, data.balanced_weights())
     free = fitted(data)
     scores = [r_squared(data.nominal_stress, model.predict(data.stretches)) for model in (free, ogden)]
@@ -51,7 +51,7 @@ def test_it_describes_rubber_about_as_well_as_ogdens_law_to_a_thousandth(name):
 def test_half_of_kawabatas_grid_foretells_the_other(kawabata):
     rows = np.arange(len(kawabata)) // 2  # both stresses of a state go together
     half = rows % 2 == 0
-    model = pd.EnergyRegressor().fit(kawabata.stretches[half], kawabata.nominal_stress[half])
+    model = pds.EnergyRegressor().fit(kawabata.stretches[half], kawabata.nominal_stress[half])
     assert r_squared(kawabata.nominal_stress[~half], model.predict(kawabata.stretches[~half])) > 0.998
 
 
@@ -59,16 +59,16 @@ def test_two_modes_foretell_the_biaxial_grid(kawabata):
     """Fitted to the uniaxial rows and those of pure shear alone, as a laboratory has them; Ogden's law has 0.971, Neo-Hookean 0.882."""
     first, second = kawabata.stretches.T
     known = (np.abs(kawabata.nominal_stress) > 0) & ((np.abs(np.log(second * np.sqrt(first))) < 0.02) | (np.abs(second - 1) < 1e-9))
-    model = pd.EnergyRegressor().fit(kawabata.stretches[known], kawabata.nominal_stress[known])
+    model = pds.EnergyRegressor().fit(kawabata.stretches[known], kawabata.nominal_stress[known])
     assert 15 < known.sum() < 80
     assert r_squared(kawabata.nominal_stress[~known], model.predict(kawabata.stretches[~known])) > 0.97
 
 
 def test_a_law_of_the_form_is_found_again():
-    law = pd.Ogden(moduli=(0.4, -0.02), exponents=(2.0, -2.0), bulk_modulus=420.0)
+    law = pds.Ogden(moduli=(0.4, -0.02), exponents=(2.0, -2.0), bulk_modulus=420.0)
     stretch = np.linspace(1.05, 3, 20)
     X = np.concatenate([np.stack([stretch, lateral], axis=1) for lateral in (stretch**-0.5, np.ones(20), stretch)])
-    model = pd.EnergyRegressor().fit(X, nominal_stress(law, X))
+    model = pds.EnergyRegressor().fit(X, nominal_stress(law, X))
     fresh = np.exp(np.random.default_rng(0).uniform(-0.5, 1.2, (200, 2)))
     np.testing.assert_allclose(model.predict(fresh), nominal_stress(law, fresh), rtol=1e-6, atol=1e-8)
     assert model.law_.shear_modulus == pytest.approx(law.shear_modulus, rel=1e-7)
@@ -77,7 +77,7 @@ def test_a_law_of_the_form_is_found_again():
 def test_what_physics_asks_holds_by_construction(random):
     """Of stresses that are noise: zero at rest, stable against shear waves of every direction, growing."""
     stretch = np.exp(random.uniform(-0.5, 1.0, (60, 2)))
-    model = pd.EnergyRegressor().fit(stretch, nominal_stress(pd.NeoHookean(), stretch) + 0.5 * random.standard_normal(60))
+    model = pds.EnergyRegressor().fit(stretch, nominal_stress(pds.NeoHookean(), stretch) + 0.5 * random.standard_normal(60))
     law = model.law_
     assert abs(model.predict([[1.0, 1.0]])[0]) < 1e-10
     far = model.predict(np.array([[5.0, 1.0], [10.0, 1.0], [20.0, 1.0]]))
@@ -148,12 +148,12 @@ def test_rubber_that_no_sum_of_powers_of_stretches_is(rubber, greatest, between,
     for left, asked, truth, most in ((None, states, right, between), ("pure-shear", modes["pure-shear"], None, unseen)):
         X = np.concatenate([rows for name, rows in modes.items() if name != left])
         y = stress_of(rubber, X)
-        model = pd.EnergyRegressor(bulk_ratio=1e7).fit(X, y, 1 / y**2)
+        model = pds.EnergyRegressor(bulk_ratio=1e7).fit(X, y, 1 / y**2)
         truth = stress_of(rubber, asked) if truth is None else truth
         print(rubber.__name__, left, np.sqrt(np.mean((model.predict(asked) / truth - 1) ** 2)), model.parameter_names_)
         assert np.sqrt(np.mean((model.predict(asked) / truth - 1) ** 2)) < most
         # All weights are positive: the law itself, which refuses others, is polyconvex.
-        assert isinstance(model.law_, pd.Ogden)
+        assert isinstance(model.law_, pds.Ogden)
         np.testing.assert_allclose(model.predict(asked), nominal_stress(model.law_, asked), rtol=1e-12)
 
 
@@ -161,15 +161,15 @@ def test_powers_of_invariants_run_in_a_surrogate_and_in_a_scene(tmp_path):
     """Isihara's rubber: a law with powers of invariants through a card, a learnt force, and the exact one, in the same scene."""
     stretch = np.linspace(1.05, 2.5, 12)
     X = np.concatenate([np.stack([stretch, lateral], axis=1) for lateral in (stretch**-0.5, np.ones(12))])
-    law = pd.EnergyRegressor(bulk_ratio=1e3).fit(X, stress_of(isihara, X)).law_
-    assert isinstance(law, pd.Polyconvex)
-    samples = pd.wide_design(law, 1000, (0.6, 2.2), random_state=0)
-    model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y)
-    path = pd.store(model, samples, law, tmp_path, "isihara", None, "an energy without a law")
-    scene = pd.load_scene("uniaxial", spacing=0.25, stretches=1.5, material=pd.load_card(path).material.trained_with)
+    law = pds.EnergyRegressor(bulk_ratio=1e3).fit(X, stress_of(isihara, X)).law_
+    assert isinstance(law, pds.Polyconvex)
+    samples = pds.wide_design(law, 1000, (0.6, 2.2), random_state=0)
+    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y)
+    path = pds.store(model, samples, law, tmp_path, "isihara", None, "an energy without a law")
+    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material=pds.load_card(path).material.trained_with)
     right = nominal_stress(law, np.array([[1.5, 1.5**-0.5]]))[0]
     for force, most in ((path, 2e-3), ("analytic", 1e-5)):
-        assert pd.simulate(scene, force).levels[0]["nominal_stress"] == pytest.approx(right, rel=most)
+        assert pds.simulate(scene, force).levels[0]["nominal_stress"] == pytest.approx(right, rel=most)
 
 
 def test_a_row_twice_is_one_of_twice_the_weight(random):
@@ -179,12 +179,12 @@ def test_a_row_twice_is_one_of_twice_the_weight(random):
     y = stress_of(haines_wilson, X) * (1 + 0.02 * random.standard_normal(27))
     weight = random.integers(1, 3, 27)
     rows = random.permutation(np.repeat(np.arange(27), weight))
-    once, twice = pd.EnergyRegressor().fit(X, y, weight), pd.EnergyRegressor().fit(X[rows], y[rows])
+    once, twice = pds.EnergyRegressor().fit(X, y, weight), pds.EnergyRegressor().fit(X[rows], y[rows])
     np.testing.assert_allclose(twice.predict(X), once.predict(X), rtol=1e-6)
 
 
 def test_modes_are_told_by_their_stretches(kawabata):
-    treloar = pd.load_test_data("treloar")
+    treloar = pds.load_test_data("treloar")
     assert (groups_of(treloar.stretches) == treloar.mode).mean() > 0.95
     assert len(np.unique(groups_of(kawabata.stretches))) == 5
     rows = fitted(treloar).cross_validation_
@@ -210,7 +210,7 @@ def test_two_commands_from_data_to_a_run(tmp_path):
     fit = ["fit", "mine", "--data", "kawabata", "--free", "--folds", "0", "--samples", "1500", "--out", str(folder)]
     done = CliRunner().invoke(app, fit)
     assert done.exit_code == 0, done.output
-    card = pd.load_card(folder / "mine")
+    card = pds.load_card(folder / "mine")
     assert card.domain.least_stretch == 0.52
     assert card.domain.greatest_stretch == 3.7
     assert card.training["identification"]["r_squared"]["biaxial"] > 0.999
@@ -223,40 +223,40 @@ def test_two_commands_from_data_to_a_run(tmp_path):
 
 
 def test_one_mode_or_state_is_told():
-    treloar = pd.load_test_data("treloar")
+    treloar = pds.load_test_data("treloar")
     for mode in ("uniaxial", "equibiaxial", "pure-shear"):
         data = treloar.of(mode)
         with pytest.warns(
             UserWarning, match=rf"the data are of one mode of loading \({mode}\): what the stress is in others is not determined"
         ):
-            model = pd.EnergyRegressor().fit(data.stretches, data.nominal_stress)
+            model = pds.EnergyRegressor().fit(data.stretches, data.nominal_stress)
         beyond = dict(zip(("uniaxial", "pure-shear", "equibiaxial"), model.beyond([[2, 2**-0.5], [2, 1], [2, 2]]), strict=True))
         assert [name for name, distance in beyond.items() if distance <= 0] == [mode]
     with pytest.warns(UserWarning, match="the data are of one state: they tell one number"):
-        pd.EnergyRegressor().fit([[2.0, 1.0]], [1.0])
+        pds.EnergyRegressor().fit([[2.0, 1.0]], [1.0])
 
 
 def test_a_law_that_was_found_goes_into_a_scene():
-    data = pd.load_test_data("treloar").up_to(3.0)
-    law = pd.LawRegressor("gent").fit(data.stretches, data.nominal_stress).law_
-    assert pd.load_scene("uniaxial", material=law).material.build() == law
-    assert pd.load_scene("uniaxial", {"material": law}).material.build() == law
+    data = pds.load_test_data("treloar").up_to(3.0)
+    law = pds.LawRegressor("gent").fit(data.stretches, data.nominal_stress).law_
+    assert pds.load_scene("uniaxial", material=law).material.build() == law
+    assert pds.load_scene("uniaxial", {"material": law}).material.build() == law
 
 
 def test_a_run_counts_the_bonds_beyond_the_data(tmp_path):
     """An energy of uniaxial data: of a sheet that is pulled all bonds are within them, of one in pure shear none."""
-    data = pd.load_test_data("treloar").of("uniaxial").up_to(3.0)
+    data = pds.load_test_data("treloar").of("uniaxial").up_to(3.0)
     with pytest.warns(UserWarning, match="one mode of loading"):
-        model = pd.EnergyRegressor().fit(data.stretches, data.nominal_stress)
+        model = pds.EnergyRegressor().fit(data.stretches, data.nominal_stress)
     law = model.law_
-    samples = pd.wide_design(law, 1500, (0.5, 3.0), random_state=0)
+    samples = pds.wide_design(law, 1500, (0.5, 3.0), random_state=0)
     samples.design["hull"] = model.domain_hull()
-    pipeline = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y)
-    path = pd.store(pipeline, samples, law, tmp_path, "mine", "1", "a test")
-    assert pd.load_surrogate(path).domain.hull is not None
+    pipeline = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y)
+    path = pds.store(pipeline, samples, law, tmp_path, "mine", "1", "a test")
+    assert pds.load_surrogate(path).domain.hull is not None
     shares = {}
     for name in ("uniaxial", "pure-shear"):
-        result = pd.simulate(pd.load_scene(name, spacing=0.25, stretches=2.0, material=law), path)
+        result = pds.simulate(pds.load_scene(name, spacing=0.25, stretches=2.0, material=law), path)
         (row,) = result.summary["beyond_data"]
         shares[name] = row["share"]
         assert (result.field("domain_deviation") <= 0).mean() == pytest.approx(1 - row["share"], abs=0.2)

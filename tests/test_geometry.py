@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from meshes import write_bar, write_triangles
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.discretisation import discretise
 from pdsurrogate.forces import InvalidState
 from pdsurrogate.results import views
@@ -19,8 +19,8 @@ CLAMPED = {"x1": 0.0, "x2": 0.0}
 
 
 def run_of(**fields):
-    scene = pd.Scene(**{"name": "trial", "material": RUBBER, "steps": (1.0,), **fields})
-    return Run(scene, pd.load_surrogate("bond-energy"), Silent())
+    scene = pds.Scene(**{"name": "trial", "material": RUBBER, "steps": (1.0,), **fields})
+    return Run(scene, pds.load_surrogate("bond-energy"), Silent())
 
 
 def cantilever(body, **fields):
@@ -30,8 +30,8 @@ def cantilever(body, **fields):
         "loads": ({"region": "right", "traction": (0.0, -0.02)},),
         "probes": ({"name": "tip", "at": (2.0, 0.5)},),
     }
-    scene = pd.Scene(name="bent", material=RUBBER, steps=(1.0,), body=body, **conditions, **fields)
-    result = pd.simulate(scene, "bond-energy")
+    scene = pds.Scene(name="bent", material=RUBBER, steps=(1.0,), body=body, **conditions, **fields)
+    result = pds.simulate(scene, "bond-energy")
     return np.array(result.levels[-1]["probes"]["tip"]["displacement"]), result.summary
 
 
@@ -53,9 +53,9 @@ def test_a_mesh_has_its_own_spacing(tmp_path):
 
 
 def test_only_a_mesh_needs_no_spacing():
-    with pytest.raises(pd.SceneError, match="spacing: Field required"):
+    with pytest.raises(pds.SceneError, match="spacing: Field required"):
         cantilever({"shape": "rectangle", "size": (2.0, 1.0)})
-    with pytest.raises(pd.SceneError, match="spacing: a number is needed; only a mesh has a spacing of its own"):
+    with pytest.raises(pds.SceneError, match="spacing: a number is needed; only a mesh has a spacing of its own"):
         cantilever({"shape": "rectangle", "size": (2.0, 1.0)}, spacing=None)
 
 
@@ -70,7 +70,7 @@ def test_small_cells_in_a_corner_do_not_make_the_horizon_of_a_mesh_small(tmp_pat
     nodes = np.array(squares).reshape(-1, 3)
     meshio.write(tmp_path / "graded.vtu", meshio.Mesh(nodes, [("quad", np.arange(len(nodes)).reshape(-1, 4))]))
     fields = {"material": RUBBER, "steps": (1.0,), "prescribed": ({"region": "left", **CLAMPED},)}
-    body, _, _ = discretise(pd.Scene(name="graded", body={"shape": "mesh", "file": str(tmp_path / "graded.vtu")}, **fields))
+    body, _, _ = discretise(pds.Scene(name="graded", body={"shape": "mesh", "file": str(tmp_path / "graded.vtu")}, **fields))
     assert body.spacing == pytest.approx(0.99 * 0.1 + 0.01 * 0.025)
 
 
@@ -88,7 +88,7 @@ def pulled(bar, lower, upper, **fields):
 def test_groups_that_are_a_whole_face_are_held_as_that(bar):
     """By reflection in its plane, to the same forces, and told by their names in letters that a table takes."""
     by_name, by_group = (
-        pd.simulate(pd.Scene(name="bar", material=RUBBER, steps=(1.0,), **pulled(bar, *ends)), "bond-energy")
+        pds.simulate(pds.Scene(name="bar", material=RUBBER, steps=(1.0,), **pulled(bar, *ends)), "bond-energy")
         for ends in (("left", "right"), ({"group": "lower end"}, {"group": "upper"}))
     )
     assert len(by_group.body.planes) == 2
@@ -124,8 +124,8 @@ STAR = tuple((float(np.cos(angle)), float(np.sin(angle))) for angle in np.pi / 2
 )
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_outlines_that_cross_or_run_twice_are_refused(vertices, message, scale):
-    with pytest.raises(pd.SceneError, match=message if scale == 1 else message.split(" at ")[0].split(":")[0]):
-        pd.Polygon(vertices=[(scale * x1, scale * x2) for x1, x2 in vertices])
+    with pytest.raises(pds.SceneError, match=message if scale == 1 else message.split(" at ")[0].split(":")[0]):
+        pds.Polygon(vertices=[(scale * x1, scale * x2) for x1, x2 in vertices])
 
 
 @pytest.mark.parametrize(
@@ -140,8 +140,8 @@ def test_outlines_that_cross_or_run_twice_are_refused(vertices, message, scale):
     ],
 )
 def test_outlines_that_touch_themselves_are_taken(vertices):
-    assert pd.Polygon(vertices=vertices).shape == "polygon"
-    assert pd.Polygon(vertices=[(x1 + 1e6, x2 - 1e6) for x1, x2 in vertices]).shape == "polygon"
+    assert pds.Polygon(vertices=vertices).shape == "polygon"
+    assert pds.Polygon(vertices=[(x1 + 1e6, x2 - 1e6) for x1, x2 in vertices]).shape == "polygon"
 
 
 def test_supports_on_an_axis_do_not_turn_the_body():
@@ -151,7 +151,7 @@ def test_supports_on_an_axis_do_not_turn_the_body():
     takes 24 evaluations, as many as with one point held; with a preconditioner that knows only the held point it took 133.
     """
     places = {"north": (0.0, 1.8), "south": (0.0, -1.8)}
-    scene = pd.Scene(
+    scene = pds.Scene(
         name="ring",
         spacing=0.2,
         horizon_ratio=2.15,
@@ -163,7 +163,7 @@ def test_supports_on_an_axis_do_not_turn_the_body():
         probes=[{"name": name, "at": at} for name, at in places.items()],
         steps=(1.0,),
     )
-    result = pd.simulate(scene)
+    result = pds.simulate(scene)
     probes = result.levels[-1]["probes"]
     assert result.summary["n_force_evaluations"] < 50
     north, south = (np.array(probes[name]["displacement"]) for name in places)
@@ -176,12 +176,12 @@ def test_a_support_at_a_place_keeps_nothing_from_turning():
     """The four points around a corner of cells are one support: they keep the body where they are, and a second one from turning."""
     sheet = {"body": {"shape": "rectangle", "size": (1.2, 1.0)}, "spacing": 0.1}
     pin = {"region": {"near": (0.6, 0.5)}, **CLAMPED}
-    with pytest.raises(pd.SceneError, match="nothing keeps the body from turning"):
+    with pytest.raises(pds.SceneError, match="nothing keeps the body from turning"):
         run_of(**sheet, prescribed=(pin,))
     run = run_of(**sheet, prescribed=(pin, {"region": {"near": (0.05, 0.5)}, "x2": 0.0}))
     assert (run.loading.free == 0).sum(axis=0).tolist() == [1, 2]
     dynamics = {"to": 1.0, "dynamics": {"duration": 1.0, "density": 1.0}}
-    with pytest.raises(pd.SceneError, match=r"^scene trial: prescribed.0.region: 4 points are equally near to this place"):
+    with pytest.raises(pds.SceneError, match=r"^scene trial: prescribed.0.region: 4 points are equally near to this place"):
         run_of(**sheet, prescribed=(pin,), steps=(dynamics,))
 
 
@@ -191,7 +191,7 @@ def test_a_beam_on_two_supports_at_places():
     Held at both points in both components, one of them carried 7 % more than the other: it kept its end from turning.  Forces balance to
     the residual, 1e-6 of mu/spacing in force density: on 128 points of 1/16 it is worth less than 2e-5 of the weight and its moment.
     """
-    scene = pd.Scene(
+    scene = pds.Scene(
         name="beam",
         spacing=0.25,
         body={"shape": "rectangle", "size": (4.0, 1.0), "lower": (0.0, -0.5)},
@@ -204,7 +204,7 @@ def test_a_beam_on_two_supports_at_places():
         solver={"tolerance": 1e-8},
         steps=(1.0,),
     )
-    result = pd.simulate(scene, "bond-energy")
+    result = pds.simulate(scene, "bond-energy")
     level = result.levels[-1]
     np.testing.assert_allclose(level["forces"]["pin"], [0.0, 0.008], atol=1e-6)
     np.testing.assert_allclose(level["forces"]["roller"], [0.0, 0.008], atol=1e-6)
@@ -218,7 +218,7 @@ def test_a_support_at_a_place_goes_where_it_is_told():
     angle = np.radians(30)
     turned = np.array([[np.cos(angle) - 1, -np.sin(angle)], [np.sin(angle), np.cos(angle) - 1]])
     x1, x2 = turned @ [0.6, 0.0]
-    scene = pd.Scene(
+    scene = pds.Scene(
         name="sheet",
         spacing=0.1,
         body={"shape": "rectangle", "size": (1.2, 1.0), "lower": (-0.6, -0.5)},
@@ -229,7 +229,7 @@ def test_a_support_at_a_place_goes_where_it_is_told():
         ),
         steps=(1.0,),
     )
-    result = pd.simulate(scene, "bond-energy")
+    result = pds.simulate(scene, "bond-energy")
     moved = result.field("displacement")[:, :2]
     # What is prescribed at the second place is that at 0.5; its four points have their mean there.
     np.testing.assert_allclose(moved, result.body.points @ turned.T, atol=1e-4)
@@ -247,12 +247,12 @@ def gasket(**changes):
         "prescribed": ({"region": "bottom", **CLAMPED}, *rollers),
         "steps": ({"to": 1.0, "largest_increment": 0.25},),
     }
-    return pd.Scene(**{**fields, **changes})
+    return pds.Scene(**{**fields, **changes})
 
 
 def test_a_corner_that_folds_over_the_plate_is_told():
-    with pytest.raises(pd.SimulationFailed) as caught:
-        pd.simulate(gasket())
+    with pytest.raises(pds.SimulationFailed) as caught:
+        pds.simulate(gasket())
     told = str(caught.value)
     assert "beyond the bottom edge" in told
     assert "the free side beside it bulges over what it is bonded to" in told
@@ -269,11 +269,11 @@ def test_what_helps_a_corner_that_folds(changes):
     else:
         hollow = [(float(0.6 * height * (1 - height)), float(height)) for height in np.linspace(0.5, 0.0, 11)]
         scene = gasket(body={"shape": "polygon", "vertices": ((0.0, 0.0), (0.6, 0.0), (0.6, 0.5), *hollow[:-1])})
-    assert pd.simulate(scene).summary["converged"]
+    assert pds.simulate(scene).summary["converged"]
 
 
 def test_only_beside_a_free_side_of_what_is_bonded_a_point_beyond_is_a_fold():
-    run = Run(gasket(), pd.load_surrogate("bond-energy"), Silent())
+    run = Run(gasket(), pds.load_surrogate("bond-energy"), Silent())
     for point, fold in ((0, True), (6, False)):  # in the corner; in the middle of the bottom, five cells from the free side
         positions = run.body.points.copy()
         positions[point, 1] = -0.001
@@ -287,7 +287,7 @@ def test_probes_that_the_body_hides_are_told_in_the_preview():
     """The eye looks from the front right and above, at the sides where x1 and x3 are greatest and x2 is least."""
     middles = {"right": (1, 0.5, 0.5), "bottom": (0.5, 0, 0.5), "front": (0.5, 0.5, 1)}
     hidden = {"left": (0, 0.5, 0.5), "top": (0.5, 1, 0.5), "back": (0.5, 0.5, 0), "inner": (0.5, 0.5, 0.5)}
-    scene = pd.Scene(
+    scene = pds.Scene(
         name="cube",
         spacing=0.25,
         body={"shape": "box", "size": (1, 1, 1)},
@@ -296,12 +296,12 @@ def test_probes_that_the_body_hides_are_told_in_the_preview():
         probes=[{"name": name, "at": at} for name, at in {**middles, **hidden}.items()],
         steps=(1.0,),
     )
-    texts = {text.get_text().strip() for text in pd.preview(scene).axes[0].texts}
+    texts = {text.get_text().strip() for text in pds.preview(scene).axes[0].texts}
     assert texts >= {*middles, *(f"{name} (hidden)" for name in hidden)}
 
 
 def test_the_section_of_a_picture_is_called_deformed():
-    scene = pd.load_scene("bonded-block", spacing=0.25)
+    scene = pds.load_scene("bonded-block", spacing=0.25)
     body, _, _ = discretise(scene)
     figure = views.contour_figure([(body.cells, np.zeros_like(body.cells.nodes))], [np.zeros(len(body))], "u", ["at rest"])
     titles = [axis.get_title() for axis in figure.axes]
@@ -332,10 +332,10 @@ def test_bodies_in_pieces_that_are_all_held_are_remarked_on():
 )
 def test_the_preview_refuses_what_a_run_refuses(changes, message):
     sheet = {"body": {"shape": "rectangle", "size": (1.2, 1.0)}, "spacing": 0.1, "prescribed": ({"region": "left", **CLAMPED},)}
-    scene = pd.Scene(name="sheet", material=RUBBER, steps=(1.0,), **{**sheet, **changes})
+    scene = pds.Scene(name="sheet", material=RUBBER, steps=(1.0,), **{**sheet, **changes})
     told = []
-    for look in (pd.preview, lambda scene: Run(scene, pd.load_surrogate("bond-energy"), Silent())):
-        with pytest.raises(pd.SceneError) as caught:
+    for look in (pds.preview, lambda scene: Run(scene, pds.load_surrogate("bond-energy"), Silent())):
+        with pytest.raises(pds.SceneError) as caught:
             look(scene)
         told.append(str(caught.value))
     assert told[0] == told[1]
@@ -345,6 +345,6 @@ def test_the_preview_refuses_what_a_run_refuses(changes, message):
 def test_where_a_mesh_is_too_coarse_nobody_is_told_to_take_a_smaller_spacing(tmp_path):
     """Four squares in a row: their points lie on one line."""
     mesh = {"shape": "mesh", "file": str(write_triangles(tmp_path / "coarse.vtu", 1, (1.0, 1.0)))}
-    with pytest.raises(pd.SceneError, match="take a finer mesh, of cells of about one size") as caught:
+    with pytest.raises(pds.SceneError, match="take a finer mesh, of cells of about one size") as caught:
         run_of(body=mesh, prescribed=({"region": "left", **CLAMPED}, {"region": "right", "x1": 0.1}))
     assert "smaller spacing" not in str(caught.value)

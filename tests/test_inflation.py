@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 
 INNER, OUTER, K = 0.5, 1.0, 100.0
 
@@ -64,14 +64,14 @@ def test_the_radial_solution():
 
 def test_a_coarse_sphere():
     """Six cells across the wall.  Of second order in the spacing: 0.5 % at 20 cells are some 5 % here."""
-    result = pd.simulate(pd.load_scene("inflation", {"spacing": 1 / 12, "steps": [0.25], "solver.tolerance": 1e-5}))
+    result = pds.simulate(pds.load_scene("inflation", {"spacing": 1 / 12, "steps": [0.25], "solver.tolerance": 1e-5}))
     assert np.abs(errors(result, 0, 0.25)).max() < 0.05
 
 
 def scene_of(body, **more):
     planes = [{"region": face, f"x{axis}": 0.0} for axis, face in enumerate(("left", "bottom", "back"), 1)]
     material = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
-    return pd.Scene(**{"name": "part", "body": body, "material": material, "prescribed": planes, "steps": [1.0], **more})
+    return pds.Scene(**{"name": "part", "body": body, "material": material, "prescribed": planes, "steps": [1.0], **more})
 
 
 def test_a_ball_in_a_force_with_modes_without_energy_is_told_of_them():
@@ -79,20 +79,20 @@ def test_a_ball_in_a_force_with_modes_without_energy_is_told_of_them():
     round_ = {"and": ["outline", {"not": {"or": ["left", "bottom", "back"]}}]}
     ball = {"shape": "sphere", "radius": 1.0, "part": "eighth"}
     scene = scene_of(ball, spacing=1 / 6, loads=[{"region": round_, "pressure": 1.0}])
-    with pytest.raises(pd.SimulationFailed, match=r"carry the body away.*does not resist all displacements.*: force=bond-energy does\)"):
-        pd.simulate(scene, "nosb")
+    with pytest.raises(pds.SimulationFailed, match=r"carry the body away.*does not resist all displacements.*: force=bond-energy does\)"):
+        pds.simulate(scene, "nosb")
 
 
 def test_a_wall_thinner_than_the_spacing_is_told_as_one():
     tube = {"shape": "tube", "inner_radius": 0.95, "outer_radius": 1.0, "length": 0.5}
     held = [{"region": face, "x1": 0.0, "x2": 0.0, "x3": travel} for face, travel in (("back", 0.0), ("front", 0.05))]
-    with pytest.raises(pd.SceneError, match=r"pieces with no bonds between them, as where a wall is thinner than the spacing, 0\.1, or"):
-        pd.simulate(scene_of(tube, spacing=0.1, prescribed=held))
+    with pytest.raises(pds.SceneError, match=r"pieces with no bonds between them, as where a wall is thinner than the spacing, 0\.1, or"):
+        pds.simulate(scene_of(tube, spacing=0.1, prescribed=held))
 
 
 @pytest.mark.slow
 def test_inflation_is_within_half_a_per_cent():
     """The scene as it is."""
-    result = pd.simulate(pd.load_scene("inflation"))
+    result = pds.simulate(pds.load_scene("inflation"))
     for level, pressure in enumerate((0.25, 0.5)):
         assert np.abs(errors(result, level, pressure)).max() < 0.005, pressure

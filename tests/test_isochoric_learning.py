@@ -6,7 +6,7 @@ from bodies import sheet
 from conftest import SHIPPED
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.cli import app
 from pdsurrogate.engine.block_arrays import BLOCK
@@ -16,7 +16,7 @@ from pdsurrogate.learning import energy as learning
 from pdsurrogate.learning.isochoric import ISOCHORIC
 from pdsurrogate.materials import plane_strain, solid
 
-LAW = pd.Ogden()
+LAW = pds.Ogden()
 NAMES = ("neo-hookean", "ogden", "arruda-boyce", "full-network")
 PLANES = {"strain": plane_strain, "space": solid}
 
@@ -28,8 +28,8 @@ def ogden():
 
 @pytest.fixture(scope="module")
 def fitted():
-    samples = pd.energy_design(LAW, 400, isochoric=True)
-    return pd.energy_pipeline(pd.SobolevRegressor(4, max_iter=200, random_state=0), isochoric=True).fit(samples.X, samples.y), samples
+    samples = pds.energy_design(LAW, 400, isochoric=True)
+    return pds.energy_pipeline(pds.SobolevRegressor(4, max_iter=200, random_state=0), isochoric=True).fit(samples.X, samples.y), samples
 
 
 def states_of(stretches, plane, J):
@@ -59,10 +59,10 @@ def drawn(n, plane, low=0.3, high=3.5, seed=3):
 
 def test_samples_are_the_energy_of_the_law():
     """Derivatives of a law of invariants are its own; of principal stretches, differences of the energy."""
-    law = pd.MooneyRivlin()
-    samples = pd.energy_design(law, 200, isochoric=True, random_state=2)
+    law = pds.MooneyRivlin()
+    samples = pds.energy_design(law, 200, isochoric=True, random_state=2)
     np.testing.assert_allclose(samples.y.T, np.broadcast_arrays(*law.isochoric(*samples.X.T, law.parameters)[:3]), rtol=1e-9, atol=1e-12)
-    samples = pd.energy_design(LAW, 200, (0.4, 3.0), 0.0, isochoric=True)
+    samples = pds.energy_design(LAW, 200, (0.4, 3.0), 0.0, isochoric=True)
     assert samples.stretches.min() >= 0.4
     assert samples.stretches.max() <= 3.0
     np.testing.assert_allclose(samples.stretches.prod(axis=1), 1, rtol=1e-12)
@@ -75,14 +75,14 @@ def test_samples_are_the_energy_of_the_law():
 
 def test_pipeline_and_surrogate_are_one_function(fitted, tmp_path):
     model, samples = fitted
-    unseen = pd.energy_design(LAW, 500, isochoric=True, random_state=5)
+    unseen = pds.energy_design(LAW, 500, isochoric=True, random_state=5)
     assert learning.energy_errors(model.predict(unseen.X).T, unseen)["rms"] < 2e-3
-    surrogate = pd.energy_surrogate_of(model, LAW, samples)
+    surrogate = pds.energy_surrogate_of(model, LAW, samples)
     expected = model.predict(unseen.X)
     np.testing.assert_allclose(np.stack(surrogate.isochoric_derivatives(*unseen.X.T), axis=1), expected, rtol=1e-9, atol=1e-11)
     assert surrogate.isochoric_derivatives(3.0, 3.0)[0] == 0
-    path = pd.store_energy(model, samples, LAW, tmp_path, "mine", "1", "test")
-    card = pd.load_card(path)
+    path = pds.store_energy(model, samples, LAW, tmp_path, "mine", "1", "test")
+    card = pds.load_card(path)
     assert (card.kind, card.material.shape) == ("isochoric-network", LAW.shape)
     np.testing.assert_array_equal(load_surrogate(path).hidden_weights, surrogate.hidden_weights)
     assert list(model.regressor_[0].get_feature_names_out()) == ["log(I1bar/3)", "log(I2bar/3)"]
@@ -91,19 +91,19 @@ def test_pipeline_and_surrogate_are_one_function(fitted, tmp_path):
 def test_pipelines_of_other_energies_are_refused(fitted):
     model, _ = fitted
     with pytest.raises(ValueError, match="the pipeline is of an isochoric energy and the samples are of an energy"):
-        pd.energy_surrogate_of(model, LAW, pd.energy_design(LAW, 10))
+        pds.energy_surrogate_of(model, LAW, pds.energy_design(LAW, 10))
     with pytest.raises(ValueError, match="I2bar must be positive"):
         model.predict([[3.0, -1.0]])
 
 
 def test_laws_that_lock_are_learnt_as_far_as_they_go():
-    law = pd.Gent(chain_limit=5.0)
-    low, high = pd.reachable_stretches(law, (0.25, 4.0), isochoric=True)
+    law = pds.Gent(chain_limit=5.0)
+    low, high = pds.reachable_stretches(law, (0.25, 4.0), isochoric=True)
     assert low > 0.25
     assert high < 4.0
-    assert np.isfinite(pd.energy_design(law, 500, (low, high), isochoric=True).y).all()
+    assert np.isfinite(pds.energy_design(law, 500, (low, high), isochoric=True).y).all()
     with pytest.raises(ValueError, match=r"gent ends before all states of stretches from 0\.25 to 4"):
-        pd.energy_design(law, 500, isochoric=True)
+        pds.energy_design(law, 500, isochoric=True)
 
 
 @pytest.mark.parametrize("bounds", [(0.4, 4.0), (0.05, 3.0), (0.25, 20.0)])
@@ -141,7 +141,7 @@ def test_kernel_is_the_network(ogden, plane, precision, error):
 def test_shipped_artefacts_are_as_exact_as_they_state(name, plane):
     """Energy and stress are the law's, the latter within five times the greatest error that the card states: the states are others."""
     model = load_surrogate(SHIPPED / f"{name}-isochoric")
-    law = pd.LAWS[name]()
+    law = pds.LAWS[name]()
     states, squares = drawn(200, plane)
     found = model.isochoric_energy(law, plane, "extrapolate", "float64").evaluate(*states)
     exact = np.array(PLANES[plane].isochoric_response(law, *states))
@@ -185,7 +185,7 @@ def block(plane, counts=6, reach=None):
         return sheet()
     axis = (np.arange(counts) + 0.5) / counts
     points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
-    return pd.Body(points, np.full(len(points), counts**-3.0), 1.75 / counts, 1 / counts)
+    return pds.Body(points, np.full(len(points), counts**-3.0), 1.75 / counts, 1 / counts)
 
 
 def wavy(points, stretch=1.6):
@@ -205,8 +205,8 @@ def test_one_artefact_serves_every_bulk_modulus(ogden, plane):
     """Forces within ten times the stated error of the exact energy's, at K = 100 and 1000 mu, and the energy within it."""
     body = block(plane)
     for bulk in (100.0, 1000.0):
-        law = pd.Ogden(bulk_modulus=bulk)
-        learnt, exact = (model.bind(body, law, ForceSettings(plane=plane)) for model in (ogden, pd.BondEnergyForce()))
+        law = pds.Ogden(bulk_modulus=bulk)
+        learnt, exact = (model.bind(body, law, ForceSettings(plane=plane)) for model in (ogden, pds.BondEnergyForce()))
         found, expected = (evaluated(force, wavy(body.points)) for force in (learnt, exact))
         assert np.abs(found - expected).max() < 10 * ogden.stated["max"] * np.abs(expected).max()
         assert learnt.energy() == pytest.approx(exact.energy(), rel=ogden.stated["max"])
@@ -227,7 +227,7 @@ def test_policies_outside_the_domain(ogden, plane):
 
     force = bound("fallback")
     assert force.domain_deviation() == pytest.approx(-np.log(4.0))
-    exact = pd.BondEnergyForce().bind(body, LAW, ForceSettings(plane=plane))
+    exact = pds.BondEnergyForce().bind(body, LAW, ForceSettings(plane=plane))
     np.testing.assert_allclose(evaluated(force, far), evaluated(exact, far), rtol=1e-9, atol=1e-9)
     assert force.pairs_outside == len(body.bonds.first)
     assert (force.domain_deviation() > 0).all()
@@ -247,9 +247,9 @@ def test_what_it_does_not_serve_it_says(ogden):
     with pytest.raises(ValueError, match=r"ogden-isochoric@1 does not take plane=stress; it takes plane=strain\|space; force=analytic"):
         ogden.bind(sheet(), LAW, ForceSettings())
     with pytest.raises(ValueError, match="describes the law ogden, not gent"):
-        ogden.bind(block("space"), pd.Gent(), ForceSettings(plane="space"))
+        ogden.bind(block("space"), pds.Gent(), ForceSettings(plane="space"))
     with pytest.raises(ValueError, match=r"describes ogden with modulus_1 = 1\.49.*, not 1\.38"):
-        ogden.check_material(pd.Ogden(exponents=(1.4, 5.0, -2.0)))
+        ogden.check_material(pds.Ogden(exponents=(1.4, 5.0, -2.0)))
     wrong = load_surrogate(SHIPPED / "ogden-isochoric")
     wrong.output_weights[0] *= 1.1
     with pytest.raises(ValueError, match="differs from the forces of ogden"):
@@ -262,7 +262,7 @@ def test_fitted_from_the_command_line(tmp_path):
     outcome = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path)])
     assert outcome.exit_code == 0, outcome.output
     assert "shear modulus at rest" in " ".join(outcome.output.split())
-    card = pd.load_card(tmp_path / "mine")
+    card = pds.load_card(tmp_path / "mine")
     assert card.kind == "isochoric-network"
     assert len(card.training["cross_validation"]) == 2
     outcome = CliRunner().invoke(app, ["fit", "other", "--energy", "--degree", "4", "--out", str(tmp_path)])
@@ -274,7 +274,7 @@ def test_fitted_from_the_command_line(tmp_path):
 def test_bonded_blocks_agree_with_the_exact_energy(scene):
     """Stress and probes of a scene within the error that the card states, and the solver's tolerance."""
     changes = {"material.law": "ogden", "spacing": 0.25, "stretches": [1.3]}
-    learnt, exact = (pd.simulate(pd.load_scene(scene, changes), force).levels[-1] for force in ("ogden-isochoric", "bond-energy"))
+    learnt, exact = (pds.simulate(pds.load_scene(scene, changes), force).levels[-1] for force in ("ogden-isochoric", "bond-energy"))
     for name, force in exact["forces"].items():
         np.testing.assert_allclose(learnt["forces"][name], force, atol=1e-4 * np.abs(list(exact["forces"].values())).max())
     for name, probe in exact["probes"].items():
@@ -305,21 +305,21 @@ def test_single_precision_finds_the_same_equilibrium_of_a_bonded_cube():
     """At K = 1000 mu too: volumes are double, so that rounding is that of stresses of mu, 1e-7, and not K/mu times it."""
     changes = {"spacing": 0.2, "material.bulk_modulus": 1000.0, "stretches": 1.2}
     single, double = (
-        pd.simulate(pd.load_scene("bonded-block", changes | {"precision": precision}), "neo-hookean-isochoric").levels[-1]
+        pds.simulate(pds.load_scene("bonded-block", changes | {"precision": precision}), "neo-hookean-isochoric").levels[-1]
         for precision in ("float32", "float64")
     )
     assert single["residual"] < 1e-6
     assert single["nominal_stress"] == pytest.approx(double["nominal_stress"], rel=3e-6)
     assert single["nominal_stress"] != double["nominal_stress"]
-    with pytest.raises(pd.SceneError, match="precision"):
-        pd.simulate(pd.load_scene("bonded-block", changes | {"precision": "float32"}), "bond-energy")
+    with pytest.raises(pds.SceneError, match="precision"):
+        pds.simulate(pds.load_scene("bonded-block", changes | {"precision": "float32"}), "bond-energy")
 
 
 def test_bodies_of_two_materials(ogden):
     """Learnt on one side and exact on the other, or learnt on both; pairs outside are counted by material."""
-    body, soft, stiff = block("space"), pd.Ogden(), pd.NeoHookean(3.0, 300.0)
+    body, soft, stiff = block("space"), pds.Ogden(), pds.NeoHookean(3.0, 300.0)
     left = body.points[:, 0] < 0.5
-    neo_hookean, exact = load_surrogate(SHIPPED / "neo-hookean-isochoric"), pd.BondEnergyForce()
+    neo_hookean, exact = load_surrogate(SHIPPED / "neo-hookean-isochoric"), pds.BondEnergyForce()
 
     def forces(*models):
         portions = [

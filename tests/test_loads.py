@@ -6,7 +6,7 @@ from bodies import rotation, sheet
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.body import Body, ReflectionPlane, grid
 from pdsurrogate.body.surface import Following, Surface
 from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
@@ -84,8 +84,8 @@ class Regions:
 
 
 def scene_of(*loads, steps=1, **options):
-    body, hole = pd.Rectangle(size=(WIDTH, HEIGHT)), pd.Circle(radius=0.2, centre=(WIDTH / 2, HEIGHT / 2))
-    return pd.Scene(name="loads", spacing=0.1, body=body, holes=(hole,), material="neo-hookean", loads=loads, steps=steps, **options)
+    body, hole = pds.Rectangle(size=(WIDTH, HEIGHT)), pds.Circle(radius=0.2, centre=(WIDTH / 2, HEIGHT / 2))
+    return pds.Scene(name="loads", spacing=0.1, body=body, holes=(hole,), material="neo-hookean", loads=loads, steps=steps, **options)
 
 
 def holed_sheet():
@@ -351,14 +351,14 @@ def test_tractions_on_both_ends_are_the_mean_stress_of_a_bar():
 
 def test_a_force_on_an_edge_that_is_held_by_reflection_is_refused():
     """It pulled at the free points half a cell inside the edge, and changed what the other edge holds by 3 %."""
-    scene = pd.Scene(
+    scene = pds.Scene(
         name="held",
         spacing=0.1,
-        body=pd.Rectangle(size=(1.0, 1.0)),
+        body=pds.Rectangle(size=(1.0, 1.0)),
         material="neo-hookean",
         prescribed=({"region": "left", "x1": 0, "x2": 0}, {"region": "right", "x1": 0.2}),
         loads=({"region": "right", "force": (0.3, 0)},),
         steps=1,
     )
-    with pytest.raises(pd.SceneError, match=r"loads\.0\.region: the right edge is held by reflection"):
-        pd.simulate(scene, "analytic")
+    with pytest.raises(pds.SceneError, match=r"loads\.0\.region: the right edge is held by reflection"):
+        pds.simulate(scene, "analytic")

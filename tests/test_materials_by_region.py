@@ -5,7 +5,7 @@ import pytest
 from bodies import rotation, sheet
 from conftest import SHIPPED
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import Body, ReflectionPlane, grid
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
@@ -210,7 +210,7 @@ def test_in_plane_strain_either_side_of_a_straight_interface_is_exact_too(case):
 @pytest.mark.parametrize(("name", "stress", "interface"), [("bond-energy", 5e-4, 2e-3), ("analytic", 2e-3, 2e-3)])
 def test_two_rubbers_in_series_against_finite_elements(name, stress, interface):
     """The scene `bimaterial`, coarse: stress and place of the interface, continued from either side."""
-    result = pd.simulate(load_scene("bimaterial", {"spacing": 1 / 16, "precision": "float64"}), name)
+    result = pds.simulate(load_scene("bimaterial", {"spacing": 1 / 16, "precision": "float64"}), name)
     level = result.levels[0]
     assert abs(level["nominal_stress_error"]) < stress
     points, u = result.body.points, result.displacement()[:, 0]
@@ -230,7 +230,7 @@ def test_a_hundred_times_as_stiff_is_found_in_equilibrium(name):
     """By the quasi-Newton method, whose stiffness knows the materials; softer than two in series and stiffer than the soft one alone."""
     stiff = NeoHookean(100.0, 10_000.0)
     changes = {"spacing": 0.1, "stretches": 1.3, "materials.0.material": stiff.describe(), "solver.method": "quasi-newton"}
-    level = pd.simulate(load_scene("bimaterial", changes), name).levels[0]
+    level = pds.simulate(load_scene("bimaterial", changes), name).levels[0]
     # All of the elongation in the soft half, its own bonds at the interface held across.
     assert homogeneous.uniaxial(SOFT, 1.59).nominal_stress < level["nominal_stress"] < homogeneous.pure_shear(SOFT, 1.6).nominal_stress
 
@@ -249,7 +249,7 @@ def test_two_rubbers_side_by_side_in_plane_strain():
     """
     changes = {"plane": "strain", "reference": None, "probes": [], "spacing": 0.125, "stretches": 1.3}
     upper = {"materials.0.region": {"box": [[0.0, 0.5], [3.0, 1.0]]}}
-    level = pd.simulate(load_scene("bimaterial", changes | upper), "bond-energy").levels[0]
+    level = pds.simulate(load_scene("bimaterial", changes | upper), "bond-energy").levels[0]
     bars = [homogeneous.uniaxial(law, 1.3, "strain").nominal_stress for law in (SOFT, STIFF)]
     np.testing.assert_allclose(level["nominal_stress"], np.mean(bars), rtol=1e-6)
 
@@ -294,7 +294,7 @@ def test_two_rubbers_in_series_in_plane_strain_against_finite_elements():
     errors = []
     for spacing in SPACINGS:
         changes = {"plane": "strain", "reference": None, "spacing": spacing}
-        result = pd.simulate(load_scene("bimaterial", changes), "bond-energy")
+        result = pds.simulate(load_scene("bimaterial", changes), "bond-energy")
         points, u = result.body.points, result.displacement()[:, 0]
         sides = []
         for sign in (-1, 1):
@@ -345,12 +345,12 @@ def test_two_materials_in_space(random):
 
 def test_a_probe_on_the_interface_reads_one_side():
     """Finite elements have it at 1.20480 cm; a fit to the points of both sides is 1.4 % off."""
-    level = pd.simulate(load_scene("bimaterial", {"spacing": 0.1, "precision": "float64"}), "analytic").levels[0]
+    level = pds.simulate(load_scene("bimaterial", {"spacing": 0.1, "precision": "float64"}), "analytic").levels[0]
     np.testing.assert_allclose(level["probes"]["interface"]["displacement"], [1.2048027829575614, 0.0], atol=3e-3)
 
 
 def test_stresses_are_those_of_a_points_own_law():
-    result = pd.simulate(load_scene("bimaterial", {"spacing": 0.125, "precision": "float64"}), "bond-energy")
+    result = pds.simulate(load_scene("bimaterial", {"spacing": 0.125, "precision": "float64"}), "bond-energy")
     state = result.states[0][1]
     F = state["deformation_gradient"].reshape(-1, 3, 3)[:, :2, :2]
     stress = state["stress"].reshape(-1, 3, 3)[:, :2, :2]
@@ -360,9 +360,9 @@ def test_stresses_are_those_of_a_points_own_law():
 
 def test_each_material_takes_the_surrogate_of_its_law():
     changes = {"spacing": 0.2, "materials.0.material": Gent().describe()}
-    forces = pd.simulate(load_scene("bimaterial", changes), "neo-hookean").summary
+    forces = pds.simulate(load_scene("bimaterial", changes), "neo-hookean").summary
     assert forces["materials"][0]["force"].startswith("gent@")
-    energies = pd.simulate(load_scene("bimaterial", changes), "neo-hookean-energy").summary
+    energies = pds.simulate(load_scene("bimaterial", changes), "neo-hookean-energy").summary
     assert energies["force"].startswith("neo-hookean-energy@")
     assert energies["materials"][0]["force"] == "bond-energy"
 
@@ -390,7 +390,7 @@ def test_each_material_takes_the_surrogate_of_its_law():
 )
 def test_what_does_not_go_together_is_refused(changes, force, message):
     with pytest.raises(SceneError) as caught:
-        pd.simulate(load_scene("bimaterial", {"spacing": 0.125, **changes}), force)
+        pds.simulate(load_scene("bimaterial", {"spacing": 0.125, **changes}), force)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -399,7 +399,7 @@ def test_a_part_that_takes_all_of_the_body_leaves_one_material():
     """What the scene says of the rest is then of nothing."""
     whole = {"spacing": 0.2, "materials.0.region": "body"}
     alone = {"spacing": 0.2, "materials": [], "material": STIFF.describe()}
-    stress = [pd.simulate(load_scene("bimaterial", changes), "analytic").levels[0]["nominal_stress"] for changes in (whole, alone)]
+    stress = [pds.simulate(load_scene("bimaterial", changes), "analytic").levels[0]["nominal_stress"] for changes in (whole, alone)]
     assert stress[0] == stress[1]
 
 
@@ -417,8 +417,8 @@ def general(**changes):
 @pytest.mark.parametrize("name", ["analytic", "bond-energy"])
 def test_prescribed_edges_do_what_grips_do(name):
     """And half a body what the whole does, but for the slopes at the interface, which are fitted without images: 0.1 % of the stretch."""
-    short = pd.simulate(load_scene("bimaterial", {"spacing": 0.125, "precision": "float64"}), name)
-    half = pd.simulate(general(prescribed=[*SUPPORTS, {"region": "right", "x1": 1.5}]), name)
+    short = pds.simulate(load_scene("bimaterial", {"spacing": 0.125, "precision": "float64"}), name)
+    half = pds.simulate(general(prescribed=[*SUPPORTS, {"region": "right", "x1": 1.5}]), name)
     upper = short.body.points[:, 1] > 0.5
     np.testing.assert_allclose(half.displacement()[:, 0], short.displacement()[upper, 0], atol=2e-3)
     force, whole = (result.levels[-1]["forces"]["right"][0] for result in (half, short))
@@ -428,7 +428,7 @@ def test_prescribed_edges_do_what_grips_do(name):
 def test_a_traction_goes_through_both_materials():
     """The left edge gives what the load takes; so does every section, by the stresses of its points, with five points across."""
     load = [{"region": "right", "traction": [1.2, 0.0]}]
-    result = pd.simulate(general(loads=load, spacing=0.1), "analytic")
+    result = pds.simulate(general(loads=load, spacing=0.1), "analytic")
     np.testing.assert_allclose(result.levels[-1]["forces"]["left"][0], -0.6, rtol=1e-4)
     P = result.states[-1][1]["stress"].reshape(-1, 3, 3)[:, 0, 0]
     for place, tolerance in ((0.5, 1e-2), (1.2, 3e-2), (1.8, 3e-2), (2.5, 1e-2)):
@@ -440,4 +440,4 @@ def test_dynamics_refuse_what_outruns_the_waves_of_the_softest_material():
     moving = [*SUPPORTS, {"region": "right", "x1": 1.5}]
     steps = [{"to": 1.0, "dynamics": {"duration": 0.12, "density": 0.01}}]
     with pytest.raises(SceneError, match="faster than shear waves at 10"):
-        pd.simulate(general(prescribed=moving, steps=steps), "analytic")
+        pds.simulate(general(prescribed=moving, steps=steps), "analytic")

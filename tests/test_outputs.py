@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import scipy
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.results import vtk
 from pdsurrogate.results.measures import POINT_FIELDS
 from pdsurrogate.studies.table import KEYS_OF_LEVELS, KEYS_OF_RUNS
@@ -49,15 +49,15 @@ TEAR = {
 }
 
 
-def _programme() -> pd.Scene:
+def _programme() -> pds.Scene:
     """Two materials, a load, a probe, equilibrium and viscous dynamics."""
     stiff = {"law": "neo-hookean", "shear_modulus": 2.0, "bulk_modulus": 200.0}
     dynamics = {"duration": 0.5, "density": 1.0, "damping": 1.0, "viscosity": 1e-3}
-    return pd.Scene(
+    return pds.Scene(
         name="programme",
         spacing=0.1,
         units=UNITS,
-        body=pd.Rectangle(size=(1.0, 0.4)),
+        body=pds.Rectangle(size=(1.0, 0.4)),
         material="neo-hookean",
         materials=({"region": {"box": ((0.5, 0.0), (1.0, 0.4))}, "material": stiff},),
         prescribed=({"region": "left", "x1": 0.0, "x2": 0.0},),
@@ -67,9 +67,9 @@ def _programme() -> pd.Scene:
     )
 
 
-def _in_space() -> pd.Scene:
+def _in_space() -> pds.Scene:
     held, pulled = {"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0}, {"region": "right", "x1": 0.1, "x2": 0.0, "x3": 0.0}
-    return pd.Scene(
+    return pds.Scene(
         name="block",
         spacing=0.25,
         units=UNITS,
@@ -80,19 +80,19 @@ def _in_space() -> pd.Scene:
     )
 
 
-def _pulled(material) -> pd.Scene:
+def _pulled(material) -> pds.Scene:
     held, pulled = {"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.5}
-    body = pd.Rectangle(size=(1.0, 0.5))
-    return pd.Scene(name="pulled", spacing=0.125, units=UNITS, body=body, material=material, prescribed=(held, pulled), steps=(1.0,))
+    body = pds.Rectangle(size=(1.0, 0.5))
+    return pds.Scene(name="pulled", spacing=0.125, units=UNITS, body=body, material=material, prescribed=(held, pulled), steps=(1.0,))
 
 
-def _far() -> pd.Scene:
+def _far() -> pds.Scene:
     """A strip that its load bends so far that increments are shortened, and lengthened again."""
-    return pd.Scene(
+    return pds.Scene(
         name="far",
         spacing=0.1,
         units=UNITS,
-        body=pd.Rectangle(size=(1.0, 0.3)),
+        body=pds.Rectangle(size=(1.0, 0.3)),
         material="neo-hookean",
         prescribed=({"region": "left", "x1": 0.0, "x2": 0.0},),
         loads=({"region": "right", "traction": (0.0, 0.3)},),
@@ -102,17 +102,17 @@ def _far() -> pd.Scene:
 
 def _committee(folder: Path) -> Path:
     """A surrogate of an energy from test data, with two members beside it."""
-    data = pd.load_test_data("treloar").up_to(3.0)
+    data = pds.load_test_data("treloar").up_to(3.0)
 
     def fitted(rows) -> tuple:
-        energy = pd.EnergyRegressor().fit(data.stretches[rows], data.nominal_stress[rows])
-        samples = pd.wide_design(energy.law_, 1500, (0.5, 3.0), random_state=0)
+        energy = pds.EnergyRegressor().fit(data.stretches[rows], data.nominal_stress[rows])
+        samples = pds.wide_design(energy.law_, 1500, (0.5, 3.0), random_state=0)
         samples.design["hull"] = energy.domain_hull()
-        return pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y), samples, energy.law_
+        return pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y), samples, energy.law_
 
     everything = np.arange(len(data.nominal_stress))
     model, samples, law = fitted(everything)
-    return pd.store(model, samples, law, folder, "tested", "1", "a test", members=[fitted(everything[start::2]) for start in (0, 1)])
+    return pds.store(model, samples, law, folder, "tested", "1", "a test", members=[fitted(everything[start::2]) for start in (0, 1)])
 
 
 @pytest.fixture(scope="module")
@@ -122,19 +122,19 @@ def folders(tmp_path_factory):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         committee = _committee(place / "artefacts")
-        law = pd.load_card(committee).material.trained_with
+        law = pds.load_card(committee).material.trained_with
         runs = {
-            "plane": (pd.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean"),
-            "pushed": (pd.load_scene("uniaxial", spacing=0.25, stretches=0.98), "bond-energy"),
-            "committee": (pd.load_scene("uniaxial", spacing=0.25, stretches=2.0, material=law), f"{committee}#all"),
+            "plane": (pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean"),
+            "pushed": (pds.load_scene("uniaxial", spacing=0.25, stretches=0.98), "bond-energy"),
+            "committee": (pds.load_scene("uniaxial", spacing=0.25, stretches=2.0, material=law), f"{committee}#all"),
             "pulled": (_pulled(law), committee),
             "programme": (_programme(), "bond-energy"),
             "far": (_far(), "bond-energy"),
-            "tear": (pd.load_scene("tear", TEAR), "bond-energy"),
+            "tear": (pds.load_scene("tear", TEAR), "bond-energy"),
             "space": (_in_space(), "bond-energy"),
         }
         for name, (scene, force) in runs.items():
-            pd.simulate(scene, force).save(place / name)
+            pds.simulate(scene, force).save(place / name)
     return {name: place / name for name in runs}
 
 
@@ -225,7 +225,7 @@ def test_what_is_said_to_be_tested_is_named_in_the_test():
 
 def test_points_without_support_and_bonds_are_those_of_the_history(folders):
     """Of a tear: what the summary says of its end is what the last row says, and a body that is whole has none of it."""
-    torn, whole = (pd.load_result(folders[name]) for name in ("tear", "plane"))
+    torn, whole = (pds.load_result(folders[name]) for name in ("tear", "plane"))
     last = torn.history[-1]
     assert torn.summary["unsupported_points"] == last["free_points"]
     assert torn.summary["crack"]["broken_bonds"] == last["broken_bonds"] > 0
@@ -240,19 +240,19 @@ def test_points_without_support_and_bonds_are_those_of_the_history(folders):
 
 
 def test_energy_beside_the_residual_is_that_of_the_output(folders):
-    result = pd.load_result(folders["pushed"])
+    result = pds.load_result(folders["pushed"])
     assert result.convergence[-1]["energy"] == pytest.approx(result.levels[-1]["energy"], rel=1e-6)
 
 
 def test_increments_that_change_say_why(folders):
-    rows = pd.load_result(folders["far"]).convergence
+    rows = pds.load_result(folders["far"]).convergence
     assert any("failure" in row for row in rows)
     assert any("increments of" in row.get("reason", "") for row in rows)
 
 
 def test_what_is_beyond_the_data_has_its_state(folders):
     """One row for every recorded state, as that states itself."""
-    result = pd.load_result(folders["committee"])
+    result = pds.load_result(folders["committee"])
     for row, moment in itertools.zip_longest(result.summary["beyond_data"], result.states.moments):
         assert (row["run_time"], row["stretch"]) == (moment.run_time, moment.stretch)
     assert (result.field("member_deviation") >= 0).all()
@@ -260,14 +260,14 @@ def test_what_is_beyond_the_data_has_its_state(folders):
 
 @pytest.mark.parametrize("quantity", ["nominal_stress", "lateral_displacement", "greatest_lateral_displacement"])
 def test_errors_are_those_against_the_reference(folders, quantity):
-    (level,) = pd.load_result(folders["plane"]).levels
+    (level,) = pds.load_result(folders["plane"]).levels
     reference = level[f"{quantity}_reference"]
     assert level[f"{quantity}_error"] == pytest.approx(level[quantity] / reference - 1, abs=1e-12)
-    exact = pd.materials.homogeneous.uniaxial(pd.NeoHookean(), 1.5)
+    exact = pds.materials.homogeneous.uniaxial(pds.NeoHookean(), 1.5)
     assert reference == pytest.approx(exact.nominal_stress if quantity == "nominal_stress" else 0.5 * (1 - exact.lateral_stretch))
 
 
 def test_versions_are_those_of_what_runs(folders):
-    found = pd.load_result(folders["plane"]).summary["provenance"]
+    found = pds.load_result(folders["plane"]).summary["provenance"]
     assert found["python"] == platform.python_version()
-    assert [found[name] for name in ("version", "numpy", "scipy", "numba")] == [module.__version__ for module in (pd, np, scipy, numba)]
+    assert [found[name] for name in ("version", "numpy", "scipy", "numba")] == [module.__version__ for module in (pds, np, scipy, numba)]

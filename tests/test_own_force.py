@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 from own_forces import MyEnergy, MyRubber
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.forces import ForceSettings, OwnBondForce, OwnForceFailed
 from pdsurrogate.run.simulate import SimulationFailed
 from pdsurrogate.scenes import SceneError
 
-LAWS = [(MyRubber(), pd.NeoHookean()), (MyEnergy(), pd.MooneyRivlin(second_share=0.2))]
+LAWS = [(MyRubber(), pds.NeoHookean()), (MyEnergy(), pds.MooneyRivlin(second_share=0.2))]
 
 
 @pytest.mark.parametrize(("own", "law"), LAWS, ids=["force", "energy"])
 def test_the_forces_are_those_of_the_law(own, law):
     """On every bond, and of a torn sheet, tensor correction and broken bonds included: with the exact force to rounding."""
-    X = pd.wide_design(law, 500, random_state=0).X
-    exact = pd.AnalyticBondForce(law)
+    X = pds.wide_design(law, 500, random_state=0).X
+    exact = pds.AnalyticBondForce(law)
     np.testing.assert_allclose(OwnBondForce(own).bond_force(*X.T), exact.bond_force(*X.T), rtol=1e-12, atol=1e-12)
-    body = pd.Body.rectangle(1.0, 0.7, 0.05, 0.158)
+    body = pds.Body.rectangle(1.0, 0.7, 0.05, 0.158)
     forces = []
     for model in (OwnBondForce(own), exact):
         bound = model.bind(body, law, ForceSettings(breakable=True))
@@ -32,12 +32,12 @@ def test_the_forces_are_those_of_the_law(own, law):
 
 @pytest.mark.parametrize(("own", "law"), LAWS, ids=["force", "energy"])
 def test_it_runs_and_becomes_an_artefact(own, law, tmp_path):
-    scene = pd.load_scene("uniaxial", spacing=0.1, stretches=1.5, material=law.describe())
-    exact = pd.simulate(scene, "analytic").levels[0]["nominal_stress"]
-    assert pd.simulate(scene, own).levels[0]["nominal_stress"] == pytest.approx(exact, rel=1e-7)
-    path = pd.store(own, pd.wide_design(law, 500, (0.6, 2.0), random_state=0), law, tmp_path, "own", "1", "x")
-    assert pd.simulate(scene, path).levels[0]["nominal_stress"] == pytest.approx(exact, rel=2e-5)
-    assert pd.evaluate(own, law, (0.6, 2.0), 300)["on_surface"]["max"] < 1e-12
+    scene = pds.load_scene("uniaxial", spacing=0.1, stretches=1.5, material=law.describe())
+    exact = pds.simulate(scene, "analytic").levels[0]["nominal_stress"]
+    assert pds.simulate(scene, own).levels[0]["nominal_stress"] == pytest.approx(exact, rel=1e-7)
+    path = pds.store(own, pds.wide_design(law, 500, (0.6, 2.0), random_state=0), law, tmp_path, "own", "1", "x")
+    assert pds.simulate(scene, path).levels[0]["nominal_stress"] == pytest.approx(exact, rel=2e-5)
+    assert pds.evaluate(own, law, (0.6, 2.0), 300)["on_surface"]["max"] < 1e-12
 
 
 class Wrong:
@@ -61,7 +61,7 @@ class Wrong:
 )
 def test_a_force_that_cannot_work_says_so_before_the_run(answer, message):
     with pytest.raises(SceneError, match=message):
-        pd.simulate(pd.load_scene("uniaxial", spacing=0.2, stretches=1.2), Wrong(answer))
+        pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=1.2), Wrong(answer))
 
 
 def test_an_energy_gives_its_derivatives():
@@ -70,7 +70,7 @@ def test_an_energy_gives_its_derivatives():
             return I1bar - 3
 
     with pytest.raises(SceneError, match="energy must return W, dW/dI1bar and dW/dI2bar"):
-        pd.simulate(pd.load_scene("uniaxial", spacing=0.2, stretches=1.2), Half())
+        pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=1.2), Half())
 
 
 def test_an_error_on_the_way_is_the_users_own():
@@ -83,19 +83,19 @@ def test_an_error_on_the_way_is_the_users_own():
             return super().bond_force(stretch, rotation, length, C33, J)
 
     with pytest.raises(SimulationFailed, match=r"Ends: LookupError: no table beyond 1\.35") as failed:
-        pd.simulate(pd.load_scene("uniaxial", spacing=0.2, stretches=[1.2, 1.5]), Ends())
+        pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=[1.2, 1.5]), Ends())
     assert len(failed.value.result.levels) == 1
     assert isinstance(failed.value.__cause__, OwnForceFailed)
 
 
 def test_what_it_does_not_take_is_said():
     with pytest.raises(SceneError, match="MyRubber does not take precision=float32"):
-        pd.simulate(pd.load_scene("uniaxial", spacing=0.2, precision="float32"), MyRubber())
+        pds.simulate(pds.load_scene("uniaxial", spacing=0.2, precision="float32"), MyRubber())
     with pytest.raises(SceneError, match="MyRubber does not take plane=strain"):
-        pd.simulate(pd.load_scene("plane-strain-block", spacing=0.2), MyRubber())
+        pds.simulate(pds.load_scene("plane-strain-block", spacing=0.2), MyRubber())
     for wrong in (MyRubber, 3, object()):
         with pytest.raises(TypeError, match="or an object with a bond_force or an energy"):
-            pd.simulate("uniaxial", wrong)
+            pds.simulate("uniaxial", wrong)
 
 
 class Off(MyRubber):
@@ -118,12 +118,12 @@ class Off(MyRubber):
 )
 def test_a_force_of_no_rubber_is_refused_before_the_run(mistake, message):
     with pytest.raises(SceneError, match=message):
-        pd.simulate(pd.load_scene("uniaxial", spacing=0.2, stretches=1.2), Off(mistake))
+        pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=1.2), Off(mistake))
 
 
 def test_what_is_slightly_so_is_said():
     with pytest.warns(UserWarning, match="Off is not zero at rest"):
-        OwnBondForce(Off(lambda force, rotation: np.add(force, [5e-4, 0]))).check_material(pd.NeoHookean())
+        OwnBondForce(Off(lambda force, rotation: np.add(force, [5e-4, 0]))).check_material(pds.NeoHookean())
 
 
 @pytest.mark.parametrize(("slopes", "name"), [((0.44, 0.1), "dW/dI1bar"), ((0.4, 0.12), "dW/dI2bar")])
@@ -137,7 +137,7 @@ def test_a_derivative_that_is_none_is_refused(slopes, name):
     given, right = (slopes[0], 0.4) if name.endswith("1bar") else (slopes[1], 0.1)
     said = rf"Slip: {name} is not the derivative of its W: at I1bar = .*, I2bar = .* it is {given}, and a difference quotient .* is {right}"
     with pytest.raises(SceneError, match=said):
-        pd.simulate(pd.load_scene("uniaxial", spacing=0.2, stretches=1.2), Slip())
+        pds.simulate(pds.load_scene("uniaxial", spacing=0.2, stretches=1.2), Slip())
 
 
 class WithLimit:
@@ -156,7 +156,7 @@ GENT = {"law": "gent", "chain_limit": 30.0}
 
 
 def stretched(own, *stretches, **changes):
-    return pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=stretches, **changes), own)
+    return pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=stretches, **changes), own)
 
 
 @pytest.mark.filterwarnings("error::UserWarning")
@@ -228,10 +228,10 @@ def test_an_energy_of_another_modulus_is_said():
     """A factor of 2 that was forgotten."""
     halved = Energy(lambda I1, I2: 0.2 * (I1 - 3) + 0.05 * (I2 - 3), 0.2, 0.05)
     with pytest.warns(UserWarning, match=r"Energy: energies are in units of the shear modulus, .* of 0\.5 of it at rest"):
-        pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=1.1), halved)
+        pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.1), halved)
 
 
 def test_a_value_that_is_not_finite_is_named_before_the_run():
     cut = Energy(lambda I1, I2: np.where(I1 > 4, np.nan, 0.4 * (I1 - 3) + 0.1 * (I2 - 3)), 0.4, 0.1)
     with pytest.raises(SceneError, match=r"Energy: energy gives W = nan, dW/dI1bar = 0\.4, .* which is not finite, at I1bar = 4\.5"):
-        pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=1.1), cut)
+        pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.1), cut)

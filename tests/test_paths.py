@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.artifacts import ArtifactError, next_version, own_folder, store
 from pdsurrogate.cli import app
 
@@ -25,14 +25,14 @@ def test_own_artefacts_never_go_among_shipped_ones_by_accident(tmp_path, monkeyp
     monkeypatch.setenv("PDSURROGATE_ARTIFACTS", str(tmp_path / "elsewhere"))
     assert own_folder() == tmp_path / "elsewhere"
     with pytest.raises(ArtifactError, match="which is not a folder"):
-        pd.load_surrogate("neo-hookean")
+        pds.load_surrogate("neo-hookean")
 
 
 def test_the_version_has_one_home():
     text = (Path(__file__).parents[1] / "pyproject.toml").read_text()
     assert 'dynamic = ["version"]' in text
     assert not re.search(r"^version = ", text, re.MULTILINE)
-    assert (Path(pd.__file__).parent / "py.typed").exists()
+    assert (Path(pds.__file__).parent / "py.typed").exists()
 
 
 def test_where_artefacts_go_in_a_checkout_is_said():
@@ -40,6 +40,6 @@ def test_where_artefacts_go_in_a_checkout_is_said():
     readme = (Path(__file__).parents[1] / "README.md").read_text()
     assert "`own-artifacts/`" in readme
     assert "print(path)" in readme
-    assert "own-artifacts" in pd.store.__doc__
+    assert "own-artifacts" in pds.store.__doc__
     help_text = CliRunner().invoke(app, ["fit", "--help"], env={"COLUMNS": "200"}).output
     assert "own-artifacts in a checkout" in " ".join(help_text.split())

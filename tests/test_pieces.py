@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.body import Body
 from pdsurrogate.results import vtk
 from pdsurrogate.results.contents import Contents
@@ -43,7 +43,7 @@ def parts_of(body, bounds, reach):
 
 @pytest.fixture(scope="module")
 def result():
-    return pd.simulate(pd.load_scene("hole", {"spacing": 0.25, "stretches": 1.2}), "analytic")
+    return pds.simulate(pds.load_scene("hole", {"spacing": 0.25, "stretches": 1.2}), "analytic")
 
 
 @pytest.fixture

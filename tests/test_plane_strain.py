@@ -5,7 +5,7 @@ import pytest
 from bodies import disc_with_hole, gripped_sheet, jittered, sheet
 from conftest import SHIPPED
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.artifacts import load_card, load_surrogate
 from pdsurrogate.body import Ghosts, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings, PlainBondEnergyForce
@@ -119,7 +119,7 @@ def test_what_the_selective_energy_cannot_do_is_refused():
 
 def test_a_fracture_energy_is_known_under_plane_stress_alone():
     with pytest.raises(SceneError, match=r"fracture\.energy .* give fracture\.critical_stretch"):
-        pd.load_scene("tear", {"plane": "strain", "fracture": {"energy": 1.0}})
+        pds.load_scene("tear", {"plane": "strain", "fracture": {"energy": 1.0}})
 
 
 def test_an_unknown_plane_is_refused():
@@ -162,7 +162,7 @@ def test_selective_forces_are_the_gradient_of_the_energy(name, random):
         assert abs((y[:, 0] * out[:, 1] - y[:, 1] * out[:, 0]).sum()) < 1e-12 * size
 
 
-@pytest.mark.parametrize("law", [pd.Gent(), pd.Ogden(), pd.FullNetwork()], ids=lambda law: law.name)
+@pytest.mark.parametrize("law", [pds.Gent(), pds.Ogden(), pds.FullNetwork()], ids=lambda law: law.name)
 def test_selective_forces_of_other_laws(law, random):
     body = sheet(0.2)
     force, y, direction = bound(EXACT["bond-energy"], body, law), wavy(body.points), random.standard_normal(body.points.shape)
@@ -221,10 +221,10 @@ def test_beyond_a_clamp_a_gradient_keeps_its_volume_and_beyond_a_mirror_it_is_mi
 
 def test_a_bonded_edge_that_keeps_its_volume_is_no_longer_stiff(monkeypatch):
     """The block of 16 points a side at -5 %: the force is 0.5 % off finite elements; clamps continued oddly make it 5.0 %."""
-    scene = pd.load_scene("plane-strain-block", {"material.bulk_modulus": 100.0, "stretches": 0.95, "spacing": 1 / 16})
-    kept = pd.simulate(scene, "bond-energy").levels[0]["nominal_stress_error"]
+    scene = pds.load_scene("plane-strain-block", {"material.bulk_modulus": 100.0, "stretches": 0.95, "spacing": 1 / 16})
+    kept = pds.simulate(scene, "bond-energy").levels[0]["nominal_stress_error"]
     monkeypatch.setattr(Ghosts, "held_by_clamps", lambda ghosts, share: ghosts)
-    odd = pd.simulate(scene, "bond-energy").levels[0]["nominal_stress_error"]
+    odd = pds.simulate(scene, "bond-energy").levels[0]["nominal_stress_error"]
     assert 0 < kept < 0.01
     assert 0.04 < odd < 0.06
 
@@ -243,8 +243,8 @@ def test_the_pressure_of_a_bonded_block_is_smooth():
 
     The force is 0.1 % off there; all energy at the bonds locks (pipelines/plane_strain_report.py).
     """
-    scene = pd.load_scene("plane-strain-block", {"material.bulk_modulus": 100.0, "stretches": 1.3, "spacing": 1 / 16})
-    result = pd.simulate(scene, "bond-energy")
+    scene = pds.load_scene("plane-strain-block", {"material.bulk_modulus": 100.0, "stretches": 1.3, "spacing": 1 / 16})
+    result = pds.simulate(scene, "bond-energy")
     level = result.levels[0]
     assert abs(level["nominal_stress_error"]) < 0.01
     stress = result.states[-1][1]["stress"].reshape(-1, 3, 3)
@@ -255,7 +255,7 @@ def test_the_pressure_of_a_bonded_block_is_smooth():
 @pytest.mark.slow
 def test_single_precision_that_cannot_reach_the_tolerance_is_told_soon():
     """What rounding leaves of the residual grows with K/mu; the limit of evaluations, 50,000 a level, is not what ends it."""
-    scene = pd.load_scene("plane-strain-block", spacing=0.125, stretches=0.95, precision="float32")
-    with pytest.raises(pd.SimulationFailed, match="precision=float64") as error:
-        pd.simulate(scene, "analytic")
+    scene = pds.load_scene("plane-strain-block", spacing=0.125, stretches=0.95, precision="float32")
+    with pytest.raises(pds.SimulationFailed, match="precision=float64") as error:
+        pds.simulate(scene, "analytic")
     assert error.value.result.summary["n_force_evaluations"] < 50_000

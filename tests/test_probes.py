@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.body.local_fit import MOST_AMPLIFICATION, fields_at, interpolation
 from pdsurrogate.discretisation import discretise
 from pdsurrogate.materials import plane_stress
@@ -16,8 +16,8 @@ F = np.array([[1.2, 0.3], [-0.1, 0.9]])
 
 @pytest.fixture(scope="module")
 def stretched():
-    body, law = pd.Body.rectangle(1.0, 0.6, 0.1, 0.3), pd.NeoHookean()
-    force = pd.load_surrogate("analytic").bind(body, law, pd.ForceSettings())
+    body, law = pds.Body.rectangle(1.0, 0.6, 0.1, 0.3), pds.NeoHookean()
+    force = pds.load_surrogate("analytic").bind(body, law, pds.ForceSettings())
     return body, law, PointState(force, body.points @ F.T)
 
 
@@ -39,7 +39,7 @@ def test_a_place_outside_is_told_with_its_key_and_what_is_nearest(stretched):
 
 def test_probes_at_the_poles_of_a_sphere_do_not_blow_up_what_points_are_off():
     """Of the outermost layer few points lie at a pole: quadratic fits there carried what they are off on 30 to 50 times over."""
-    scene = pd.Scene(
+    scene = pds.Scene(
         name="sphere",
         spacing=0.25,
         steps=[0.1],
@@ -62,7 +62,7 @@ def test_probes_in_planes_of_symmetry_read_from_points_and_images():
     Inside the wall a quadratic fit with both sides has the third derivative left along the radius, h^2 24/R^2 u/6 at most.
     """
     spacing, planes = 1 / 16, enumerate(("left", "bottom", "back"), 1)
-    scene = pd.Scene(
+    scene = pds.Scene(
         name="eighth",
         spacing=spacing,
         steps=[1.0],

@@ -5,24 +5,24 @@ import json
 import numpy as np
 import pytest
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.run import transient
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.solvers import Increments
 from pdsurrogate.solvers.motion import Motion
 
-SHEET = {"name": "sheet", "spacing": 0.1, "body": pd.Rectangle(size=(1.0, 0.8)), "material": "neo-hookean"}
+SHEET = {"name": "sheet", "spacing": 0.1, "body": pds.Rectangle(size=(1.0, 0.8)), "material": "neo-hookean"}
 CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 1.0, "x2": 0.0})
 
 
 def scene_of(steps=(1.0,), prescribed=CLAMPS, **changes):
-    return pd.Scene(**SHEET | {"prescribed": prescribed, "steps": steps} | changes)
+    return pds.Scene(**SHEET | {"prescribed": prescribed, "steps": steps} | changes)
 
 
 def gripped(**changes):
     grips = ({"edge": "left", "travel": 0.0}, {"edge": "right", "travel": 1.0})
-    return pd.Scene(**SHEET | {"grips": grips} | changes)
+    return pds.Scene(**SHEET | {"grips": grips} | changes)
 
 
 def forces_of(history, name, component=1):
@@ -53,7 +53,7 @@ def test_steps_follow_the_states_of_stretches():
 
 
 def test_a_cycle_ends_at_rest_and_has_no_hysteresis():
-    result = simulate(pd.load_scene("load-cycle", spacing=0.1, **{"solver.tolerance": 1e-8}), "bond-energy")
+    result = simulate(pds.load_scene("load-cycle", spacing=0.1, **{"solver.tolerance": 1e-8}), "bond-energy")
     levels = {0: result.levels[0], 2: result.levels[2]}
     assert [level["t"] for level in result.levels] == [0.5, 1.0, 0.5, 0.0, -0.5, 0.0]
     for rest in (3, 5):
@@ -120,7 +120,7 @@ def test_dynamics_may_stand_anywhere():
 @pytest.mark.parametrize("interrupted", [1, 3, 4])
 def test_a_programme_resumes_to_the_same_bits(tmp_path, interrupted, monkeypatch):
     """After an output in equilibrium within a step, in dynamics, and after dynamics."""
-    scene = scene_of(({"to": 0.3, "outputs": 2}, dynamic(0.4, 0.1, 2), 0.2, 0.0), body=pd.Rectangle(size=(0.8, 0.8)))
+    scene = scene_of(({"to": 0.3, "outputs": 2}, dynamic(0.4, 0.1, 2), 0.2, 0.0), body=pds.Rectangle(size=(0.8, 0.8)))
     whole = simulate(scene, "bond-energy", folder=tmp_path / "whole")
     checkpoint, written = Run.checkpoint, []
 
@@ -149,10 +149,10 @@ def test_a_programme_resumes_to_the_same_bits(tmp_path, interrupted, monkeypatch
 
 def test_increments_are_chosen_by_what_the_first_guess_strains():
     """To stretch 3 in one step: its guess strains bonds by 2, four times what the solver may take at once."""
-    run = Run(scene_of((2.0,)), pd.load_surrogate("analytic"), Silent())
+    run = Run(scene_of((2.0,)), pds.load_surrogate("analytic"), Silent())
     assert run.loading.largest_increment(run.positions, 0.0, 2.0, None) == pytest.approx(0.5)
     assert run.loading.largest_increment(run.positions, 0.0, 2.0, 0.1) == pytest.approx(0.1)
-    turned = Run(pd.load_scene("rotation", spacing=0.1), pd.load_surrogate("analytic"), Silent())
+    turned = Run(pds.load_scene("rotation", spacing=0.1), pds.load_surrogate("analytic"), Silent())
     assert turned.loading.largest_increment(turned.positions, 0.0, 1.0, None) == 1.0
     result = simulate(scene_of((1.2,)), "analytic")
     taken = list(dict.fromkeys(row["increment"] for row in result.convergence if "residual" in row))
@@ -182,7 +182,7 @@ def test_a_failure_says_how_far_the_loading_came():
 def test_a_load_beyond_its_maximum_ends_in_a_clear_failure():
     """The pressure in a ring of this material has a maximum, 0.716 by the radial equation of equilibrium; on points 0.2 apart, less."""
     with pytest.raises(SimulationFailed, match=r"loads carry the body away.*followed to t = 0\..*loads\.0 to pressure = 0\.") as caught:
-        simulate(pd.load_scene("ring-pressure", spacing=0.2, steps=(0.3, 1.0)), "neo-hookean")
+        simulate(pds.load_scene("ring-pressure", spacing=0.2, steps=(0.3, 1.0)), "neo-hookean")
     assert "prescribe displacements in its place" in str(caught.value)
     result = caught.value.result
     assert [level["step"] for level in result.levels] == [0, 1]
@@ -208,8 +208,8 @@ def test_a_bond_that_would_break_hands_over_to_dynamics():
 
 
 def test_what_moves_faster_than_waves_is_refused():
-    with pytest.raises(pd.SceneError, match=r"steps\.1\.dynamics\.duration: parts that are held would move apart at 100 cm/s"):
-        Run(scene_of((0.1, dynamic(1.1, 0.01)), units={"length": "cm", "time": "s"}), pd.load_surrogate("analytic"), Silent())
+    with pytest.raises(pds.SceneError, match=r"steps\.1\.dynamics\.duration: parts that are held would move apart at 100 cm/s"):
+        Run(scene_of((0.1, dynamic(1.1, 0.01)), units={"length": "cm", "time": "s"}), pds.load_surrogate("analytic"), Silent())
 
 
 def test_motion_goes_evenly_and_stops():
@@ -266,7 +266,7 @@ def test_viscosity_leaves_loads_as_they_are(load):
     assert last["work"] == pytest.approx(last["strain_energy"] + last["kinetic_energy"] + last["damped_energy"], rel=0.02)
 
 
-UNIT = pd.Rectangle(size=(1.0, 1.0))
+UNIT = pds.Rectangle(size=(1.0, 1.0))
 PULLED = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.2})
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from bodies import sheet
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.forces import FORCES, ForceSettings, ForceSurrogate
 from pdsurrogate.forces.protocol import CompiledBondForce
@@ -17,7 +17,7 @@ from pdsurrogate.scenes.model import Units
 from pdsurrogate.solvers.reductions import LOCAL
 from pdsurrogate.stress_test.deformations import wavy
 
-LAW = pd.NeoHookean()
+LAW = pds.NeoHookean()
 MODELS = [*FORCES, "neo-hookean", "neo-hookean-energy"]
 ROOT = Path(__file__).parents[1]
 FOREIGN = {
@@ -100,8 +100,8 @@ def test_a_bond_force_model_states_its_features_domain_and_block_function():
         def compiled(self, dtype) -> CompiledBondForce:
             return FORCES["analytic"]().compiled(dtype)
 
-    scene = pd.load_scene("uniaxial", {"spacing": 0.2, "stretches": [1.2]})
-    mine, exact = (pd.simulate(scene, force).levels[-1]["nominal_stress"] for force in (Borrowed(), "analytic"))
+    scene = pds.load_scene("uniaxial", {"spacing": 0.2, "stretches": [1.2]})
+    mine, exact = (pds.simulate(scene, force).levels[-1]["nominal_stress"] for force in (Borrowed(), "analytic"))
     assert mine == exact
     with pytest.raises(ValueError, match="borrowed does not take outside"):
         Borrowed().bind(sheet(), LAW, ForceSettings(outside="warn"))

@@ -130,7 +130,7 @@ def test_a_script_asks_who_takes_part(tmp_path):
 
 REFUSED = """
 import sys
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.ranks import communicator
 
 class Rubber:
@@ -140,16 +140,16 @@ class Rubber:
     def bond_force(self, stretch, rotation, length, C33, J):
         if communicator().rank == 1 and stretch.max() > self.limit:
             raise RuntimeError("boom")
-        return pd.AnalyticBondForce().bond_force(stretch, rotation, length, C33, J)
+        return pds.AnalyticBondForce().bond_force(stretch, rotation, length, C33, J)
 
 for limit in (1.35, 1.25):  # on the way, and while it is tried before the run
     try:
-        pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=[1.3, 1.5]), Rubber(limit))
-    except (pd.SimulationFailed, pd.SceneError) as error:
+        pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.3, 1.5]), Rubber(limit))
+    except (pds.SimulationFailed, pds.SceneError) as error:
         # Written at once: the lines of two ranks do not mix.
         sys.stdout.write(f"{limit} {communicator().rank} {'boom' in str(error)}\\n")
         sys.stdout.flush()
-pd.simulate(pd.load_scene('uniaxial', spacing=0.25 - 0.05 * communicator().rank), 'analytic')
+pds.simulate(pds.load_scene('uniaxial', spacing=0.25 - 0.05 * communicator().rank), 'analytic')
 """
 
 

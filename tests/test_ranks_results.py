@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from several_ranks import HERE, run, run_loaded, several
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.stress_test.conformance import TABLE
 
 
@@ -115,7 +115,7 @@ def check_equilibrium(case, levels_of_ranks):
     1000 times the shear modulus: without a preconditioner that knows it they take ten times the evaluations.
     """
     scene, force, changes = case
-    levels = pd.simulate(pd.load_scene(scene, changes), force).levels
+    levels = pds.simulate(pds.load_scene(scene, changes), force).levels
     for alone, shared in zip(levels, levels_of_ranks(), strict=True):
         assert shared["method"] == alone["method"]
         assert shared["evaluations"] <= 1.6 * alone["evaluations"]

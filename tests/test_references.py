@@ -7,18 +7,18 @@ import warnings
 import pytest
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.artifacts import ArtifactError
 from pdsurrogate.cli import app
 from pdsurrogate.scenes import SceneError
 
-LAW = pd.Gent(chain_limit=30.0)
+LAW = pds.Gent(chain_limit=30.0)
 
 
 @pytest.fixture(scope="module")
 def fitted():
-    samples = pd.wide_design(LAW, 800, (0.6, 2.5), random_state=0)
-    return pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y), samples
+    samples = pds.wide_design(LAW, 800, (0.6, 2.5), random_state=0)
+    return pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y), samples
 
 
 @pytest.fixture
@@ -29,12 +29,12 @@ def here(tmp_path, monkeypatch):
 
 
 def scene_of(law):
-    return pd.load_scene("uniaxial", spacing=0.25, stretches=1.3, material=law.describe())
+    return pds.load_scene("uniaxial", spacing=0.25, stretches=1.3, material=law.describe())
 
 
 def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
     model, samples = fitted
-    pd.store(model, samples, LAW, None, "mine", "1", "x", members=[(model, samples, LAW)])
+    pds.store(model, samples, LAW, None, "mine", "1", "x", members=[(model, samples, LAW)])
     shutil.copytree("artifacts/mine", "artifacts/copy")
     shutil.copytree("artifacts/mine/1", "elsewhere")
     (here / "link").symlink_to("artifacts/mine/1")
@@ -49,18 +49,18 @@ def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
         "./elsewhere": "elsewhere (mine@1 by its card)",
         "./link": "link (mine@1 by its card)",
     }.items():
-        assert pd.load_surrogate(reference).name == name
-    result = pd.simulate(scene_of(LAW), "copy")
+        assert pds.load_surrogate(reference).name == name
+    result = pds.simulate(scene_of(LAW), "copy")
     assert result.summary["force"] == both
     result.save("out")
     assert json.loads((here / "out" / "summary.json").read_text())["force"] == both
     with pytest.raises(SceneError, match=r"copy@1 \(mine@1 by its card\) describes gent with chain_limit = 30"):
-        pd.simulate(pd.load_scene("uniaxial", {"material": pd.Gent(chain_limit=31.0).describe()}, name="own", spacing=0.25), "copy")
+        pds.simulate(pds.load_scene("uniaxial", {"material": pds.Gent(chain_limit=31.0).describe()}, name="own", spacing=0.25), "copy")
     with pytest.raises(ArtifactError, match=r"copy@1 \(mine@1 by its card\) has no member #2"):
-        pd.load_surrogate("copy#2")
+        pds.load_surrogate("copy#2")
     (here / "artifacts" / "copy" / "1" / "surrogate.npz").write_bytes(b"x")
     with pytest.raises(ArtifactError, match=r"copy@1 \(mine@1 by its card\): surrogate\.npz: the file is not the one"):
-        pd.load_surrogate("copy")
+        pds.load_surrogate("copy")
     listed = json.loads(CliRunner().invoke(app, ["artifacts", "--json"]).stdout)
     assert [row["called"] for row in listed if row["name"] in ("copy", "mine")] == [both, "mine@1"]
 
@@ -69,9 +69,9 @@ def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
 def test_a_pipeline_is_compared_with_a_law_as_its_artefact_is(fitted, here, chain_limit, verdict):
     """Storing it for the law of a scene and running it in the scene: taken, noted and refused alike."""
     model, samples = fitted
-    law, scene = pd.Gent(chain_limit=chain_limit), scene_of(pd.Gent(chain_limit=chain_limit))
+    law, scene = pds.Gent(chain_limit=chain_limit), scene_of(pds.Gent(chain_limit=chain_limit))
     said = []
-    for use in (lambda: pd.simulate(scene, model), lambda: pd.simulate(scene, pd.store(model, samples, law, None, "mine", None, "x"))):
+    for use in (lambda: pds.simulate(scene, model), lambda: pds.simulate(scene, pds.store(model, samples, law, None, "mine", None, "x"))):
         with warnings.catch_warnings(record=True) as noted:
             warnings.simplefilter("always")
             try:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from meshes import write_plate
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.discretisation import discretise, surface_of
 from pdsurrogate.scenes import Region, SceneError, load_scene
 from pdsurrogate.solvers.regions import BodyRegions
@@ -21,7 +21,7 @@ PLATE = {
 
 
 def scene_of(**changes):
-    return pd.Scene(**{**PLATE, **changes})
+    return pds.Scene(**{**PLATE, **changes})
 
 
 def regions_of(scene):
@@ -370,7 +370,7 @@ def test_regions_composed_in_python():
     with pytest.raises(SceneError, match=r"^boths: unknown key"):
         Region(boths=("left",))
     scene = scene_of(regions={"x": Region(other="left")})
-    assert pd.Scene(**scene.model_dump()) == scene
+    assert pds.Scene(**scene.model_dump()) == scene
 
 
 def test_the_point_nearest_to_a_place_far_away_is_refused():

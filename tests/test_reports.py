@@ -5,17 +5,17 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.reports import presentation, speed
 
-LAW = pd.NeoHookean()
+LAW = pds.NeoHookean()
 
 
 def test_costs_are_ordered_as_the_work_is():
-    body = pd.Body.rectangle(1.0, 1.0, 0.05, 0.1575)
+    body = pds.Body.rectangle(1.0, 1.0, 0.05, 0.1575)
     told = []
-    cases = [speed.TimedModel(pd.NOSBForce(), "float64", body), speed.TimedModel(pd.BANOSBForce(), "float64", body)]
+    cases = [speed.TimedModel(pds.NOSBForce(), "float64", body), speed.TimedModel(pds.BANOSBForce(), "float64", body)]
     nosb, rival = speed.measure_speed(cases, LAW, 0.0, lambda *words: told.append(words))
     assert told
     for row in (nosb, rival):
@@ -52,7 +52,7 @@ def test_those_timings_count_beside_which_arithmetic_was_fastest(monkeypatch):
 
     monkeypatch.setattr(speed, "_arithmetic_on", arithmetic_on)
     monkeypatch.setattr(speed, "_seconds", lambda function: (function() or 1.0) * (3.0 if state["slow"] else 1.0))
-    body = pd.Body.rectangle(1.0, 1.0, 0.1, 0.315)
+    body = pds.Body.rectangle(1.0, 1.0, 0.1, 0.315)
     (row,) = speed.measure_speed([speed.TimedModel(Force(), "float64", body)], LAW, 60.0)
     assert row["disturbance_1"] == 1
     assert row["ns_per_directed_bond_1"] == pytest.approx(2e9 / body.bonds.n_directed, rel=1e-12)

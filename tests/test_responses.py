@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from probes import assert_stress_is_the_derivative_of_the_energy, compiled_response
 from test_laws import Exponential
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.forces.kinematics import Kinematics
 from pdsurrogate.materials import PrincipalStretchLaw, plane_strain, plane_stress, solid
 
@@ -138,13 +138,13 @@ def test_plane_stress_is_space_free_of_stress_across(law, random):
 
 @given(first=st.floats(0.5, 2), second=st.floats(0.5, 2), shear=st.floats(-1, 1))
 def test_plane_strain_is_the_derivative_of_its_energy(first, second, shear):
-    for law in (pd.Yeoh(), pd.Ogden()):
+    for law in (pds.Yeoh(), pds.Ogden()):
         assert_stress_is_the_derivative_of_the_energy(plane_strain, law, np.array([[[first, shear], [0.0, second]]]))
 
 
 def test_kernels_of_a_sheet_take_plane_strain_for_plane_stress(random):
     """Its condition on the thickness makes C33 = 1, whatever iteration solves it."""
-    body, law = pd.Body.rectangle(1.0, 1.0, 0.2, 0.5), pd.Ogden()
+    body, law = pds.Body.rectangle(1.0, 1.0, 0.2, 0.5), pds.Ogden()
     kinematics = Kinematics(body, law, "float64")
     kinematics.response = plane_strain.response.block(law)
     kinematics.place(body.points @ np.array([[1.4, 0.2], [-0.1, 0.9]]))
@@ -153,7 +153,7 @@ def test_kernels_of_a_sheet_take_plane_strain_for_plane_stress(random):
     np.testing.assert_allclose(kinematics.records[:, 3], 1.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize("law", [pd.Gent(), pd.ArrudaBoyce(), pd.FullNetwork(chain_links=8.0)], ids=lambda law: law.name)
+@pytest.mark.parametrize("law", [pds.Gent(), pds.ArrudaBoyce(), pds.FullNetwork(chain_links=8.0)], ids=lambda law: law.name)
 def test_past_the_limit_there_is_no_stress(law):
     F = np.diag([12.0, 12.0**-0.5, 12.0**-0.5])[None]
     assert np.isnan(solid.first_piola_stress(law, F)).all()

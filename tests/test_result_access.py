@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.results import figures
 from pdsurrogate.results.files import write_json
 from pdsurrogate.results.folder import FolderTaken
@@ -28,12 +28,12 @@ PULLED = {
 
 @pytest.fixture(scope="module")
 def stretched():
-    return pd.simulate(pd.load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.5]), "neo-hookean")
+    return pds.simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.5]), "neo-hookean")
 
 
 @pytest.fixture(scope="module")
 def loaded():
-    return pd.simulate(pd.Scene.model_validate(PULLED), "bond-energy")
+    return pds.simulate(pds.Scene.model_validate(PULLED), "bond-energy")
 
 
 def test_fields_by_name_and_component(stretched):
@@ -65,7 +65,7 @@ def test_plots(stretched, tmp_path):
     body, bar = stretched.plot("stress_11").axes
     assert (body.get_title(), bar.get_ylabel()) == (f"stress_11 (kPa), {stretched.title(1)}", "")
     assert stretched.plot().axes[0].get_title() == f"|displacement| (cm), {stretched.title(1)}"
-    square = pd.simulate(pd.load_scene("uniaxial", {"body.size": [1.0, 1.0], "spacing": 0.25, "stretches": [1.2]}), "neo-hookean")
+    square = pds.simulate(pds.load_scene("uniaxial", {"body.size": [1.0, 1.0], "spacing": 0.25, "stretches": [1.2]}), "neo-hookean")
     body, bar = square.plot("stress_11").axes
     assert (body.get_title(), bar.get_ylabel()) == (square.title(0), "stress_11 (kPa)")
     values = stretched.field("displacement_2")
@@ -102,7 +102,7 @@ def test_the_history_has_forces_displacements_and_energies_of_all_that_holds_or_
 
 
 def test_planes_that_turn_and_rollers_have_displacements():
-    turned = pd.simulate(pd.load_scene("rotation", spacing=0.2), "bond-energy")
+    turned = pds.simulate(pds.load_scene("rotation", spacing=0.2), "bond-energy")
     last = turned.history[-1]
     names = {key.split("_")[1] for key in last if key.startswith("displacement_")}
     entry = next(entry for entry in turned.scene.prescribed if entry.rotation)
@@ -136,9 +136,9 @@ def test_results_scenes_laws_and_models_are_short_in_text_and_have_tables_for_no
     assert repr(stretched) == "<Result of uniaxial with neo-hookean@2: 300 points, 2 states>"
     assert repr(stretched.scene) == "<Scene uniaxial: rectangle, spacing 0.1 cm, neo-hookean, 2 stretches>"
     assert repr(loaded.scene) == "<Scene pulled: rectangle, spacing 0.2 cm, neo-hookean, 2 steps>"
-    model = pd.load_surrogate("neo-hookean@1")
+    model = pds.load_surrogate("neo-hookean@1")
     assert repr(model) == "<NetworkForce neo-hookean@1 of neo-hookean>"
-    things = stretched, stretched.scene, pd.Gent(), model, pd.load_surrogate("analytic"), pd.load_card("neo-hookean@1")
+    things = stretched, stretched.scene, pds.Gent(), model, pds.load_surrogate("analytic"), pds.load_card("neo-hookean@1")
     for thing in things:
         text = thing._repr_html_()
         assert text.startswith("<table>")
@@ -150,29 +150,29 @@ def test_results_scenes_laws_and_models_are_short_in_text_and_have_tables_for_no
 def test_where_a_result_comes_from(stretched, loaded):
     summary = json.loads(json.dumps(stretched.summary, allow_nan=False))
     origin = summary["provenance"]
-    assert origin["version"] == pd.__version__
+    assert origin["version"] == pds.__version__
     assert origin["date"].startswith("20")
     assert set(origin["machine"]) == {"processor", "cores", "system"}
     assert origin["git"] == git_state()
     assert set(summary["digests"]) == {"neo-hookean@2"}
-    assert pd.Scene.model_validate(summary["scene_as_run"]) == stretched.scene
-    assert pd.Scene.model_validate(loaded.summary["scene_as_run"]) == loaded.scene
+    assert pds.Scene.model_validate(summary["scene_as_run"]) == stretched.scene
+    assert pds.Scene.model_validate(loaded.summary["scene_as_run"]) == loaded.scene
     # A learnt model is told from another by its numbers alone.
-    other = pd.simulate(stretched.scene, "neo-hookean-paper").summary["digests"]["neo-hookean-paper@1"]
+    other = pds.simulate(stretched.scene, "neo-hookean-paper").summary["digests"]["neo-hookean-paper@1"]
     assert summary["digests"]["neo-hookean@2"] != other
 
 
-@pytest.mark.parametrize("name", pd.scene_names())
+@pytest.mark.parametrize("name", pds.scene_names())
 def test_every_scene_comes_back_from_a_summary(name):
-    scene = pd.load_scene(name)
-    assert pd.Scene.model_validate(json.loads(json.dumps(scene.model_dump(mode="json", by_alias=True, exclude_none=True)))) == scene
+    scene = pds.load_scene(name)
+    assert pds.Scene.model_validate(json.loads(json.dumps(scene.model_dump(mode="json", by_alias=True, exclude_none=True)))) == scene
 
 
 def test_a_result_is_read_back(stretched, loaded, tmp_path):
     for number, result in enumerate((stretched, loaded)):
         folder = tmp_path / str(number)
         result.save(folder)
-        found = pd.load_result(folder)
+        found = pds.load_result(folder)
         assert repr(found) == repr(result)
         assert found.scene == result.scene
         assert found.summary == json.loads(json.dumps(result.summary))
@@ -195,19 +195,19 @@ def test_a_result_is_read_back(stretched, loaded, tmp_path):
 
 def test_what_cannot_be_read_back_is_told(stretched, tmp_path):
     with pytest.raises(FileNotFoundError, match="there is no result of a run"):
-        pd.load_result(tmp_path)
+        pds.load_result(tmp_path)
     stretched.save(tmp_path)
     older = {key: value for key, value in stretched.summary.items() if key != "scene_as_run"}
     write_json(tmp_path / "summary.json", older)
     with pytest.raises(ValueError, match="the scene as run is not in it"):
-        pd.load_result(tmp_path)
+        pds.load_result(tmp_path)
     # What such a folder holds is not known, and is not replaced unasked.
     with pytest.raises(FolderTaken, match="results of uniaxial that do not tell their scene; give another folder, or --overwrite"):
         stretched.save(tmp_path)
     stretched.save(tmp_path, overwrite=True)
     (tmp_path / "uniaxial.pvd").write_text("<VTKFile")
     with pytest.raises(ValueError, match="the result cannot be read"):
-        pd.load_result(tmp_path)
+        pds.load_result(tmp_path)
 
 
 def test_what_a_solver_leaves_has_one_colour():

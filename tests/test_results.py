@@ -16,7 +16,7 @@ import pytest
 from bodies import sheet
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.results import figures, files, measures
 from pdsurrogate.results.contents import MESH, Contents, digest_of_mesh
@@ -28,7 +28,7 @@ from pdsurrogate.run.simulate import SimulationInterrupted, simulate
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory):
     folder = tmp_path_factory.mktemp("out")
-    result = simulate(pd.load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.5]), "neo-hookean")
+    result = simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.5]), "neo-hookean")
     result.save(folder)
     return result, folder
 
@@ -89,7 +89,7 @@ def test_figure_is_a_picture(saved):
 
 
 def uniaxial(*stretches, **changes):
-    return pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": list(stretches), **changes})
+    return pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": list(stretches), **changes})
 
 
 def names_in(folder):
@@ -160,13 +160,13 @@ def test_results_of_another_run_of_the_scene_are_not_replaced_unasked(tmp_path):
         with pytest.raises(FolderTaken, match=refused):
             simulate(scene, force).save(tmp_path)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
-    read = pd.load_result(tmp_path)
+    read = pds.load_result(tmp_path)
     read.save(tmp_path)  # its states stay, which it reads from there
     assert read.displacement().shape == (300, 2)
     with pytest.raises(ValueError, match="the result was read from files, and those are what it would write: copy"):
         read.save(tmp_path / "other")
     simulate(uniaxial(1.3), "analytic", folder=tmp_path, overwrite=True).save(tmp_path)
-    assert pd.load_result(tmp_path).levels[0]["stretch"] == 1.3
+    assert pds.load_result(tmp_path).levels[0]["stretch"] == 1.3
 
 
 def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
@@ -195,14 +195,14 @@ def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
 
 
 def test_differences_of_scenes_in_words(tmp_path):
-    first, other = uniaxial(1.1), pd.load_scene("ring-pressure", {"name": "uniaxial"})
-    model = pd.load_surrogate("analytic")
+    first, other = uniaxial(1.1), pds.load_scene("ring-pressure", {"name": "uniaxial"})
+    model = pds.load_surrogate("analytic")
     told = Contents.of(first, [model]).differences(Contents.of(other, [model]))
     assert re.fullmatch(r"(\S+ is .+ there and .+ here; ){2}\S+ is .+ there and .+ here, and \d+ more", told)
     assert "title" not in told  # which changes no result
     assert Contents.of(first, [model]).differences(Contents.of(first, [model])) == ""
     # A mesh is told by what its file holds.
-    mesh = pd.Mesh(file=str(tmp_path / "sheet.vtk"))
+    mesh = pds.Mesh(file=str(tmp_path / "sheet.vtk"))
     digests = []
     for text in ("one", "other"):
         (tmp_path / "sheet.vtk").write_text(text)
@@ -250,7 +250,7 @@ def test_files_that_have_names_of_a_runs_own_are_left_and_refused(tmp_path, name
 
 def test_all_that_a_run_writes_is_known_again(tmp_path):
     """Pictures, an animation, states and their index."""
-    scene = pd.load_scene(
+    scene = pds.load_scene(
         "tear",
         {
             **{"spacing": 0.25, "body.size": [2.0, 1.0], "precuts": [], "stretches": [1.1], "fracture.critical_stretch": 3.0},

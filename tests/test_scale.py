@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import SinglePrecisionLeft
 from pdsurrogate.solvers import equilibrium
@@ -25,12 +25,12 @@ def cantilever(traction, modulus=1.0, length=1.0, **changes):
         "loads": [{"region": "right", "traction": [0, traction * modulus]}],
         "steps": [1.0],
     }
-    return pd.Scene(**(scene | changes))
+    return pds.Scene(**(scene | changes))
 
 
 def strip(spacing):
     """The rubber strip of 12 x 0.6 mm that is held at one end, under its own weight in MPa/mm."""
-    return pd.Scene(
+    return pds.Scene(
         name="strip",
         body={"size": [12.0, 0.6]},
         spacing=spacing,
@@ -44,19 +44,19 @@ def strip(spacing):
 
 def block(modulus=1.0, length=1.0):
     """A bonded cube that is twisted under a side pressure, nearly incompressible."""
-    scene = pd.load_scene("torsion").model_dump(mode="json", exclude_none=True)
+    scene = pds.load_scene("torsion").model_dump(mode="json", exclude_none=True)
     scene["spacing"], scene["steps"] = length / 4, [1.0]
     scene["body"] = {"shape": "box", "size": [length] * 3, "lower": [0.0, -length / 2, -length / 2]}
     scene["material"] = {"law": "neo-hookean", "shear_modulus": modulus, "bulk_modulus": 1000 * modulus}
     scene["prescribed"][1] |= {"about": [length, 0.0, 0.0], "rotation": 30.0}
     scene["loads"] = [{"region": "top", "pressure": 0.1 * modulus}]
-    return pd.Scene(**scene)
+    return pds.Scene(**scene)
 
 
 def simulate(scene, force=None):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SinglePrecisionLeft)
-        return pd.simulate(scene, force)
+        return pds.simulate(scene, force)
 
 
 @pytest.mark.parametrize(("spacing", "tip"), [(0.2, -0.188), (0.12, -0.278), (0.1, -0.286)])
@@ -95,7 +95,7 @@ def test_small_loads_bend_in_proportion(force):
 @pytest.mark.parametrize("strain", [1e-7, 1e-9])
 def test_small_stretches_have_the_stress_of_linear_elasticity(force, strain):
     """The stress at a strain of 1e-7 was 32 % too large."""
-    level = simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=[1 + strain]), force).levels[0]
+    level = simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1 + strain]), force).levels[0]
     exact = 9 * 100 / (3 * 100 + 1)  # Young's modulus over the shear modulus at K = 100 mu
     # 1 + 1e-9 is rounded by 1e-16, 1e-7 of the strain.
     assert level["nominal_stress"] == pytest.approx(exact * strain, rel=PART)
@@ -104,7 +104,7 @@ def test_small_stretches_have_the_stress_of_linear_elasticity(force, strain):
 
 def test_small_stretches_between_places():
     """A sheet that is pulled between two places by 1e-7 is in balance; single precision does not resolve its strain."""
-    scene = pd.Scene(
+    scene = pds.Scene(
         name="places",
         body={"size": [2.0, 1.0]},
         spacing=0.25,
@@ -121,7 +121,7 @@ def test_small_stretches_between_places():
 
 def test_a_load_on_stiff_plates_moves_a_soft_layer():
     """The residual of a plate is in its own modulus: 8e4 times the layer's, it let all of the load pass."""
-    scene = pd.Scene(
+    scene = pds.Scene(
         name="plates",
         body={"size": [1.0, 1.0]},
         spacing=0.125,
@@ -174,12 +174,12 @@ def test_units_change_nothing_in_space():
 
 def test_single_precision_gives_way_to_double():
     with pytest.warns(SinglePrecisionLeft, match="too small for single precision"):
-        result = pd.simulate(cantilever(1e-6), "neo-hookean@2")
+        result = pds.simulate(cantilever(1e-6), "neo-hookean@2")
     assert result.summary["precision"] == "float64"
     assert any("double precision" in row.get("reason", "") for row in result.convergence)
     assert simulate(cantilever(1e-2), "neo-hookean@2").summary["precision"] == "float32"
-    with pytest.raises(pd.SimulationFailed, match=r"too small for single precision.*precision=float64"):
-        pd.simulate(cantilever(1e-6, precision="float32"), "neo-hookean@2")
+    with pytest.raises(pds.SimulationFailed, match=r"too small for single precision.*precision=float64"):
+        pds.simulate(cantilever(1e-6, precision="float32"), "neo-hookean@2")
 
 
 class Killed(Silent):
@@ -195,25 +195,25 @@ def test_a_run_in_double_is_resumed_in_double(tmp_path):
     scene = cantilever(1e-6, steps=[0.5, 1.0])
     whole = simulate(scene, "neo-hookean@2")
     with pytest.raises(KeyboardInterrupt), pytest.warns(SinglePrecisionLeft):
-        pd.simulate(scene, "neo-hookean@2", folder=tmp_path / "run", progress=Killed())
+        pds.simulate(scene, "neo-hookean@2", folder=tmp_path / "run", progress=Killed())
     with warnings.catch_warnings():
         warnings.simplefilter("error", SinglePrecisionLeft)
-        rest = pd.simulate(scene, "neo-hookean@2", folder=tmp_path / "run", resume=True)
+        rest = pds.simulate(scene, "neo-hookean@2", folder=tmp_path / "run", resume=True)
     assert rest.summary["precision"] == "float64"
     assert rest.levels == whole.levels
 
 
 def test_strains_beyond_double_precision_are_refused():
-    with pytest.raises(pd.SimulationFailed, match="too small for double precision, which resolves"):
-        pd.simulate(cantilever(1e-16), "bond-energy")
+    with pytest.raises(pds.SimulationFailed, match="too small for double precision, which resolves"):
+        pds.simulate(cantilever(1e-16), "bond-energy")
 
 
 def test_nothing_drives_a_body_at_rest_or_moved_as_a_whole():
     """Neither is a matter of precision; what comes back to rest is held against what drove it before."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", SinglePrecisionLeft)
-        turned = pd.simulate(pd.load_scene("rotation", spacing=0.25), "neo-hookean@2")
-        cycle = pd.simulate(pd.load_scene("load-cycle", spacing=0.25), "neo-hookean@2")
+        turned = pds.simulate(pds.load_scene("rotation", spacing=0.25), "neo-hookean@2")
+        cycle = pds.simulate(pds.load_scene("load-cycle", spacing=0.25), "neo-hookean@2")
     assert [level["force_balance"] for level in turned.levels] == [None, None]
     assert turned.summary["precision"] == cycle.summary["precision"] == "float32"
     assert all(level["force_balance"] < PART for level in cycle.levels)
@@ -224,7 +224,7 @@ def test_a_level_out_of_balance_is_not_converged(monkeypatch):
     """Were the forces left not held against the load, the clamp would carry two thirds of it, and the run say so."""
     monkeypatch.setattr(equilibrium, "UNBALANCED", np.inf)
     monkeypatch.setattr(equilibrium, "PER_TOLERANCE", np.inf)
-    with pytest.raises(pd.SimulationFailed, match=r"sum of all loads and reactions is .* % of what drives the body") as caught:
+    with pytest.raises(pds.SimulationFailed, match=r"sum of all loads and reactions is .* % of what drives the body") as caught:
         simulate(cantilever(1e-6), "bond-energy")
     assert not caught.value.result.summary["converged"]
 
@@ -232,8 +232,8 @@ def test_a_level_out_of_balance_is_not_converged(monkeypatch):
 @pytest.mark.parametrize("modulus", [1e-300, 1e300])
 def test_moduli_beyond_what_is_computed_with_are_refused(modulus):
     """SuperLU ended in a traceback."""
-    with pytest.raises(pd.SceneError, match=r"shear_modulus is 1e.300: .* take other units of stress"):
-        pd.load_scene("uniaxial", {"material.shear_modulus": modulus, "material.bulk_modulus": modulus})
+    with pytest.raises(pds.SceneError, match=r"shear_modulus is 1e.300: .* take other units of stress"):
+        pds.load_scene("uniaxial", {"material.shear_modulus": modulus, "material.bulk_modulus": modulus})
 
 
 def test_a_twist_begins_from_a_body_in_one_piece():
@@ -241,13 +241,13 @@ def test_a_twist_begins_from_a_body_in_one_piece():
     scene = block().model_copy(update={"loads": ()}).model_dump(mode="json", exclude_none=True)
     scene["body"] = {"shape": "cylinder", "radius": 0.5, "length": 1.0, "axis": "x1"}
     scene["spacing"], scene["prescribed"][1]["rotation"] = 0.125, 60.0
-    result = simulate(pd.Scene(**scene))
+    result = simulate(pds.Scene(**scene))
     assert not any("failure" in row for row in result.convergence)
     assert result.summary["n_force_evaluations"] < 90
 
 
 def test_what_fails_gives_up_before_a_hundred_times_a_good_run():
     """NOSB on a stretched bonded cube has no equilibrium: 79,000 evaluations until it said so."""
-    with pytest.raises(pd.SimulationFailed) as caught:
-        simulate(pd.load_scene("bonded-block", spacing=0.25), "nosb")
+    with pytest.raises(pds.SimulationFailed) as caught:
+        simulate(pds.load_scene("bonded-block", spacing=0.25), "nosb")
     assert caught.value.result.summary["n_force_evaluations"] < 8_000

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.cli import running
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.results.page import html_page
@@ -170,15 +170,15 @@ def test_changes_stay_as_the_caller_gave_them(tmp_path):
 @pytest.mark.parametrize(
     ("part", "fields", "message"),
     [
-        (pd.Circle, {"radius": -1}, "radius: Input should be greater than 0 (given -1)"),
-        (pd.Circle, {"radi": 1}, "radius: Field required; radi: unknown key; did you mean radius?"),
-        (pd.Rectangle, {"size": (True, 1.0)}, "size.0: Input should be a valid number (given True)"),
-        (pd.Polygon, {"vertices": [(0, 0), (1, 1)]}, "vertices: needs at least 3 entries, not 2"),
-        (pd.Precut, {"start": (0, 1), "end": (0, 1)}, "a precut needs two different ends"),
+        (pds.Circle, {"radius": -1}, "radius: Input should be greater than 0 (given -1)"),
+        (pds.Circle, {"radi": 1}, "radius: Field required; radi: unknown key; did you mean radius?"),
+        (pds.Rectangle, {"size": (True, 1.0)}, "size.0: Input should be a valid number (given True)"),
+        (pds.Polygon, {"vertices": [(0, 0), (1, 1)]}, "vertices: needs at least 3 entries, not 2"),
+        (pds.Precut, {"start": (0, 1), "end": (0, 1)}, "a precut needs two different ends"),
         (Grip, {"edge": "lft"}, "edge: Input should be 'left', 'right', 'bottom', 'top', 'back' or 'front' (given 'lft')"),
         (MaterialSpec, {"law": "gent", "chain_limt": 3}, "gent has no parameter 'chain_limt'; did you mean chain_limit?"),
         (
-            pd.Scene,
+            pds.Scene,
             {**load_scene("uniaxial").model_dump(exclude={"spacing"}), "spacng": 0.1},
             "spacing: Field required; spacng: unknown key; did you mean spacing?",
         ),
@@ -314,9 +314,9 @@ PLAIN = {
 
 def test_what_has_no_units_claims_none(tmp_path, monkeypatch):
     """All headers said kPa and cm."""
-    scene = pd.Scene.model_validate({**PLAIN, "material": "neo-hookean"})
+    scene = pds.Scene.model_validate({**PLAIN, "material": "neo-hookean"})
     assert repr(scene) == "<Scene plain: rectangle, spacing 0.25, neo-hookean, 1 stretch>"
-    result = pd.simulate(scene, "analytic")
+    result = pds.simulate(scene, "analytic")
     result.save(tmp_path)
     texts = [path.read_text() for path in tmp_path.glob("*.csv")] + [html_page(result, ["stress_11"]), result.label("stress_11")]
     for printed in (running.print_levels, running.print_cells, running.print_grip):
@@ -324,7 +324,7 @@ def test_what_has_no_units_claims_none(tmp_path, monkeypatch):
             printed(result)
         texts.append(said.get())
     figure = result.loading_figure()
-    texts += [figure.axes[0].get_ylabel(), *(text.get_text() for text in pd.preview(scene).texts)]
+    texts += [figure.axes[0].get_ylabel(), *(text.get_text() for text in pds.preview(scene).texts)]
     for text in texts:
         assert not re.search(r"kPa|\bcm\b|\[s\]|None", re.sub(r"base64,[A-Za-z0-9+/=]+", "", text))
     named = Units(length="mm", stress="MPa")
@@ -336,12 +336,12 @@ def test_what_has_no_units_claims_none(tmp_path, monkeypatch):
 
 def test_a_material_may_be_left_to_the_force():
     """A scene had to state a material, though the force brought its own."""
-    scene = pd.Scene.model_validate(PLAIN)
-    found = pd.simulate(scene, "gent")
-    card = pd.load_card("gent").material.trained_with
+    scene = pds.Scene.model_validate(PLAIN)
+    found = pds.simulate(scene, "gent")
+    card = pds.load_card("gent").material.trained_with
     assert found.summary["material"] == card
-    stated = pd.simulate(pd.Scene.model_validate({**PLAIN, "material": card}), "gent")
+    stated = pds.simulate(pds.Scene.model_validate({**PLAIN, "material": card}), "gent")
     assert found.levels[0]["nominal_stress"] == stated.levels[0]["nominal_stress"]
-    for force in (None, "analytic", "bond-energy", pd.AnalyticBondForce()):
+    for force in (None, "analytic", "bond-energy", pds.AnalyticBondForce()):
         with pytest.raises(SceneError, match="scene plain: material: none is given; give one, or an artefact as the force"):
-            pd.simulate(scene, force)
+            pds.simulate(scene, force)

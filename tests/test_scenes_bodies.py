@@ -8,7 +8,7 @@ import pytest
 from bodies import build_body
 from scipy.spatial import cKDTree
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.body import Cells
 from pdsurrogate.discretisation import check_size, discretise, grip_areas, memory_here
 from pdsurrogate.materials import homogeneous
@@ -207,7 +207,7 @@ def test_mesh_bodies(tmp_path):
     assert len(body) == 50 + 100
     assert body.volumes.sum() == pytest.approx(1.0)
     np.testing.assert_allclose((body.points * body.volumes[:, None]).sum(axis=0), 0.5)
-    level = pd.simulate(scene, "analytic").levels[0]
+    level = pds.simulate(scene, "analytic").levels[0]
     exact = homogeneous.uniaxial(scene.material.build(), 1.5).nominal_stress
     assert level["nominal_stress_work_conjugate"] == pytest.approx(exact, rel=5e-3)
     assert "lateral_displacement" not in level
@@ -366,7 +366,7 @@ def test_finite_element_references_belong_to_their_problem():
 
 def test_scenes_composed_in_python():
     """The same objects that a file describes."""
-    scene = pd.Scene(
+    scene = pds.Scene(
         name="notched",
         spacing=0.1,
         stretches=(1.2,),
@@ -376,7 +376,7 @@ def test_scenes_composed_in_python():
         material="neo-hookean",
         grips=({"edge": "bottom"}, {"edge": "top", "travel": 1.0}),
     )
-    result = pd.simulate(scene)
+    result = pds.simulate(scene)
     assert result.summary["converged"]
     assert result.summary["force"] == "neo-hookean@2"
 
@@ -401,13 +401,13 @@ def test_scenes_composed_in_python():
     ],
 )
 def test_bodies_that_memory_does_not_hold_are_refused_before_they_are_made(scene, spacing, memory, told):
-    with pytest.raises(pd.SceneError) as caught:
-        check_size(pd.load_scene(scene, spacing=spacing), memory)
+    with pytest.raises(pds.SceneError) as caught:
+        check_size(pds.load_scene(scene, spacing=spacing), memory)
     assert told in str(caught.value)
     least = float(str(caught.value).rsplit(" ", 1)[1])
-    check_size(pd.load_scene(scene, spacing=1.1 * least), memory)
+    check_size(pds.load_scene(scene, spacing=1.1 * least), memory)
 
 
 def test_a_machine_has_memory_for_every_scene_that_comes_with_the_package():
-    for name in pd.scene_names():
-        check_size(pd.load_scene(name), memory_here())
+    for name in pds.scene_names():
+        check_size(pds.load_scene(name), memory_here())

@@ -11,7 +11,7 @@ import pytest
 from matplotlib import image
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.cli.showing import MARK, MARK_WITHIN
 from pdsurrogate.results.page import html_page
@@ -32,7 +32,7 @@ def picture_of(path):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("saved") / "out"
-    pd.simulate(pd.load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.5]), "neo-hookean").save(folder)
+    pds.simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.5]), "neo-hookean").save(folder)
     return folder
 
 
@@ -43,13 +43,13 @@ def test_pictures_of_a_saved_run(folder, tmp_path):
     for path in tmp_path.iterdir():
         picture_of(path)
     assert "fields: position, displacement" in done.stdout
-    assert all(f"{row['strain_energy']:.5g}" in done.stdout for row in pd.load_result(folder).history)
+    assert all(f"{row['strain_energy']:.5g}" in done.stdout for row in pds.load_result(folder).history)
     assert set(json.loads(invoke("show", folder, "--out", tmp_path, "--json").stdout)) == {"fields", "history"}
 
 
 def test_a_state_in_space_is_drawn_from_its_files(tmp_path, capfd):
     pytest.importorskip("pyvista")
-    pd.simulate(pd.load_scene("bonded-block", spacing=0.25, stretches=1.1), "bond-energy").save(tmp_path / "out")
+    pds.simulate(pds.load_scene("bonded-block", spacing=0.25, stretches=1.1), "bond-energy").save(tmp_path / "out")
     done = invoke("show", tmp_path / "out", "--field", "von_mises", "--out", tmp_path)
     assert done.exit_code == 0, done.output
     picture_of(tmp_path / "bonded-block-von_mises.png")
@@ -85,8 +85,8 @@ def test_a_scene_is_drawn_before_it_is_run(name, tmp_path):
     done = invoke("scenes", name, "--plot", "--set", f"spacing={spacing}", "--out", tmp_path)
     assert done.exit_code == 0, done.output
     picture = picture_of(tmp_path / f"{name}-scene.png")
-    scene = pd.load_scene(name, spacing=spacing)
-    figure = pd.preview(scene)
+    scene = pds.load_scene(name, spacing=spacing)
+    figure = pds.preview(scene)
     said = [text.get_text().split(":")[0] for text in figure.legends[0].get_texts()]
     for grip in scene.grips:
         assert grip.edge in said
@@ -100,7 +100,7 @@ def test_a_scene_is_drawn_before_it_is_run(name, tmp_path):
 
 
 def test_the_page_holds_everything_and_fetches_nothing(folder):
-    result = pd.load_result(folder)
+    result = pds.load_result(folder)
     page = html_page(result, ["displacement", "stress_11"])
     data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])
     assert MARK in page.encode()[:MARK_WITHIN]  # by which it may be replaced
@@ -109,7 +109,7 @@ def test_the_page_holds_everything_and_fetches_nothing(folder):
     assert data["titles"] == ["stretch 1.2", "stretch 1.5"]
     assert not re.search(r"""(src|href)=["']?(?!data:)\w""", page)
     assert "http" not in re.sub(r"base64,[A-Za-z0-9+/=]+", "", page)
-    for words in ("neo-hookean@2", pd.__version__, "strain_energy [kPa cm^3]", "digest of neo-hookean@2", "stretches"):
+    for words in ("neo-hookean@2", pds.__version__, "strain_energy [kPa cm^3]", "digest of neo-hookean@2", "stretches"):
         assert words in page
 
 
@@ -134,7 +134,7 @@ def dom(page, tmp_path):
 
 @pytest.mark.skipif(BROWSER is None, reason="there is no Chromium on this machine")
 def test_the_slider_of_the_page_shows_the_outputs_in_a_browser(folder, tmp_path):
-    page = html_page(pd.load_result(folder), ["displacement", "stress_11"])
+    page = html_page(pds.load_result(folder), ["displacement", "stress_11"])
     data = json.loads(re.search(r'id="data">(.*?)</script>', page, re.DOTALL)[1])
 
     def shown(document):

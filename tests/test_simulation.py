@@ -14,7 +14,7 @@ from conftest import SHIPPED
 from sklearn.linear_model import LinearRegression
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.learning.force_model import force_model_of
 from pdsurrogate.run.run import Run, Silent
@@ -26,7 +26,7 @@ VERTICAL = [{"edge": "bottom", "holds": "normal"}, {"edge": "top", "holds": "nor
 
 
 def run(force, *changes, **options):
-    return simulate(pd.load_scene("uniaxial", ["spacing=0.05", *changes]), force, **options)
+    return simulate(pds.load_scene("uniaxial", ["spacing=0.05", *changes]), force, **options)
 
 
 @pytest.mark.parametrize("force", ["analytic", "neo-hookean"])
@@ -68,8 +68,8 @@ def test_forces_of_grips_balance_and_are_those_on_held_points(force, support):
     Reflected grips exert all force there is on the body, so they balance the sum of the internal forces; held points take what the
     internal forces leave on them.  To the rounding of single precision, in which one of the models sums.
     """
-    scene = pd.load_scene("pure-shear", {"spacing": 0.1, "body": {"shape": "polygon", "vertices": LETTER_L}, "support": support})
-    run = Run(scene, pd.load_surrogate(force), Silent())
+    scene = pds.load_scene("pure-shear", {"spacing": 0.1, "body": {"shape": "polygon", "vertices": LETTER_L}, "support": support})
+    run = Run(scene, pds.load_surrogate(force), Silent())
     positions = run.loading.stretched(run.body.points, 1.0, 1.2) + 0.01 * np.sin(3 * run.body.points[:, ::-1] + [0.3, 0.7])
     internal = np.empty_like(positions)
     run.loading.apply(1.2, run.force, positions)
@@ -92,7 +92,7 @@ def test_the_stress_of_an_l_is_that_of_its_leg():
     """It was the force over the width of the bounding box: a third of the leg's stress."""
     grips = [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}]
     body = {"shape": "polygon", "vertices": LETTER_L}
-    scene = pd.load_scene("pure-shear", {"spacing": 0.1, "stretches": [1.1], "body": body, "grips": grips})
+    scene = pds.load_scene("pure-shear", {"spacing": 0.1, "stretches": [1.1], "body": body, "grips": grips})
     summary = simulate(scene, "analytic").summary
     level = summary["levels"][0]
     assert summary["grip_areas"] == pytest.approx({"bottom": 3.0, "top": 1.0}, rel=1e-12)
@@ -115,7 +115,9 @@ def test_the_grip_of_the_nominal_stress():
     for travels, edge in (((1.0, 0.0), "left"), ((0.0, 1.0), "right"), ((0.5, 0.5), "right")):
         for order in (1, -1):
             grips = [{"edge": name, "holds": "normal", "travel": travel} for name, travel in zip(("left", "right"), travels, strict=True)]
-            level = simulate(pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], "grips": grips[::order]}), "analytic").levels[0]
+            level = simulate(pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], "grips": grips[::order]}), "analytic").levels[
+                0
+            ]
             assert level["nominal_stress_grip"] == edge
             assert level["nominal_stress"] > 0
             assert level["forces"]["right"][0] == pytest.approx(level["nominal_stress"], rel=1e-5)
@@ -125,7 +127,7 @@ def test_the_grip_of_the_nominal_stress():
 def test_uniaxial_at_full_resolution_meets_its_promise():
     """6.2 at dx = 0.02: 0.005 % with the analytic force, 0.05 % with the shipped surrogate, under 15 s without compilation."""
     for force, percent in (("analytic", 0.005), ("neo-hookean", 0.05)):
-        result = simulate(pd.load_scene("uniaxial"), force)
+        result = simulate(pds.load_scene("uniaxial"), force)
         for level in result.levels:
             assert abs(level["nominal_stress_error"]) < percent / 100
             assert abs(level["lateral_displacement_error"]) < percent / 100
@@ -135,7 +137,7 @@ def test_uniaxial_at_full_resolution_meets_its_promise():
 @pytest.mark.slow
 def test_the_papers_own_figures_come_back():
     """Its five features, scalar factor and one held column: stress 1 to 4 % high (Table 1: 3.8 … 4.0 % over the exact solution)."""
-    scene = pd.load_scene("uniaxial", ["support=points", "correction=scalar", "outside=extrapolate"])
+    scene = pds.load_scene("uniaxial", ["support=points", "correction=scalar", "outside=extrapolate"])
     result = simulate(scene, "neo-hookean-paper")
     assert all(0.01 < level["nominal_stress_error"] < 0.04 for level in result.levels)
     assert all(abs(level["lateral_displacement_error"]) < 0.011 for level in result.levels)  # Table 1: 0.3 to 1.1 %
@@ -178,7 +180,7 @@ def test_the_default_method_falls_back_on_relaxation():
 def test_a_buckled_sheet_is_not_taken_for_the_compressed_one():
     """`run uniaxial --set stretches=0.5 --set spacing=0.2` gave 15 % of the stress and `converged: true`.  A cut starts the buckle here."""
     described = {"spacing": 0.2, "stretches": [0.5]}
-    cut = pd.load_scene("uniaxial", {**described, "precuts": [{"start": [1.5, 0.9], "end": [1.5, 1.0]}]})
+    cut = pds.load_scene("uniaxial", {**described, "precuts": [{"start": [1.5, 0.9], "end": [1.5, 1.0]}]})
     with pytest.raises(
         SimulationFailed, match=r"the body buckles between the stretches 0\.8.*; equilibrium was followed to stretch 0\.8"
     ) as caught:
@@ -197,7 +199,7 @@ def test_a_buckled_sheet_is_not_taken_for_the_compressed_one():
 def test_without_a_cut_it_is_compressed_or_refused(force):
     """In double precision it stays straight; in single precision that is up to rounding, and so to the versions of numpy and LLVM."""
     try:
-        result = simulate(pd.load_scene("uniaxial", {"spacing": 0.2, "stretches": [0.5]}), force)
+        result = simulate(pds.load_scene("uniaxial", {"spacing": 0.2, "stretches": [0.5]}), force)
     except SimulationFailed as failure:
         refused = str(failure)
     else:
@@ -235,7 +237,7 @@ def test_the_sheet_that_buckled_through_its_own_grips():
 
 def test_points_beyond_a_grip_are_no_equilibrium():
     """NOSB folds a compressed sheet through its grips; every force is zero there, and the run said `converged: true`."""
-    scene = pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": [0.8, 0.5], "solver.method": "relaxation"})
+    scene = pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [0.8, 0.5], "solver.method": "relaxation"})
     with pytest.raises(SimulationFailed, match=r"point \d+ at \(.*\): it lies .* beyond the (left|right) grip") as caught:
         simulate(scene, "nosb")
     assert [level["stretch"] for level in caught.value.result.levels] == [0.8]
@@ -245,7 +247,7 @@ def test_points_beyond_a_grip_are_no_equilibrium():
 def test_an_energy_buckles_where_euler_says(force):
     """A sheet of length l and height h between rollers buckles at a strain of (pi h/l)^2/12, less some percent for its shear."""
     with pytest.raises(SimulationFailed, match="is not stable: along one displacement") as caught:
-        simulate(pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": [0.5]}), force)
+        simulate(pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [0.5]}), force)
     found = re.search(r"followed to stretch ([0-9.]+), and not further with increments down to ([0-9.]+)", str(caught.value))
     reached, increment = map(float, found.groups())
     euler = np.pi**2 / 9 / 12
@@ -267,7 +269,7 @@ class Picky(QuasiNewton):
 
 
 def test_increments_are_shortened_after_a_failure_and_grow_again(monkeypatch):
-    scene = pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.3, 1.35], "solver.method": "quasi-newton"})
+    scene = pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.3, 1.35], "solver.method": "quasi-newton"})
     whole = simulate(scene, "analytic")
     assert not any("failure" in row for row in whole.convergence)
     assert list(dict.fromkeys(row["increment"] for row in whole.convergence)) == [1.3, 1.35]
@@ -327,7 +329,7 @@ def test_summary_has_what_is_promised():
     assert summary["n_points"] == 60 * 20
     assert summary["fallback_fraction"] == 0.0
     # Undirected bonds, those across the grips as well; directed ones within the body alone.
-    bonds = build_body(pd.load_scene("uniaxial", ["spacing=0.05"])).bonds
+    bonds = build_body(pds.load_scene("uniaxial", ["spacing=0.05"])).bonds
     assert summary["n_bonds"] == len(bonds.first) > summary["n_directed_bonds"] / 2 == (bonds.second < summary["n_points"]).sum()
     for key in ("threads", "n_force_evaluations", "seconds_total", "ns_per_directed_bond"):
         assert summary[key] > 0
@@ -339,10 +341,10 @@ def test_summary_has_what_is_promised():
 
 def test_surrogate_beyond_its_domain_falls_back(tmp_path):
     """Trained to stretch 1.5 and run to 2.0: the result is that of the exact force, and the share of bonds that fell back is told."""
-    law = pd.NeoHookean()
-    samples = pd.wide_design(law, 3000, (0.75, 1.5), random_state=0)
-    model = pd.bond_force_pipeline("symmetric", pd.LevenbergMarquardtRegressor((12,), "algebraic", max_iter=300, random_state=0))
-    short = pd.load_surrogate(pd.store(model.fit(samples.X, samples.y), samples, law, tmp_path, "short", "1", "to 1.5"))
+    law = pds.NeoHookean()
+    samples = pds.wide_design(law, 3000, (0.75, 1.5), random_state=0)
+    model = pds.bond_force_pipeline("symmetric", pds.LevenbergMarquardtRegressor((12,), "algebraic", max_iter=300, random_state=0))
+    short = pds.load_surrogate(pds.store(model.fit(samples.X, samples.y), samples, law, tmp_path, "short", "1", "to 1.5"))
     result, exact = run(short, "stretches=2"), run("analytic", "stretches=2")
     assert 0.1 < result.summary["fallback_fraction"] < 1
     for key in ("nominal_stress", "lateral_displacement"):
@@ -364,7 +366,7 @@ def test_failed_runs_keep_what_they_reached(tmp_path):
 
 
 def test_holds(tmp_path):
-    scene = pd.load_scene(
+    scene = pds.load_scene(
         "uniaxial",
         {"holds": [{"box": [[1.4, 0.4], [1.6, 0.6]], "components": ["x2"], "travel": [0.0, 0.05]}], "spacing": 0.1, "stretches": [1.5]},
     )
@@ -377,7 +379,7 @@ def test_holds(tmp_path):
         ({}, "either a box or a list of points"),
     ):
         with pytest.raises(SceneError, match=message):
-            simulate(pd.load_scene("uniaxial", {"holds": [bad], "spacing": 0.1}), "analytic")
+            simulate(pds.load_scene("uniaxial", {"holds": [bad], "spacing": 0.1}), "analytic")
 
 
 @pytest.mark.parametrize(("change", "message"), [("spacing=5", "larger than the body"), ("spacing=0.3", "does not divide")])
@@ -389,7 +391,7 @@ def test_bodies_that_cannot_be_built(change, message):
 @pytest.mark.parametrize("changes", [{}, {"body.size": [1.0, 3.0], "grips": VERTICAL}])
 def test_cells_that_are_no_squares_are_exact_where_the_answer_is_homogeneous(changes):
     """3 x 1 cm at 0.07: 43 x 14 cells.  To 5e-5, the residual's tolerance of 1e-6 in units of shear modulus/spacing over ten points."""
-    result = simulate(pd.load_scene("uniaxial", {"spacing": 0.07, "stretches": [1.5], **changes}), "analytic")
+    result = simulate(pds.load_scene("uniaxial", {"spacing": 0.07, "stretches": [1.5], **changes}), "analytic")
     level, cell = result.levels[0], np.array([3 / 43, 1 / 14])
     cell = cell[::-1] if changes else cell
     assert level["nominal_stress_error"] == pytest.approx(0, abs=5e-5)
@@ -408,7 +410,7 @@ def test_pure_shear_between_spacings_that_divide():
     """
     errors = []
     for spacing in (0.1, 0.09, 1 / 12):
-        level = simulate(pd.load_scene("pure-shear", {"spacing": spacing, "stretches": [2.0]}), "analytic").levels[0]
+        level = simulate(pds.load_scene("pure-shear", {"spacing": spacing, "stretches": [2.0]}), "analytic").levels[0]
         errors.append(abs(level["nominal_stress_error"]))
     assert errors[0] > errors[1] > errors[2]
 
@@ -446,13 +448,13 @@ LOOSE = [{"start": [x1, -1.0], "end": [x1, 2.0]} for x1 in (1.0, 2.0)]
 def test_bodies_and_conditions_without_an_answer(changes, message):
     """What ran through, or ended in the words of NumPy."""
     with pytest.raises(SceneError, match=message):
-        simulate(pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], **changes}), "analytic")
+        simulate(pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], **changes}), "analytic")
 
 
 def test_pieces_that_are_held_have_an_answer():
     """A piece between two cuts that a hold of its own keeps in place, and two rows of points."""
     for changes in ({"precuts": LOOSE, "holds": [{"box": [[1.4, 0.0], [1.6, 1.0]], "components": ["x1"]}]}, {"body.size": [3.0, 0.2]}):
-        result = simulate(pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], **changes}), "analytic")
+        result = simulate(pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.2], **changes}), "analytic")
         assert result.summary["converged"]
 
 
@@ -465,26 +467,26 @@ FAST = {"spacing": 0.1, "stretches": [1.2]}
 
 
 def test_scenes_by_name_and_file(tmp_path):
-    """``pd.simulate("uniaxial")`` ended in an AttributeError."""
+    """``pds.simulate("uniaxial")`` ended in an AttributeError."""
     path = tmp_path / "small.toml"
     built_in = (resources.files("pdsurrogate.scenes") / "uniaxial.toml").read_text("utf-8")
     path.write_text(re.sub(r"(?m)^(spacing|stretches) *=.*$", lambda line: f"{line[1]} = {FAST[line[1]]}", built_in))
-    stress = [pd.simulate(scene).levels[-1]["nominal_stress"] for scene in (path, str(path), pd.load_scene("uniaxial", FAST))]
+    stress = [pds.simulate(scene).levels[-1]["nominal_stress"] for scene in (path, str(path), pds.load_scene("uniaxial", FAST))]
     assert stress[0] == stress[1] == stress[2]
     with pytest.raises(SceneError, match="unknown scene 'uniaxal'"):
-        pd.simulate("uniaxal")
+        pds.simulate("uniaxal")
     with pytest.raises(TypeError, match="scene must be a Scene, or the name or file of one, not 3"):
-        pd.simulate(3)
+        pds.simulate(3)
 
 
 def test_fitted_pipelines_are_taken():
-    """``pd.simulate(scene, pipeline)`` ended in an AttributeError."""
-    scene, law = pd.load_scene("uniaxial", FAST), pd.NeoHookean()
-    samples, energies = pd.wide_design(law, 3000, (0.8, 1.5), random_state=0), pd.energy_design(law, 500, (0.8, 1.5))
-    bond = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(2)).fit(samples.X, samples.y)
-    energy = pd.energy_pipeline(pd.SobolevRegressor(8, max_iter=300, random_state=0)).fit(energies.X, energies.y)
+    """``pds.simulate(scene, pipeline)`` ended in an AttributeError."""
+    scene, law = pds.load_scene("uniaxial", FAST), pds.NeoHookean()
+    samples, energies = pds.wide_design(law, 3000, (0.8, 1.5), random_state=0), pds.energy_design(law, 500, (0.8, 1.5))
+    bond = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(2)).fit(samples.X, samples.y)
+    energy = pds.energy_pipeline(pds.SobolevRegressor(8, max_iter=300, random_state=0)).fit(energies.X, energies.y)
     for pipeline in (bond, energy):
-        result = pd.simulate(scene, pipeline)
+        result = pds.simulate(scene, pipeline)
         assert result.summary["force"] == "fitted pipeline"
         assert abs(result.levels[-1]["nominal_stress_error"]) < 1e-3
     # Its domain are the states that it was fitted to: the box of stretches, and as far beyond as bonds off the surface are moved.
@@ -492,30 +494,30 @@ def test_fitted_pipelines_are_taken():
     assert 0.8 * np.exp(-0.3) < domain.least_stretch < 0.8
     assert 1.5 < domain.greatest_stretch < 1.5 * np.exp(0.3)
     assert force_model_of(energy, law).domain.greatest_stretch == pytest.approx(1.5, rel=1e-2)
-    assert pd.simulate(pd.load_scene("uniaxial", FAST, stretches=[2.0]), bond).summary["fallback_fraction"] > 0.5
+    assert pds.simulate(pds.load_scene("uniaxial", FAST, stretches=[2.0]), bond).summary["fallback_fraction"] > 0.5
 
 
 def test_what_is_no_force_says_what_is_taken():
-    scene, law = pd.load_scene("uniaxial", FAST), pd.NeoHookean()
-    samples = pd.wide_design(law, 300, random_state=0)
-    pipeline = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(2))
+    scene, law = pds.load_scene("uniaxial", FAST), pds.NeoHookean()
+    samples = pds.wide_design(law, 300, random_state=0)
+    pipeline = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(2))
     with pytest.raises(ValueError, match="not fitted"):
-        pd.simulate(scene, pipeline)
+        pds.simulate(scene, pipeline)
     with pytest.raises(ValueError, match="a LinearRegression by itself does not say which stretches it was fitted to"):
-        pd.simulate(scene, LinearRegression().fit(samples.X, samples.y))
+        pds.simulate(scene, LinearRegression().fit(samples.X, samples.y))
     with pytest.raises(ValueError, match="a pipeline read from a file does not say which stretches"):
-        pd.simulate(scene, pickle.loads(pickle.dumps(pipeline.fit(samples.X, samples.y))))
-    for force in (3, pd.AnalyticBondForce, samples):
+        pds.simulate(scene, pickle.loads(pickle.dumps(pipeline.fit(samples.X, samples.y))))
+    for force in (3, pds.AnalyticBondForce, samples):
         with pytest.raises(TypeError, match="force must be a force model, the name of one, an artefact"):
-            pd.simulate(scene, force)
+            pds.simulate(scene, force)
 
 
 def test_a_simulation_needs_neither_scikit_learn_nor_torch():
     """Model only what a scene needs: the imports of a run with a learnt force."""
     code = """
 import sys
-import pdsurrogate as pd
-result = pd.simulate(pd.load_scene("uniaxial", spacing=0.1, stretches=[1.2]), sys.argv[1])
+import pdsurrogate as pds
+result = pds.simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2]), sys.argv[1])
 assert result.summary["converged"]
 loaded = [name for name in ("sklearn", "torch", "skorch", "matplotlib", "meshio") if name in sys.modules]
 assert not loaded, loaded

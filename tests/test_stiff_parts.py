@@ -6,7 +6,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.run.run import Silent
@@ -47,7 +47,7 @@ interfaces and the free sides, 32 across; they change by 0.06 % at most from 16 
 @pytest.mark.parametrize(("plane", "contrast"), sorted(LAYERS))
 def test_a_soft_layer_is_as_soft_as_it_is_beside_whatever_is_stiffer(plane, contrast, cells, most):
     """It moved 30 to 98 % too little with 4 cells, less the stiffer the halves; the bounds are those asked for, the strain is 1e-3."""
-    moved = pd.simulate(layer(contrast, cells, plane), "bond-energy").levels[-1]["probes"]["top"]["displacement"][0]
+    moved = pds.simulate(layer(contrast, cells, plane), "bond-energy").levels[-1]["probes"]["top"]["displacement"][0]
     assert abs(100 * moved / LAYERS[plane, contrast] - 1) < most
 
 
@@ -74,7 +74,7 @@ def test_rubber_between_stiff_blocks_is_as_between_clamps(outside):
     Between clamped planes the same 4 cells give 0.4353 and a push of 0.2069, which come to 0.430 and 0.18 with finer ones.  The push was
     0.89 beside blocks 1e3 times as stiff, 23 beside such 8e4 times.  Either way of holding the rubber is within 3 % of the other.
     """
-    force = pd.simulate(box(outside)).levels[-1]["forces"]["right"]
+    force = pds.simulate(box(outside)).levels[-1]["forces"]["right"]
     assert force[1] == pytest.approx(0.4353, rel=0.02)
     assert force[1] == pytest.approx(0.438, rel=0.05)
     assert force[0] == pytest.approx(-0.2069, rel=0.03)
@@ -98,7 +98,7 @@ def sheet(material, **changes):
 
 def test_a_free_rigid_region_is_the_limit_of_stiffer_and_stiffer_ones():
     """Beside one 1e5 times as stiff, whose own strain is 1e-5 of the rubber's; it turns with the sheet, clockwise and by some degrees."""
-    rigid, stiff = (pd.simulate(sheet(material)).levels[-1] for material in (RIGID, rubber(1e5, 1.0)))
+    rigid, stiff = (pds.simulate(sheet(material)).levels[-1] for material in (RIGID, rubber(1e5, 1.0)))
     np.testing.assert_allclose(rigid["forces"]["top"], stiff["forces"]["top"], rtol=1e-4)
     told = rigid["rigid"]["inclusion"]
     assert np.abs(told["force"]).max() < 1e-6
@@ -109,7 +109,7 @@ def test_a_free_rigid_region_is_the_limit_of_stiffer_and_stiffer_ones():
 
 def test_a_finer_grid_changes_little_of_a_rigid_inclusion():
     """Its corners too: 6 and 12 cells across are 3.7 and 1.4 % from what 24 come to, which they share with the sheet itself (1.5 %)."""
-    coarse, fine = (pd.simulate(sheet(RIGID, spacing=spacing)).levels[-1]["forces"]["top"][0] for spacing in (0.1, 0.05))
+    coarse, fine = (pds.simulate(sheet(RIGID, spacing=spacing)).levels[-1]["forces"]["top"][0] for spacing in (0.1, 0.05))
     assert abs(coarse / fine - 1) < 0.03
 
 
@@ -122,7 +122,7 @@ def test_what_a_rigid_region_bears_balances_its_loads():
         prescribed=({"region": "bottom", "x1": 0, "x2": 0},),
         loads=({"region": "plate", "body_force": (0.02, -0.03)},),
     )
-    level = pd.simulate(scene).levels[-1]
+    level = pds.simulate(scene).levels[-1]
     plate = level["rigid"]["plate"]
     np.testing.assert_allclose(plate["force"], [-0.02, 0.03], atol=1e-6)
     np.testing.assert_allclose(level["forces"]["bottom"], [-0.02, 0.03], atol=1e-6)
@@ -135,7 +135,7 @@ def test_a_rigid_region_that_is_prescribed_turns_and_its_holder_bears_it():
     edges = {"either": ("left", "right", "bottom", "top")}
     turned = {"region": "inclusion", "rotation": 40.0, "about": (1.0, 1.0)}
     scene = sheet(RIGID, prescribed=({"region": edges, "name": "rim", "x1": 0, "x2": 0}, turned))
-    result = pd.simulate(scene)
+    result = pds.simulate(scene)
     level = result.levels[-1]
     core = level["rigid"]["inclusion"]
     assert core["rotation"] == pytest.approx(40.0, abs=1e-8)
@@ -166,14 +166,14 @@ def test_a_rigid_region_in_space_goes_on_from_its_checkpoint(tmp_path):
         loads=({"region": "block", "body_force": (0.3, 0.0, -0.1)},),
         steps=(0.5, 1.0),
     )
-    whole = pd.simulate(scene, folder=tmp_path / "whole")
+    whole = pds.simulate(scene, folder=tmp_path / "whole")
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore
     try:
-        with pytest.raises(pd.SimulationInterrupted):
-            pd.simulate(scene, folder=tmp_path / "cut", progress=StopAtTheSecond())
+        with pytest.raises(pds.SimulationInterrupted):
+            pds.simulate(scene, folder=tmp_path / "cut", progress=StopAtTheSecond())
     finally:
         signal.signal(signal.SIGINT, before)
-    resumed = pd.simulate(scene, folder=tmp_path / "cut", resume=True)
+    resumed = pds.simulate(scene, folder=tmp_path / "cut", resume=True)
     assert resumed.levels == whole.levels
     block = whole.levels[-1]["rigid"]["block"]
     volume = 0.75 * 0.75 * 0.5
@@ -185,8 +185,8 @@ def test_a_rigid_region_in_space_goes_on_from_its_checkpoint(tmp_path):
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_forces_beside_much_stiffer_material_are_those_of_its_energy(plane, random):
     """Fourth-order differences to 1e-7, pair by pair as well, with images at rollers that the interface ends in."""
-    planes = tuple(pd.body.ReflectionPlane(0, place, side, (-1, 1)) for place, side in ((0.0, -1), (1.2, 1)))
-    body = pd.Body.rectangle(1.2, 1.0, 0.1, 0.315, planes=planes)
+    planes = tuple(pds.body.ReflectionPlane(0, place, side, (-1, 1)) for place, side in ((0.0, -1), (1.2, 1)))
+    body = pds.Body.rectangle(1.2, 1.0, 0.1, 0.315, planes=planes)
     model, upper = FORCES["bond-energy"](), body.points[:, 1] > 0.5
     laws = NeoHookean(1.0, 100.0), NeoHookean(1e3, 1e3)
     portions = [Portion(law, model, np.flatnonzero(upper == number)) for number, law in enumerate(laws)]
@@ -207,7 +207,7 @@ def test_forces_beside_much_stiffer_material_are_those_of_its_energy(plane, rand
 
 
 def test_the_exact_energy_is_the_default_of_several_materials():
-    assert pd.simulate(pd.load_scene("bimaterial", spacing=0.25)).summary["force"] == "bond-energy"
+    assert pds.simulate(pds.load_scene("bimaterial", spacing=0.25)).summary["force"] == "bond-energy"
 
 
 @pytest.mark.parametrize(
@@ -233,25 +233,25 @@ def test_the_exact_energy_is_the_default_of_several_materials():
 )
 def test_what_a_rigid_region_cannot_do_is_refused(changes, force, message):
     with pytest.raises((SceneError, ValueError), match=message):
-        pd.simulate(Scene.model_validate(sheet(RIGID).model_dump(by_alias=True) | changes), force)
+        pds.simulate(Scene.model_validate(sheet(RIGID).model_dump(by_alias=True) | changes), force)
 
 
 def test_parts_too_thin_for_their_bonds_are_told_of():
     """With 2 cells at a horizon of 3.15 the stiff halves are bonded through the layer."""
     with pytest.warns(UserWarning, match="2 cells thick"):
-        pd.simulate(layer(10.0, 2), "bond-energy")
+        pds.simulate(layer(10.0, 2), "bond-energy")
 
 
 def test_a_contrast_that_bond_forces_do_not_bear_is_told_of():
     scene = layer(100.0, 4).model_copy(update={"solver": Scene.model_fields["solver"].default.model_copy(update={"most_evaluations": 2})})
-    with pytest.warns(UserWarning, match="100 times as stiff"), pytest.raises(pd.SimulationFailed):
-        pd.simulate(scene, "neo-hookean")
+    with pytest.warns(UserWarning, match="100 times as stiff"), pytest.raises(pds.SimulationFailed):
+        pds.simulate(scene, "neo-hookean")
 
 
 def test_a_contrast_for_which_a_rigid_region_is_better_is_told_of():
     scene = layer(8e4, 4).model_copy(update={"solver": Scene.model_fields["solver"].default.model_copy(update={"most_evaluations": 2})})
-    with pytest.warns(UserWarning, match='8e\\+04 times as stiff.*material = "rigid"'), pytest.raises(pd.SimulationFailed):
-        pd.simulate(scene, "bond-energy")
+    with pytest.warns(UserWarning, match='8e\\+04 times as stiff.*material = "rigid"'), pytest.raises(pds.SimulationFailed):
+        pds.simulate(scene, "bond-energy")
 
 
 @pytest.mark.parametrize(("plane", "most"), [("strain", 0.05), ("space", 0.005)])
@@ -278,7 +278,7 @@ def test_a_confined_layer_between_rigid_parts_bears_what_its_law_says(plane, mos
         steps=1,
         **({"plane": "strain"} if d == 2 else {}),
     )
-    force = pd.simulate(scene, "bond-energy").levels[-1]["forces"]["right"][0]
+    force = pds.simulate(scene, "bond-energy").levels[-1]["forces"]["right"][0]
     exact = 1e-3 * (100 + 4 / 3)
     assert abs(force / exact - 1) < most
 
@@ -286,8 +286,8 @@ def test_a_confined_layer_between_rigid_parts_bears_what_its_law_says(plane, mos
 def test_a_confined_layer_in_plane_strain_is_told_of():
     scene = layer(4.5, 4, "strain")
     scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"most_evaluations": 2})})
-    with pytest.warns(UserWarning, match="too soft where it is confined"), pytest.raises(pd.SimulationFailed):
-        pd.simulate(scene, "bond-energy")
+    with pytest.warns(UserWarning, match="too soft where it is confined"), pytest.raises(pds.SimulationFailed):
+        pds.simulate(scene, "bond-energy")
 
 
 def test_a_rigid_region_that_nothing_holds_is_refused():
@@ -303,7 +303,7 @@ def test_a_rigid_region_that_nothing_holds_is_refused():
         steps=(1.0,),
     )
     with pytest.raises(SceneError, match=r"materials\.1.*nothing holds this rigid region"):
-        pd.simulate(scene, "bond-energy")
+        pds.simulate(scene, "bond-energy")
 
 
 def test_a_traction_on_a_thin_rigid_region_is_told_of():
@@ -318,7 +318,7 @@ def test_a_traction_on_a_thin_rigid_region_is_told_of():
         steps=(1.0,),
     )
     with pytest.warns(UserWarning, match="rigid region is at most 3 cells thick"):
-        pd.simulate(scene, "bond-energy")
+        pds.simulate(scene, "bond-energy")
 
 
 @pytest.mark.parametrize("key", ["material", "materials.0"])
@@ -330,5 +330,5 @@ def test_a_bulk_modulus_in_other_units_is_told_of(key):
         {"material": described} if key == "material" else {"materials": [{"region": {"box": ((-1, 0.4), (2, 0.6))}, "material": described}]}
     )
     scene = layer(2.0, 4).model_dump() | changes | {"solver": {"most_evaluations": 2}}
-    with pytest.warns(UserWarning, match=f"{key}: the bulk modulus, 100, is less than two thirds"), suppress(pd.SimulationFailed):
-        pd.simulate(Scene.model_validate(scene), "bond-energy")
+    with pytest.warns(UserWarning, match=f"{key}: the bulk modulus, 100, is less than two thirds"), suppress(pds.SimulationFailed):
+        pds.simulate(Scene.model_validate(scene), "bond-energy")

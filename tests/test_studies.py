@@ -17,7 +17,7 @@ from meshes import write_plate
 from scipy import stats
 from typer.testing import CliRunner
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.results.folder import FolderTaken
 from pdsurrogate.studies.description import load_study
@@ -125,8 +125,8 @@ def test_random_samples_follow_their_distribution():
 )
 def test_bad_input_is_told_before_anything_is_run(changes, message, tmp_path):
     description = {**TINY, "parameters": {"material.shear_modulus": [1.0]}, **changes}
-    with pytest.raises(pd.SceneError) as caught:
-        pd.study({key: value for key, value in description.items() if value is not None}, tmp_path / "out")
+    with pytest.raises(pds.SceneError) as caught:
+        pds.study({key: value for key, value in description.items() if value is not None}, tmp_path / "out")
     assert message in str(caught.value)
     assert not (tmp_path / "out").exists()
 
@@ -156,7 +156,7 @@ def test_bad_input_is_one_line_and_status_2(text, options, message, tmp_path, mo
 
 def test_one_failed_run_does_not_end_the_others(tmp_path):
     description = {**TINY, "set": {"stretches": 1.2}, "parameters": {"spacing": [0.5, 5.0], "solver.most_evaluations": [1, 50]}}
-    done = pd.study(description, tmp_path, jobs=1)
+    done = pds.study(description, tmp_path, jobs=1)
     failures = [row["failure"] for row in done.rows]
     assert failures[1] is None
     assert "solver.most_evaluations" in failures[0]
@@ -169,14 +169,14 @@ def test_one_failed_run_does_not_end_the_others(tmp_path):
     assert rows[3]["converged"] == ""
     # Those that failed by themselves would fail again.
     written = (tmp_path / "runs" / done.rows[2]["run"] / "outcome.json").stat().st_mtime_ns
-    pd.study(description, tmp_path, jobs=1)
+    pds.study(description, tmp_path, jobs=1)
     assert (tmp_path / "runs" / done.rows[2]["run"] / "outcome.json").stat().st_mtime_ns == written
 
 
 def test_a_study_with_more_runs_does_those_that_are_new(tmp_path):
-    first = pd.study({**TINY, "parameters": {"material.shear_modulus": [1.0, 2.0]}}, tmp_path, jobs=1)
+    first = pds.study({**TINY, "parameters": {"material.shear_modulus": [1.0, 2.0]}}, tmp_path, jobs=1)
     outcomes = {path: path.stat().st_mtime_ns for path in tmp_path.glob("runs/*/outcome.json")}
-    more = pd.study(
+    more = pds.study(
         {**TINY, "parameters": {"material.shear_modulus": [3.0, 2.0, 1.0, 2.0]}, "quantities": ["nominal_stress"]}, tmp_path, jobs=1
     )
     assert len(list(tmp_path.glob("runs/*"))) == 3
@@ -190,7 +190,7 @@ def test_a_study_with_more_runs_does_those_that_are_new(tmp_path):
 
 def test_quantities_that_no_run_has_are_told(tmp_path):
     given = {"parameters": {"material.shear_modulus": [1.0]}, "quantities": ["forces.rigth", "n_points"]}
-    done = pd.study({**TINY, **given}, tmp_path, jobs=1)
+    done = pds.study({**TINY, **given}, tmp_path, jobs=1)
     assert done.cautions() == ["quantities: no run has 'forces.rigth'"]
     assert done.rows[0]["n_points"] == 12
 
@@ -204,7 +204,7 @@ SHORT_TEAR |= {"fracture.critical_stretch": 1.2, "dynamics": {"stretch": 1.15, "
     [("uniaxial", {"spacing": 0.5, "stretches": 1.2}), ("hanging", {"spacing": 0.25, "steps": [0.1]}), ("tear", SHORT_TEAR)],
 )
 def test_a_run_has_no_quantities_that_are_not_known_before(scene, changes):
-    summary = pd.simulate(pd.load_scene(scene, changes), "bond-energy").summary
+    summary = pds.simulate(pds.load_scene(scene, changes), "bond-energy").summary
     assert set(summary) <= set(KEYS_OF_RUNS)
     assert {key for level in summary["levels"] for key in level} <= set(KEYS_OF_LEVELS)
     assert set(summary.get("crack", KEYS_OF_CRACKS)) == set(KEYS_OF_CRACKS)
@@ -213,7 +213,7 @@ def test_a_run_has_no_quantities_that_are_not_known_before(scene, changes):
 def test_a_table_that_no_study_wrote_is_not_replaced(tmp_path):
     (tmp_path / "study.csv").write_text("mine")
     with pytest.raises(FolderTaken, match="was not written by a study"):
-        pd.study({**TINY, "parameters": {"spacing": [0.5]}, "set": {}}, tmp_path)
+        pds.study({**TINY, "parameters": {"spacing": [0.5]}, "set": {}}, tmp_path)
     assert (tmp_path / "study.csv").read_text() == "mine"
 
 
@@ -245,14 +245,14 @@ def test_a_study_of_fits_has_their_scores(tmp_path):
         "fit": {"samples": 300, "folds": 2, "greatest": 1.5, "least": 0.8},
         "parameters": {"degree": [4, "5,3"], "material": ["neo-hookean", "granite"][:1]},
     }
-    done = pd.study(description, tmp_path, jobs=1)
+    done = pds.study(description, tmp_path, jobs=1)
     assert [row["failure"] for row in done.rows] == [None, None]
     for row in done.rows:
         place = tmp_path / "runs" / row["run"] / "fitted" / "1"
-        assert pd.load_card(place).errors["box"]["on_surface"]["rms"] == row["on_surface.rms"]
+        assert pds.load_card(place).errors["box"]["on_surface"]["rms"] == row["on_surface.rms"]
         assert row["on_surface.rms"] < row["cross_validated_rms"] * 3
         assert set(json.loads((tmp_path / "runs" / row["run"] / "summary.json").read_text())) <= set(KEYS_OF_FITS)
-    assert pd.simulate(pd.load_scene("uniaxial", {"spacing": 0.5, "stretches": 1.1}), place).summary["converged"]
+    assert pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.5, "stretches": 1.1}), place).summary["converged"]
 
 
 @dataclass(frozen=True)
@@ -319,13 +319,13 @@ def test_a_study_that_is_killed_half_way_and_started_again_does_the_rest_only(tm
     process.communicate(timeout=120)
     reached = outcomes_in(folder)
     assert len(reached) < 24
-    done = pd.study(file, folder, jobs=1)
+    done = pds.study(file, folder, jobs=1)
     assert [row["failure"] for row in done.rows] == [None] * 24
     final = outcomes_in(folder)
     assert len(final) == 24
     assert all(final[path] == written for path, written in reached.items())
     assert not list(folder.glob("runs/*/.pdsurrogate-run"))
-    direct = pd.simulate(pd.load_scene("uniaxial", {"stretches": 1.2, "spacing": 0.05, "material.shear_modulus": 2.1}), "analytic")
+    direct = pds.simulate(pds.load_scene("uniaxial", {"stretches": 1.2, "spacing": 0.05, "material.shear_modulus": 2.1}), "analytic")
     assert done.rows[-1]["nominal_stress"] == direct.levels[-1]["nominal_stress"]
 
 
@@ -353,8 +353,8 @@ def test_the_table_is_the_same_by_joblib_and_by_dask(tmp_path):
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
     description = {**TINY, "parameters": {"material.shear_modulus": [1.0, 2.0], "solver.most_evaluations": [1, 50]}}
     with distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster:
-        by_dask = pd.study(description, tmp_path / "dask", scheduler=cluster.scheduler_address)
-    by_joblib = pd.study(description, tmp_path / "joblib", jobs=2)
+        by_dask = pds.study(description, tmp_path / "dask", scheduler=cluster.scheduler_address)
+    by_joblib = pds.study(description, tmp_path / "joblib", jobs=2)
 
     def without_seconds(folder):
         return [
@@ -368,32 +368,32 @@ def test_the_table_is_the_same_by_joblib_and_by_dask(tmp_path):
 
 def test_dask_is_asked_for_before_any_work(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)  # as where it is not installed
-    with pytest.raises(pd.SceneError, match=r'^scheduler: Dask is not installed; pip install "pdsurrogate\[dask\]"$'):
-        pd.study({**TINY, "parameters": {"material.shear_modulus": [1.0]}}, tmp_path / "new", scheduler="tcp://127.0.0.1:1")
+    with pytest.raises(pds.SceneError, match=r'^scheduler: Dask is not installed; pip install "pdsurrogate\[dask\]"$'):
+        pds.study({**TINY, "parameters": {"material.shear_modulus": [1.0]}}, tmp_path / "new", scheduler="tcp://127.0.0.1:1")
     assert not (tmp_path / "new").exists()
 
 
 @pytest.mark.slow  # waits for the answer
 def test_a_scheduler_that_does_not_answer_is_told(tmp_path):
     pytest.importorskip("distributed", reason="Dask is not installed")
-    with pytest.raises(pd.SceneError, match="no Dask scheduler answers at tcp:"):
-        pd.study({**TINY, "parameters": {"spacing": [0.5]}, "set": {}}, tmp_path, scheduler="tcp://127.0.0.1:1")
+    with pytest.raises(pds.SceneError, match="no Dask scheduler answers at tcp:"):
+        pds.study({**TINY, "parameters": {"spacing": [0.5]}, "set": {}}, tmp_path, scheduler="tcp://127.0.0.1:1")
 
 
 def test_the_table_of_another_study_is_not_replaced_unasked(tmp_path):
     """A study with other runs took the place of the table in its folder without a word."""
-    pd.study({**TINY, "parameters": {"material.shear_modulus": [1.0, 2.0]}}, tmp_path, jobs=1)
+    pds.study({**TINY, "parameters": {"material.shear_modulus": [1.0, 2.0]}}, tmp_path, jobs=1)
     before = (tmp_path / "study.csv").read_text()
     other = {**TINY, "parameters": {"material.shear_modulus": [1.0, 3.0]}}
     told = r"a study with 1 runs that this one has not: parameters.material.shear_modulus is \[1.0, 2.0\] there and \[1.0, 3.0\] here; give"
     with pytest.raises(FolderTaken, match=told):
-        pd.study(other, tmp_path, jobs=1)
+        pds.study(other, tmp_path, jobs=1)
     assert (tmp_path / "study.csv").read_text() == before
-    assert len(pd.study(other, tmp_path, jobs=1, overwrite=True).rows) == 2
+    assert len(pds.study(other, tmp_path, jobs=1, overwrite=True).rows) == 2
     assert len(list(tmp_path.glob("runs/*"))) == 3
     (tmp_path / "study.json").write_text("{}")
     with pytest.raises(FolderTaken, match="not a valid description of a study"):
-        pd.study(other, tmp_path, jobs=1)
+        pds.study(other, tmp_path, jobs=1)
 
 
 UNITS = {"length": "cm", "stress": "kPa", "force": "kPa cm^2", "energy": "kPa cm^3"}

@@ -8,21 +8,21 @@ import numba
 import numpy as np
 import pytest
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.engine import threads
 from pdsurrogate.engine.passes import Chain, Pass
 from pdsurrogate.engine.threads import SPIN_COUNT, Chunks, thread_count, threads_for
 
 USE = """
 import os, sys
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.reports.calibration import arithmetic
 from pdsurrogate.engine.block_arrays import aligned_rows
 {first}
 before = dict(os.environ)
 for _ in range(2):
     arithmetic(1, aligned_rows((2, 8, 256), "float32", 0.5))
-    with pd.engine.threads.thread_count(2):
+    with pds.engine.threads.thread_count(2):
         pass
 print(before == dict(os.environ), numba.threading_layer() if "numba" in globals() else "")
 """
@@ -59,13 +59,13 @@ def test_small_bodies_take_one_thread():
     most = numba.config.NUMBA_NUM_THREADS
     assert threads_for(0) == threads_for(threads.PAIRS_PER_THREAD) == 1
     assert threads_for(10**9) == most
-    small = pd.load_scene("uniaxial", spacing=0.1, stretches=1.5)
+    small = pds.load_scene("uniaxial", spacing=0.1, stretches=1.5)
     threads.start_threads()
     before = numba.get_num_threads()
-    assert pd.simulate(small, "analytic").summary["threads"] == 1
+    assert pds.simulate(small, "analytic").summary["threads"] == 1
     assert numba.get_num_threads() == before
     if most > 1:
-        assert pd.simulate(small, "analytic", threads=2).summary["threads"] == 2
+        assert pds.simulate(small, "analytic", threads=2).summary["threads"] == 2
 
 
 @Pass
@@ -89,14 +89,14 @@ def test_every_chunk_of_every_pass_is_worked_on_once(chunks):
 
 FORKED = """
 import multiprocessing, os, sys, warnings
-import pdsurrogate as pd
+import pdsurrogate as pds
 
-scene = pd.load_scene("uniaxial", spacing=0.1, stretches=1.2)
+scene = pds.load_scene("uniaxial", spacing=0.1, stretches=1.2)
 
 def stress(threads):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        summary = pd.simulate(scene, "analytic", threads=threads).summary
+        summary = pds.simulate(scene, "analytic", threads=threads).summary
     return summary["levels"][0]["nominal_stress"], summary["threads"], [w.category.__name__ for w in said]
 
 here = stress(2)

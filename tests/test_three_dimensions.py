@@ -393,9 +393,9 @@ def test_overstretched_bonds():
 
 SHEET = """
 import sys
-import pdsurrogate as pd
+import pdsurrogate as pds
 for force in ("nosb", "bond-energy", "analytic"):
-    pd.simulate(pd.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.1]}), force)
+    pds.simulate(pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": [1.1]}), force)
 print([name for name in sys.modules if name in ("pdsurrogate.kernels.algebra3", "pdsurrogate.materials.solid")])
 """
 

@@ -70,10 +70,10 @@ class ArtifactError(ValueError):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> try:
-    ...     pd.load_surrogate("no-such-rubber")
-    ... except pd.ArtifactError as error:
+    ...     pds.load_surrogate("no-such-rubber")
+    ... except pds.ArtifactError as error:
     ...     print(str(error)[:30])
     unknown force 'no-such-rubber'
     """
@@ -225,8 +225,8 @@ def load_card(reference: str | Path) -> Card:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> card = pd.load_card("neo-hookean@1")
+    >>> import pdsurrogate as pds
+    >>> card = pds.load_card("neo-hookean@1")
     >>> card
     <Card of neo-hookean@1: bond-force-network of neo-hookean>
     """
@@ -264,7 +264,7 @@ def _number(folder: Path, card: Card, which: str) -> int:
     return int(which)
 
 
-NO_COMMITTEE = "no committee; pdsurrogate fit --committee, or the members of pd.store, make one"
+NO_COMMITTEE = "no committee; pdsurrogate fit --committee, or the members of pds.store, make one"
 
 
 def _card_of(folder: Path) -> Card:
@@ -314,10 +314,10 @@ def load_surrogate(reference: str | Path) -> ForceModel:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.load_surrogate("neo-hookean@1")
+    >>> import pdsurrogate as pds
+    >>> pds.load_surrogate("neo-hookean@1")
     <NetworkForce neo-hookean@1 of neo-hookean>
-    >>> pd.load_surrogate("nosb")
+    >>> pds.load_surrogate("nosb")
     <NOSBForce nosb>
     """
     if isinstance(reference, str) and reference in FORCES:
@@ -494,10 +494,10 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> try:
-    ...     pd.load_pipeline("neo-hookean@1")
-    ... except pd.ArtifactError as error:
+    ...     pds.load_pipeline("neo-hookean@1")
+    ... except pds.ArtifactError as error:
     ...     print("trust=True" in str(error))
     True
     """

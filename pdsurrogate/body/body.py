@@ -90,8 +90,8 @@ class Body:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> body = pd.Body.rectangle(3.0, 1.0, 0.25, 0.7875)
+    >>> import pdsurrogate as pds
+    >>> body = pds.Body.rectangle(3.0, 1.0, 0.25, 0.7875)
     >>> len(body), body.dimension, body.points[0].tolist()
     (48, 2, [0.125, 0.125])
     """

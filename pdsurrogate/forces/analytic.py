@@ -21,8 +21,8 @@ class AnalyticBondForce(ForceSurrogate):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> model = pd.AnalyticBondForce()
+    >>> import pdsurrogate as pds
+    >>> model = pds.AnalyticBondForce()
     >>> model, model.family
     (<AnalyticBondForce analytic>, 'bond force')
     """

@@ -25,8 +25,8 @@ class BANOSBForce(ForceModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.BANOSBForce().honoured("stress")["precision"]
+    >>> import pdsurrogate as pds
+    >>> pds.BANOSBForce().honoured("stress")["precision"]
     ('float64',)
     """
 

@@ -43,8 +43,8 @@ class EnergySurrogate(ForceModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> isinstance(pd.load_surrogate("neo-hookean-energy"), pd.EnergySurrogate)
+    >>> import pdsurrogate as pds
+    >>> isinstance(pds.load_surrogate("neo-hookean-energy"), pds.EnergySurrogate)
     True
     """
 
@@ -83,9 +83,9 @@ class BondEnergyForce(EnergySurrogate):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> body = pd.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
-    >>> force = pd.BondEnergyForce().bind(body, pd.NeoHookean(), pd.ForceSettings(precision="float64"))
+    >>> import pdsurrogate as pds
+    >>> body = pds.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
+    >>> force = pds.BondEnergyForce().bind(body, pds.NeoHookean(), pds.ForceSettings(precision="float64"))
     >>> force.place(body.points * [1.1, 1.0])
     >>> bool(force.stress_and_energy()[1].min() > 0)
     True

@@ -42,9 +42,9 @@ class ForceSurrogate(ForceModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> model = pd.load_surrogate("neo-hookean@1")
-    >>> isinstance(model, pd.ForceSurrogate)
+    >>> import pdsurrogate as pds
+    >>> model = pds.load_surrogate("neo-hookean@1")
+    >>> isinstance(model, pds.ForceSurrogate)
     True
     """
 

@@ -48,9 +48,9 @@ def nominal_stresses(model: ForceModel, law: Law, stretches: Sequence[tuple[floa
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> from pdsurrogate.forces.homogeneous import nominal_stresses
-    >>> stress = nominal_stresses(pd.load_surrogate("neo-hookean"), pd.NeoHookean(), [(1.5, float("nan"))])
+    >>> stress = nominal_stresses(pds.load_surrogate("neo-hookean"), pds.NeoHookean(), [(1.5, float("nan"))])
     >>> round(float(stress[0]), 3)
     1.05
     """

@@ -144,8 +144,8 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> model = pd.load_surrogate("neo-hookean-energy")
+    >>> import pdsurrogate as pds
+    >>> model = pds.load_surrogate("neo-hookean-energy")
     >>> model
     <EnergyNetwork neo-hookean-energy@1 of neo-hookean>
     """
@@ -222,8 +222,8 @@ class IsochoricNetwork(LearntEnergy):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> model = pd.load_surrogate("neo-hookean-isochoric")
+    >>> import pdsurrogate as pds
+    >>> model = pds.load_surrogate("neo-hookean-isochoric")
     >>> model
     <IsochoricNetwork neo-hookean-isochoric@1 of neo-hookean>
     """

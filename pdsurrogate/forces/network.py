@@ -31,8 +31,8 @@ class NetworkForce(LearntBondForce):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> model = pd.load_surrogate("neo-hookean-paper@1")
+    >>> import pdsurrogate as pds
+    >>> model = pds.load_surrogate("neo-hookean-paper@1")
     >>> model.size
     '20 units'
     """

@@ -23,8 +23,8 @@ class NOSBForce(ForceModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> model = pd.NOSBForce()
+    >>> import pdsurrogate as pds
+    >>> model = pds.NOSBForce()
     >>> model, model.family
     (<NOSBForce nosb>, 'nosb')
     """

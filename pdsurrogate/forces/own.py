@@ -87,11 +87,11 @@ class OwnBondForce(ForceSurrogate):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> class Mine:
     ...     def energy(self, I1, I2):
     ...         return 0.5 * (I1 - 3), 0.5 + 0 * I1, 0 * I1
-    >>> pd.OwnBondForce(Mine())
+    >>> pds.OwnBondForce(Mine())
     <OwnBondForce Mine>
     """
 

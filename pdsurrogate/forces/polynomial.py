@@ -27,8 +27,8 @@ class PolynomialForce(LearntBondForce):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.load_surrogate("gent@1")
+    >>> import pdsurrogate as pds
+    >>> pds.load_surrogate("gent@1")
     <PolynomialForce gent@1 of gent>
     """
 

@@ -477,9 +477,9 @@ class ForceModel(ABC):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> model = pd.load_surrogate("neo-hookean@1")
-    >>> isinstance(model, pd.ForceModel), model.facts["family"]
+    >>> import pdsurrogate as pds
+    >>> model = pds.load_surrogate("neo-hookean@1")
+    >>> isinstance(model, pds.ForceModel), model.facts["family"]
     (True, 'bond force')
     """
 

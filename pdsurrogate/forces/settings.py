@@ -57,8 +57,8 @@ class ForceSettings:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.ForceSettings(precision="float64", plane="strain").plane
+    >>> import pdsurrogate as pds
+    >>> pds.ForceSettings(precision="float64", plane="strain").plane
     'strain'
     """
 

@@ -31,8 +31,8 @@ class SplineForce(LearntBondForce):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.SplineForce.kind, issubclass(pd.SplineForce, pd.ForceModel)
+    >>> import pdsurrogate as pds
+    >>> pds.SplineForce.kind, issubclass(pds.SplineForce, pds.ForceModel)
     ('bond-force-spline', True)
     """
 

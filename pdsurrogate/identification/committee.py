@@ -59,9 +59,9 @@ def committee(
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> data = pd.load_test_data("treloar").up_to(3.0)
-    >>> members = pd.committee(pd.EnergyRegressor(), data.stretches, data.nominal_stress, n_members=2)
+    >>> import pdsurrogate as pds
+    >>> data = pds.load_test_data("treloar").up_to(3.0)
+    >>> members = pds.committee(pds.EnergyRegressor(), data.stretches, data.nominal_stress, n_members=2)
     >>> len(members)
     2
     """
@@ -105,8 +105,8 @@ def committee_spread(found: ArrayLike, members: ArrayLike) -> np.ndarray:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> float(pd.committee_spread(1.0, [0.9, 1.1, 0.9, 1.1, 0.9, 1.1, 0.9, 1.1])).__round__(3)
+    >>> import pdsurrogate as pds
+    >>> float(pds.committee_spread(1.0, [0.9, 1.1, 0.9, 1.1, 0.9, 1.1, 0.9, 1.1])).__round__(3)
     0.118
     """
     members = np.asarray(members, dtype=float)

@@ -139,8 +139,8 @@ def load_test_data(reference: str | Path) -> TestData:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> data = pd.load_test_data("treloar")
+    >>> import pdsurrogate as pds
+    >>> data = pds.load_test_data("treloar")
     >>> data.up_to(3.0).stretches.shape[1]
     2
     """

@@ -101,9 +101,9 @@ class EnergyRegressor(StressRegressor):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> data = pd.load_test_data("treloar").up_to(3.0)
-    >>> found = pd.EnergyRegressor().fit(data.stretches, data.nominal_stress)
+    >>> import pdsurrogate as pds
+    >>> data = pds.load_test_data("treloar").up_to(3.0)
+    >>> found = pds.EnergyRegressor().fit(data.stretches, data.nominal_stress)
     >>> bool(found.score(data.stretches, data.nominal_stress) > 0.99)
     True
     """

@@ -98,9 +98,9 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> data = pd.load_test_data("treloar").up_to(3.0)
-    >>> pd.fit_to_tests(pd.LawRegressor("ogden"), data).law_.name
+    >>> import pdsurrogate as pds
+    >>> data = pds.load_test_data("treloar").up_to(3.0)
+    >>> pds.fit_to_tests(pds.LawRegressor("ogden"), data).law_.name
     'ogden'
     """
     regressor.forget()

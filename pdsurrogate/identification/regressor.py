@@ -83,9 +83,9 @@ class LawRegressor(StressRegressor):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> data = pd.load_test_data("treloar").up_to(3.0)
-    >>> found = pd.LawRegressor("gent").fit(data.stretches, data.nominal_stress)
+    >>> import pdsurrogate as pds
+    >>> data = pds.load_test_data("treloar").up_to(3.0)
+    >>> found = pds.LawRegressor("gent").fit(data.stretches, data.nominal_stress)
     >>> found.law_.name, found.score(data.stretches, data.nominal_stress) > 0.99
     ('gent', False)
     """

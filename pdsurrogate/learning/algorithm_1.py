@@ -53,8 +53,8 @@ def algorithm_1(
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> samples = pd.algorithm_1(pd.NeoHookean(), n_samples=200, random_state=0)
+    >>> import pdsurrogate as pds
+    >>> samples = pds.algorithm_1(pds.NeoHookean(), n_samples=200, random_state=0)
     >>> samples.X.shape
     (200, 5)
     """

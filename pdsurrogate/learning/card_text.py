@@ -30,8 +30,8 @@ class CardText:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.CardText("Neo-Hookean, 20 units").description
+    >>> import pdsurrogate as pds
+    >>> pds.CardText("Neo-Hookean, 20 units").description
     'Neo-Hookean, 20 units'
     """
 

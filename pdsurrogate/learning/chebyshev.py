@@ -37,10 +37,10 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> import numpy as np
     >>> x = np.linspace(-1, 1, 50)[:, None]
-    >>> model = pd.ChebyshevRegressor(6).fit(x, np.exp(x))
+    >>> model = pds.ChebyshevRegressor(6).fit(x, np.exp(x))
     >>> bool(np.abs(model.predict(x) - np.exp(x)).max() < 1e-5)
     True
     """

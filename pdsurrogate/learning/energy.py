@@ -178,8 +178,8 @@ def energy_design(
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> samples = pd.energy_design(pd.NeoHookean(), n_samples=300, stretch_range=(0.7, 2.0))
+    >>> import pdsurrogate as pds
+    >>> samples = pds.energy_design(pds.NeoHookean(), n_samples=300, stretch_range=(0.7, 2.0))
     >>> samples.design["stretch_range"]
     [0.7, 2.0]
     """
@@ -220,9 +220,9 @@ def energy_pipeline(regressor: SobolevRegressor | None = None, isochoric: bool =
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> samples = pd.energy_design(pd.NeoHookean(), n_samples=300, stretch_range=(0.7, 2.0), isochoric=True)
-    >>> model = pd.energy_pipeline(pd.SobolevRegressor(4, "algebraic", max_iter=30, random_state=0), isochoric=True)
+    >>> import pdsurrogate as pds
+    >>> samples = pds.energy_design(pds.NeoHookean(), n_samples=300, stretch_range=(0.7, 2.0), isochoric=True)
+    >>> model = pds.energy_pipeline(pds.SobolevRegressor(4, "algebraic", max_iter=30, random_state=0), isochoric=True)
     >>> model.fit(samples.X, samples.y).predict(samples.X).shape[0]
     300
     """
@@ -272,11 +272,11 @@ def energy_surrogate_of(model: InputAwareTargetRegressor, law: Law, samples: Ene
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> law = pd.NeoHookean()
-    >>> samples = pd.energy_design(law, n_samples=300, stretch_range=(0.7, 2.0), isochoric=True)
-    >>> model = pd.energy_pipeline(pd.SobolevRegressor(4, "algebraic", max_iter=30, random_state=0), isochoric=True)
-    >>> pd.energy_surrogate_of(model.fit(samples.X, samples.y), law, samples)
+    >>> import pdsurrogate as pds
+    >>> law = pds.NeoHookean()
+    >>> samples = pds.energy_design(law, n_samples=300, stretch_range=(0.7, 2.0), isochoric=True)
+    >>> model = pds.energy_pipeline(pds.SobolevRegressor(4, "algebraic", max_iter=30, random_state=0), isochoric=True)
+    >>> pds.energy_surrogate_of(model.fit(samples.X, samples.y), law, samples)
     <IsochoricNetwork unsaved of neo-hookean>
     """
     check_text(name, "name")
@@ -359,9 +359,9 @@ def evaluate_energy(
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> model = pd.load_surrogate("neo-hookean-energy")
-    >>> pd.evaluate_energy(model, pd.NeoHookean(), n_samples=500)["on_surface"]["energy_rms"] < 1e-3
+    >>> import pdsurrogate as pds
+    >>> model = pds.load_surrogate("neo-hookean-energy")
+    >>> pds.evaluate_energy(model, pds.NeoHookean(), n_samples=500)["on_surface"]["energy_rms"] < 1e-3
     True
     """
     checked_law(law)
@@ -431,10 +431,10 @@ def cross_validate_energy(
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> samples = pd.energy_design(pd.NeoHookean(), n_samples=300, stretch_range=(0.7, 2.0), isochoric=True)
-    >>> model = pd.energy_pipeline(pd.SobolevRegressor(4, "algebraic", max_iter=30, random_state=0), isochoric=True)
-    >>> len(pd.cross_validate_energy(model, samples, folds=2))
+    >>> import pdsurrogate as pds
+    >>> samples = pds.energy_design(pds.NeoHookean(), n_samples=300, stretch_range=(0.7, 2.0), isochoric=True)
+    >>> model = pds.energy_pipeline(pds.SobolevRegressor(4, "algebraic", max_iter=30, random_state=0), isochoric=True)
+    >>> len(pds.cross_validate_energy(model, samples, folds=2))
     2
     """
     check_validation(model, samples, EnergySamples, "energy_design", folds, random_state, progress)
@@ -461,13 +461,13 @@ def store_energy(
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> import tempfile
-    >>> law = pd.NeoHookean()
-    >>> samples = pd.energy_design(law, n_samples=500, stretch_range=(0.7, 2.0), isochoric=True)
-    >>> regressor = pd.SobolevRegressor(4, "algebraic", max_iter=60, random_state=0)
-    >>> model = pd.energy_pipeline(regressor, isochoric=True).fit(samples.X, samples.y)
-    >>> path = pd.store_energy(model, samples, law, tempfile.mkdtemp(), "my-energy", "1", "an example")
+    >>> law = pds.NeoHookean()
+    >>> samples = pds.energy_design(law, n_samples=500, stretch_range=(0.7, 2.0), isochoric=True)
+    >>> regressor = pds.SobolevRegressor(4, "algebraic", max_iter=60, random_state=0)
+    >>> model = pds.energy_pipeline(regressor, isochoric=True).fit(samples.X, samples.y)
+    >>> path = pds.store_energy(model, samples, law, tempfile.mkdtemp(), "my-energy", "1", "an example")
     >>> path.parts[-2:]
     ('my-energy', '1')
     """

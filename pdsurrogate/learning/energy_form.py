@@ -113,8 +113,8 @@ class EnergySamples:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> samples = pd.energy_design(pd.NeoHookean(), n_samples=300)
+    >>> import pdsurrogate as pds
+    >>> samples = pds.energy_design(pds.NeoHookean(), n_samples=300)
     >>> samples.X.shape[1]
     2
     """

@@ -104,10 +104,10 @@ def cross_validate(
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> samples = pd.wide_design(pd.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
-    >>> model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(6))
-    >>> [row["rms"] < 1e-2 for row in pd.cross_validate(model, samples, folds=2)]
+    >>> import pdsurrogate as pds
+    >>> samples = pds.wide_design(pds.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(6))
+    >>> [row["rms"] < 1e-2 for row in pds.cross_validate(model, samples, folds=2)]
     [True, True]
     """
     check_validation(model, samples, BondSamples, "wide_design", folds, random_state, progress)

@@ -48,7 +48,7 @@ def force_model_of(model: BaseEstimator, law: Law) -> LearntBondForce | LearntEn
         except ValueError:
             raise ValueError(
                 f"a {type(model).__name__} by itself does not say which stretches it was fitted to: fit it within a bond_force_pipeline, "
-                "which takes any regressor, or give pd.store the samples that it was fitted to, and simulate the artefact"
+                "which takes any regressor, or give pds.store the samples that it was fitted to, and simulate the artefact"
             ) from None
     check_is_fitted(model)
     if model.training_inputs_ is None:
@@ -124,9 +124,9 @@ def evaluate(
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> model = pd.load_surrogate("neo-hookean@1")
-    >>> pd.evaluate(model.bond_force, pd.NeoHookean(), n_samples=500)["on_surface"]["rms"] < 1e-4
+    >>> import pdsurrogate as pds
+    >>> model = pds.load_surrogate("neo-hookean@1")
+    >>> pds.evaluate(model.bond_force, pds.NeoHookean(), n_samples=500)["on_surface"]["rms"] < 1e-4
     True
     """
     checked_law(law)

@@ -68,10 +68,10 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> import numpy as np
     >>> x = np.linspace(-1, 1, 60)[:, None]
-    >>> model = pd.LevenbergMarquardtRegressor((5,), "tanh", max_iter=100, random_state=0).fit(x, np.sin(2 * x))
+    >>> model = pds.LevenbergMarquardtRegressor((5,), "tanh", max_iter=100, random_state=0).fit(x, np.sin(2 * x))
     >>> model.score(x, np.sin(2 * x)) > 0.999
     True
     """

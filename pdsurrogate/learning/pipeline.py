@@ -67,9 +67,9 @@ def bond_force_pipeline(
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> samples = pd.wide_design(pd.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
-    >>> model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(6)).fit(samples.X, samples.y)
+    >>> import pdsurrogate as pds
+    >>> samples = pds.wide_design(pds.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(6)).fit(samples.X, samples.y)
     >>> model.predict(samples.X).shape
     (500, 2)
     """

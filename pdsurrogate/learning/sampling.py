@@ -35,8 +35,8 @@ class BondSamples:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> samples = pd.wide_design(pd.NeoHookean(), n_samples=300)
+    >>> import pdsurrogate as pds
+    >>> samples = pds.wide_design(pds.NeoHookean(), n_samples=300)
     >>> samples.X.shape, samples.y.shape
     ((300, 5), (300, 2))
     """
@@ -87,8 +87,8 @@ def wide_design(
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> samples = pd.wide_design(pd.NeoHookean(), n_samples=300, random_state=0)
+    >>> import pdsurrogate as pds
+    >>> samples = pds.wide_design(pds.NeoHookean(), n_samples=300, random_state=0)
     >>> samples.X.shape
     (300, 5)
     """
@@ -175,8 +175,8 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> low, high = pd.reachable_stretches(pd.Gent(chain_limit=20.0))
+    >>> import pdsurrogate as pds
+    >>> low, high = pds.reachable_stretches(pds.Gent(chain_limit=20.0))
     >>> low >= 0.5, high < 4.0
     (True, True)
     """

@@ -68,8 +68,8 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> regressor = pd.SobolevRegressor(6, "algebraic", max_iter=100, random_state=0)
+    >>> import pdsurrogate as pds
+    >>> regressor = pds.SobolevRegressor(6, "algebraic", max_iter=100, random_state=0)
     >>> regressor.get_params()["max_iter"]
     100
     """

@@ -65,12 +65,12 @@ def store(
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> import tempfile
-    >>> law = pd.NeoHookean()
-    >>> samples = pd.wide_design(law, n_samples=500, stretch_range=(0.7, 2.0))
-    >>> model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((8, 4))).fit(samples.X, samples.y)
-    >>> path = pd.store(model, samples, law, tempfile.mkdtemp(), "my-rubber", None, "an example")
+    >>> law = pds.NeoHookean()
+    >>> samples = pds.wide_design(law, n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((8, 4))).fit(samples.X, samples.y)
+    >>> path = pds.store(model, samples, law, tempfile.mkdtemp(), "my-rubber", None, "an example")
     >>> path.parts[-2:]
     ('my-rubber', '1')
     """

@@ -84,9 +84,9 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pipeline = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor(4))
-    >>> isinstance(pipeline, pd.InputAwareTargetRegressor)
+    >>> import pdsurrogate as pds
+    >>> pipeline = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(4))
+    >>> isinstance(pipeline, pds.InputAwareTargetRegressor)
     True
     """
 

@@ -50,8 +50,8 @@ class TorchMLPRegressor(RegressorMixin, BaseEstimator):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.TorchMLPRegressor((8, 8)).get_params()["hidden_layer_sizes"]
+    >>> import pdsurrogate as pds
+    >>> pds.TorchMLPRegressor((8, 8)).get_params()["hidden_layer_sizes"]
     (8, 8)
     """
 

@@ -30,9 +30,9 @@ class ArrudaBoyce(InvariantLaw):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pd.ArrudaBoyce(chain_links=20.0)
+    >>> law = pds.ArrudaBoyce(chain_links=20.0)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     1.056

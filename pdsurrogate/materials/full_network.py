@@ -50,9 +50,9 @@ class FullNetwork(PrincipalStretchLaw):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pd.FullNetwork(chain_links=20.0)
+    >>> law = pds.FullNetwork(chain_links=20.0)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     1.0667

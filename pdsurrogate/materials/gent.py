@@ -30,9 +30,9 @@ class Gent(InvariantLaw):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pd.Gent(chain_limit=80.0)
+    >>> law = pds.Gent(chain_limit=80.0)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     1.0602

@@ -27,9 +27,9 @@ class MooneyRivlin(InvariantLaw):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pd.MooneyRivlin(second_share=0.2)
+    >>> law = pds.MooneyRivlin(second_share=0.2)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     0.9802

@@ -25,9 +25,9 @@ class NeoHookean(InvariantLaw):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pd.NeoHookean(shear_modulus=2.0)
+    >>> law = pds.NeoHookean(shear_modulus=2.0)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     2.0872

@@ -40,9 +40,9 @@ class Polyconvex(Ogden):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pd.Polyconvex(first=(0.4, 0.01))
+    >>> law = pds.Polyconvex(first=(0.4, 0.01))
     >>> law.shear_modulus, round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4)
     (0.8, 0.8637)
     """

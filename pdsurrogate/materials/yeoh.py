@@ -27,9 +27,9 @@ class Yeoh(InvariantLaw):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pd.Yeoh(shear_modulus=0.4)
+    >>> law = pds.Yeoh(shear_modulus=0.4)
     >>> print(round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4))
     0.4165
     """

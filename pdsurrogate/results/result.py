@@ -49,8 +49,8 @@ class Result:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> result = pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
+    >>> import pdsurrogate as pds
+    >>> result = pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean")
     >>> result
     <Result of uniaxial with neo-hookean@2: 48 points, 1 state>
     >>> print(round(result.history[-1]["force_right_1"], 3))
@@ -173,9 +173,9 @@ class Result:
 
         Examples
         --------
-        >>> import pdsurrogate as pd
-        >>> scene = pd.load_scene("uniaxial", spacing=0.25, stretches=1.5)
-        >>> result = pd.simulate(scene, "neo-hookean")
+        >>> import pdsurrogate as pds
+        >>> scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5)
+        >>> result = pds.simulate(scene, "neo-hookean")
         >>> result.field("stress").shape
         (48, 3, 3)
         >>> print(result.field("stress_11").mean().round(3))
@@ -382,10 +382,10 @@ def load_result(folder: str | Path) -> Result:
     Examples
     --------
     >>> import tempfile
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> folder = tempfile.mkdtemp()
-    >>> pd.simulate(pd.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean").save(folder)
-    >>> pd.load_result(folder)
+    >>> pds.simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=1.5), "neo-hookean").save(folder)
+    >>> pds.load_result(folder)
     <Result of uniaxial with neo-hookean@2: 48 points, 1 state>
     """
     check_path(folder, "folder")

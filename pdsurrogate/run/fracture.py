@@ -138,8 +138,8 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> print(round(pd.critical_stretch_of(pd.NeoHookean(720.0, 72_000.0), fracture_energy=274.0, horizon=0.063), 3))
+    >>> import pdsurrogate as pds
+    >>> print(round(pds.critical_stretch_of(pds.NeoHookean(720.0, 72_000.0), fracture_energy=274.0, horizon=0.063), 3))
     3.624
     """
     checked_law(law)
@@ -197,8 +197,8 @@ def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> print(round(pd.tearing_energy(pd.NeoHookean(), force=1.0, leg_width=8.0, thickness=2.0), 4))
+    >>> import pdsurrogate as pds
+    >>> print(round(pds.tearing_energy(pds.NeoHookean(), force=1.0, leg_width=8.0, thickness=2.0), 4))
     1.0106
     """
     checked_law(law)
@@ -240,9 +240,9 @@ def greatest_bond_stretch(body: Body, positions: np.ndarray) -> float:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> body = pd.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
-    >>> print(round(pd.greatest_bond_stretch(body, body.points * [1.5, 1.0]), 6))
+    >>> import pdsurrogate as pds
+    >>> body = pds.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
+    >>> print(round(pds.greatest_bond_stretch(body, body.points * [1.5, 1.0]), 6))
     1.5
     """
     positions = np.asarray(positions, dtype=float)

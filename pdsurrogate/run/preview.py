@@ -69,8 +69,8 @@ def preview(scene: Scene) -> Figure:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> figure = pd.preview(pd.load_scene("ring-pressure", spacing=0.1))
+    >>> import pdsurrogate as pds
+    >>> figure = pds.preview(pds.load_scene("ring-pressure", spacing=0.1))
     >>> [text.get_text() for text in figure.legends[0].get_texts()]
     ['east: x2 = 0', 'west: x2 = 0', 'north: x1 = 0', 'south: x1 = 0', 'holes: pressure 1', 'probe']
     """

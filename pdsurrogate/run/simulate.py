@@ -49,11 +49,11 @@ class SimulationFailed(RuntimeError):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> scene = pd.load_scene("uniaxial", {"spacing": 0.25, "solver.most_evaluations": 2})
+    >>> import pdsurrogate as pds
+    >>> scene = pds.load_scene("uniaxial", {"spacing": 0.25, "solver.most_evaluations": 2})
     >>> try:
-    ...     pd.simulate(scene, "neo-hookean")
-    ... except pd.SimulationFailed as failure:
+    ...     pds.simulate(scene, "neo-hookean")
+    ... except pds.SimulationFailed as failure:
     ...     print(len(failure.result.levels))
     0
     """
@@ -68,7 +68,7 @@ class SinglePrecisionLeft(RuntimeWarning):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> from pdsurrogate.run.simulate import SinglePrecisionLeft
     >>> issubclass(SinglePrecisionLeft, RuntimeWarning)
     True
@@ -85,8 +85,8 @@ class SimulationInterrupted(SimulationFailed):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> issubclass(pd.SimulationInterrupted, pd.SimulationFailed)
+    >>> import pdsurrogate as pds
+    >>> issubclass(pds.SimulationInterrupted, pds.SimulationFailed)
     True
     """
 
@@ -183,9 +183,9 @@ def simulate(
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> scene = pd.load_scene("uniaxial", spacing=0.25, stretches=[1.2, 1.5])
-    >>> result = pd.simulate(scene, "neo-hookean")
+    >>> import pdsurrogate as pds
+    >>> scene = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.2, 1.5])
+    >>> result = pds.simulate(scene, "neo-hookean")
     >>> result
     <Result of uniaxial with neo-hookean@2: 48 points, 2 states>
     >>> [abs(level["nominal_stress_error"]) < 1e-3 for level in result.levels]

@@ -38,8 +38,8 @@ class Prescribed(StrictModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Prescribed(region="right", x1=0.5, x2=0.0).displacement
+    >>> import pdsurrogate as pds
+    >>> pds.Prescribed(region="right", x1=0.5, x2=0.0).displacement
     (0.5, 0.0, None)
     """
 
@@ -104,8 +104,8 @@ class Load(StrictModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Load(region="right", traction=(0.2, 0.0)).kind
+    >>> import pdsurrogate as pds
+    >>> pds.Load(region="right", traction=(0.2, 0.0)).kind
     'traction'
     """
 
@@ -149,8 +149,8 @@ class StepDynamics(StrictModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Step(to=2.0, dynamics=pd.StepDynamics(duration=0.5, density=1e-4)).dynamics.duration
+    >>> import pdsurrogate as pds
+    >>> pds.Step(to=2.0, dynamics=pds.StepDynamics(duration=0.5, density=1e-4)).dynamics.duration
     0.5
     """
 
@@ -177,8 +177,8 @@ class Step(StrictModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Step(to=1.0, outputs=5).outputs
+    >>> import pdsurrogate as pds
+    >>> pds.Step(to=1.0, outputs=5).outputs
     5
     """
 
@@ -204,8 +204,8 @@ class Probe(StrictModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Probe(name="tip", at=(2.0, 0.5)).name
+    >>> import pdsurrogate as pds
+    >>> pds.Probe(name="tip", at=(2.0, 0.5)).name
     'tip'
     """
 

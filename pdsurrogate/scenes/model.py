@@ -200,8 +200,8 @@ class Part(StrictModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> part = pd.Part(region="stiff", material={"law": "neo-hookean", "shear_modulus": 10.0})
+    >>> import pdsurrogate as pds
+    >>> part = pds.Part(region="stiff", material={"law": "neo-hookean", "shear_modulus": 10.0})
     >>> part.material.build().shear_modulus
     10.0
     """
@@ -369,13 +369,13 @@ class Scene(StrictModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> scene = pd.Scene(
+    >>> import pdsurrogate as pds
+    >>> scene = pds.Scene(
     ...     name="block",
     ...     spacing=0.25,
-    ...     body=pd.Rectangle(size=(1.0, 1.0)),
+    ...     body=pds.Rectangle(size=(1.0, 1.0)),
     ...     material={"law": "neo-hookean"},
-    ...     prescribed=(pd.Prescribed(region="left", x1=0.0, x2=0.0), pd.Prescribed(region="right", x1=0.2)),
+    ...     prescribed=(pds.Prescribed(region="left", x1=0.0, x2=0.0), pds.Prescribed(region="right", x1=0.2)),
     ...     steps=(1.0,),
     ... )
     >>> scene

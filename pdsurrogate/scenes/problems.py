@@ -16,10 +16,10 @@ class SceneError(ValueError):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> try:
-    ...     pd.load_scene("uniaxial", spcing=0.1)
-    ... except pd.SceneError as error:
+    ...     pds.load_scene("uniaxial", spcing=0.1)
+    ... except pds.SceneError as error:
     ...     print(error)
     scene uniaxial: spcing: unknown key; did you mean spacing?
     """

@@ -24,8 +24,8 @@ def scene_names() -> list[str]:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> "uniaxial" in pd.scene_names()
+    >>> import pdsurrogate as pds
+    >>> "uniaxial" in pds.scene_names()
     True
     """
     return sorted(path.name.removesuffix(".toml") for path in resources.files(__package__).iterdir() if path.name.endswith(".toml"))
@@ -50,8 +50,8 @@ def load_scene(reference: str | Path, changes: Mapping[str, Any] | Iterable[str]
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.load_scene("uniaxial", {"material.shear_modulus": 2.0}, spacing=0.1)
+    >>> import pdsurrogate as pds
+    >>> pds.load_scene("uniaxial", {"material.shear_modulus": 2.0}, spacing=0.1)
     <Scene uniaxial: rectangle, spacing 0.1 cm, neo-hookean, 3 stretches>
     """
     check_path(reference, "a scene's reference")

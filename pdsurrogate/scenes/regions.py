@@ -100,8 +100,8 @@ class Region(StrictModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> region = pd.Region(box=((0.0, 0.0), (1.0, 0.2)))
+    >>> import pdsurrogate as pds
+    >>> region = pds.Region(box=((0.0, 0.0), (1.0, 0.2)))
     >>> region.box
     ((0.0, 0.0), (1.0, 0.2))
     """

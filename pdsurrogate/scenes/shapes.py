@@ -56,8 +56,8 @@ class Rectangle(Outline):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Rectangle(size=(3.0, 1.0)).size
+    >>> import pdsurrogate as pds
+    >>> pds.Rectangle(size=(3.0, 1.0)).size
     (3.0, 1.0)
     """
 
@@ -83,8 +83,8 @@ class Ellipse(Outline):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Ellipse(centre=(0.0, 0.0), semi_axes=(2.0, 1.0)).shape
+    >>> import pdsurrogate as pds
+    >>> pds.Ellipse(centre=(0.0, 0.0), semi_axes=(2.0, 1.0)).shape
     'ellipse'
     """
 
@@ -108,8 +108,8 @@ class Circle(Outline):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> hole = pd.Circle(centre=(1.5, 0.5), radius=0.2)
+    >>> import pdsurrogate as pds
+    >>> hole = pds.Circle(centre=(1.5, 0.5), radius=0.2)
     >>> hole.shape
     'circle'
     """
@@ -134,8 +134,8 @@ class Polygon(Outline):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Polygon(vertices=((0.0, 0.0), (2.0, 0.0), (0.0, 2.0))).shape
+    >>> import pdsurrogate as pds
+    >>> pds.Polygon(vertices=((0.0, 0.0), (2.0, 0.0), (0.0, 2.0))).shape
     'polygon'
     """
 
@@ -269,8 +269,8 @@ class Mesh(StrictModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Mesh(file="sheet.msh").dimension
+    >>> import pdsurrogate as pds
+    >>> pds.Mesh(file="sheet.msh").dimension
     2
     """
 
@@ -284,8 +284,8 @@ class Precut(StrictModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).end
+    >>> import pdsurrogate as pds
+    >>> pds.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).end
     (3.0, 1.5)
     """
 

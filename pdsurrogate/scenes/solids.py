@@ -86,8 +86,8 @@ class Box(Prism):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Box(size=(1.0, 1.0, 2.0)).dimension
+    >>> import pdsurrogate as pds
+    >>> pds.Box(size=(1.0, 1.0, 2.0)).dimension
     3
     """
 
@@ -133,8 +133,8 @@ class Cylinder(Round):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Cylinder(radius=1.0, length=2.0).shape
+    >>> import pdsurrogate as pds
+    >>> pds.Cylinder(radius=1.0, length=2.0).shape
     'cylinder'
     """
 
@@ -151,8 +151,8 @@ class Tube(Round):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Tube(outer_radius=1.0, inner_radius=0.5, length=2.0).dimension
+    >>> import pdsurrogate as pds
+    >>> pds.Tube(outer_radius=1.0, inner_radius=0.5, length=2.0).dimension
     3
     """
 
@@ -180,8 +180,8 @@ class Extrusion(Prism):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Extrusion(outline=pd.Rectangle(size=(1.0, 2.0)), thickness=0.5).dimension
+    >>> import pdsurrogate as pds
+    >>> pds.Extrusion(outline=pds.Rectangle(size=(1.0, 2.0)), thickness=0.5).dimension
     3
     """
 
@@ -215,8 +215,8 @@ class Sphere(Solid):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> pd.Sphere(radius=1.0).dimension
+    >>> import pdsurrogate as pds
+    >>> pds.Sphere(radius=1.0).dimension
     3
     """
 
@@ -280,8 +280,8 @@ class ParallelogramCut(FlatCut):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> cut = pd.ParallelogramCut(corner=(0.0, 0.0, 0.5), sides=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    >>> import pdsurrogate as pds
+    >>> cut = pds.ParallelogramCut(corner=(0.0, 0.0, 0.5), sides=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     >>> cut.covers([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5]]).tolist()
     [True, False]
     """
@@ -311,8 +311,8 @@ class DiscCut(FlatCut):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> cut = pd.DiscCut(centre=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0))
+    >>> import pdsurrogate as pds
+    >>> cut = pds.DiscCut(centre=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0))
     >>> cut.covers([[0.3, 0.0, 1.0], [0.5, 0.0, 1.0]]).tolist()
     [True, False]
     """

@@ -32,8 +32,8 @@ class Distribution(StrictModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> radius = pd.Distribution(distribution="uniform", loc=0.2, scale=0.6)
+    >>> import pdsurrogate as pds
+    >>> radius = pds.Distribution(distribution="uniform", loc=0.2, scale=0.6)
     >>> print(round(float(radius.build().ppf(0.5)), 6))
     0.5
     """
@@ -132,8 +132,8 @@ class Study(StrictModel):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> described = pd.Study(scene="uniaxial", parameters={"material.shear_modulus": [1.0, 2.0]})
+    >>> import pdsurrogate as pds
+    >>> described = pds.Study(scene="uniaxial", parameters={"material.shear_modulus": [1.0, 2.0]})
     >>> described.design
     'grid'
     """

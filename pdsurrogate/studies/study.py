@@ -71,10 +71,10 @@ class StudyResult:
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> import tempfile
     >>> keys = {"scene": "uniaxial", "force": "neo-hookean", "set": {"spacing": 0.25}, "parameters": {"stretches": [1.2, 1.5]}}
-    >>> result = pd.study(keys, tempfile.mkdtemp(), jobs=1, threads=1)
+    >>> result = pds.study(keys, tempfile.mkdtemp(), jobs=1, threads=1)
     >>> [row["failure"] for row in result.rows]
     [None, None]
     """
@@ -125,8 +125,8 @@ class StudyInterrupted(RuntimeError):
 
     Examples
     --------
-    >>> import pdsurrogate as pd
-    >>> issubclass(pd.StudyInterrupted, RuntimeError)
+    >>> import pdsurrogate as pds
+    >>> issubclass(pds.StudyInterrupted, RuntimeError)
     True
     """
 
@@ -189,10 +189,10 @@ def study(
 
     Examples
     --------
-    >>> import pdsurrogate as pd
+    >>> import pdsurrogate as pds
     >>> import tempfile
     >>> keys = {"scene": "uniaxial", "force": "neo-hookean", "set": {"spacing": 0.25}, "parameters": {"stretches": [1.2, 1.5]}}
-    >>> result = pd.study(keys, tempfile.mkdtemp(), jobs=1, threads=1)
+    >>> result = pds.study(keys, tempfile.mkdtemp(), jobs=1, threads=1)
     >>> len(result.rows), len(result.failures)
     (2, 0)
     """

@@ -6,21 +6,21 @@ A notebook as a script: cells begin with ``# %%``, which Jupytext and editors op
 # %%
 import numpy as np
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 
-scene = pd.Scene(
+scene = pds.Scene(
     name="strip-with-hole",
     spacing=0.1,
-    body=pd.Rectangle(size=(3.0, 1.0)),
-    holes=(pd.Circle(centre=(1.5, 0.5), radius=0.25),),
+    body=pds.Rectangle(size=(3.0, 1.0)),
+    holes=(pds.Circle(centre=(1.5, 0.5), radius=0.25),),
     material={"law": "neo-hookean", "shear_modulus": 100.0, "bulk_modulus": 10_000.0},
-    prescribed=(pd.Prescribed(region="left", x1=0.0, x2=0.0), pd.Prescribed(region="right", x1=1.5, x2=0.0)),
-    steps=(pd.Step(to=1.0, outputs=3),),
+    prescribed=(pds.Prescribed(region="left", x1=0.0, x2=0.0), pds.Prescribed(region="right", x1=1.5, x2=0.0)),
+    steps=(pds.Step(to=1.0, outputs=3),),
 )
-pd.preview(scene).savefig("scene.png")
+pds.preview(scene).savefig("scene.png")
 
 # %% The surrogate of this law by default; the exact force beside it.
-learnt, exact = pd.simulate(scene), pd.simulate(scene, "analytic")
+learnt, exact = pds.simulate(scene), pds.simulate(scene, "analytic")
 for row, other in zip(learnt.history, exact.history, strict=True):
     print(f"t = {row['t']:.3f}: force {row['force_right_1']:.4f}, exact {other['force_right_1']:.4f} {learnt.summary['units']['force']}")
 

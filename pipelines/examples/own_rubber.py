@@ -4,27 +4,27 @@ A notebook as a script: cells begin with ``# %%``.
 """
 
 # %%
-import pdsurrogate as pd
+import pdsurrogate as pds
 
-data = pd.load_test_data("treloar").up_to(3.0)
+data = pds.load_test_data("treloar").up_to(3.0)
 laws = {}
 for name in ("neo-hookean", "gent", "mooney-rivlin"):
-    laws[name] = pd.LawRegressor(name).fit(data.stretches, data.nominal_stress, data.balanced_weights())
+    laws[name] = pds.LawRegressor(name).fit(data.stretches, data.nominal_stress, data.balanced_weights())
     print(name, laws[name].law_, laws[name].score(data.stretches, data.nominal_stress))
 
 # %% A polynomial in the two isochoric features, cross-validated.
 law = laws["gent"].law_
-samples = pd.wide_design(law, n_samples=2000, stretch_range=(0.6, 2.5), random_state=0)
-model = pd.bond_force_pipeline("isochoric", pd.ChebyshevRegressor((10, 5)))
-folds = pd.cross_validate(model, samples, folds=3)
+samples = pds.wide_design(law, n_samples=2000, stretch_range=(0.6, 2.5), random_state=0)
+model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 5)))
+folds = pds.cross_validate(model, samples, folds=3)
 print("relative errors left out:", [f"{fold['rms']:.1e}" for fold in folds])
 
 # %% Stored with its card, and run in a scene of that material.
 model.fit(samples.X, samples.y)
-text = pd.CardText("Gent rubber from Treloar's data up to a stretch of 3", folds)
-path = pd.store(model, samples, law, None, "treloar-gent", None, text)
-scene = pd.load_scene("uniaxial", spacing=0.1, stretches=[1.5, 2.0], material=law.describe())
-result = pd.simulate(scene, path)
+text = pds.CardText("Gent rubber from Treloar's data up to a stretch of 3", folds)
+path = pds.store(model, samples, law, None, "treloar-gent", None, text)
+scene = pds.load_scene("uniaxial", spacing=0.1, stretches=[1.5, 2.0], material=law.describe())
+result = pds.simulate(scene, path)
 error = result.levels[-1]["nominal_stress_error"]
 print("stress against the exact solution:", error)
 result.plot("stress_11").savefig("treloar.png")

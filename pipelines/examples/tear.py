@@ -6,16 +6,16 @@ A notebook as a script: cells begin with ``# %%``.  The built-in scene ``tear`` 
 # %%
 from pathlib import Path
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.results.page import html_page
 
 changes = {"spacing": 0.25, "stretches": [1.1, 1.2], "fracture.critical_stretch": 2.0}
 changes |= {"dynamics.stretch": 1.5, "dynamics.stretch_rate": 20.0, "dynamics.viscosity": 5e-5, "dynamics.outputs": 6}
-scene = pd.load_scene("tear", changes)
-pd.preview(scene).savefig("tear-scene.png")
+scene = pds.load_scene("tear", changes)
+pds.preview(scene).savefig("tear-scene.png")
 
 # %%
-result = pd.simulate(scene, "bond-energy", folder="tear")
+result = pds.simulate(scene, "bond-energy", folder="tear")
 result.save("tear")
 crack = result.summary["crack"]
 print("first bond broken at stretch", crack["start"]["stretch"], "at", crack["start"]["x"], "- in all:", crack["broken_bonds"])
@@ -28,6 +28,6 @@ gap = last["work"] - sum(last[part] - first[part] for part in parts)
 print("the account is open by", abs(gap) / last["work"])
 
 # %%
-saved = pd.load_result("tear")
+saved = pds.load_result("tear")
 saved.plot("damage").savefig("damage.png")
 Path("tear.html").write_text(html_page(saved, ["damage"]))

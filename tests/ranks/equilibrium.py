@@ -3,13 +3,13 @@
 import json
 import sys
 
-import pdsurrogate as pd
+import pdsurrogate as pds
 from pdsurrogate.ranks import communicator
 
 
 def main(cases):
     for scene, force, changes in cases:
-        levels = pd.simulate(pd.load_scene(scene, changes), force).levels
+        levels = pds.simulate(pds.load_scene(scene, changes), force).levels
         if communicator().rank == 0:
             print("levels", json.dumps(levels), flush=True)
 
