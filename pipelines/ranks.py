@@ -88,7 +88,7 @@ def measure(name: str, points: int, threads: int) -> None:
     with thread_count(threads):
         bare, began = resident(), time.process_time()
         run = Run(scene, model, Silent(), None, threads)
-        set_up, held, part = time.process_time() - began, resident() - bare, run.body.part
+        set_up, held, part = time.process_time() - began, resident() - bare, run.body.share
         positions, forces = run.body.points.copy(), np.empty_like(run.body.points)
         if scene.stretched:
             run.loading.apply(1.05, run.force, positions)
@@ -118,7 +118,7 @@ def measure(name: str, points: int, threads: int) -> None:
     }
     rows = ranks.everywhere(row) if ranks.size > 1 else [row]
     if ranks.rank == 0:
-        found = {"ranks": ranks.size, "points": run.reductions.total_size(len(run.body)), "model": model.name, "of": rows}
+        found = {"ranks": ranks.size, "points": run.body.share.size(len(run.body)), "model": model.name, "of": rows}
         print("FOUND " + json.dumps(found))
 
 

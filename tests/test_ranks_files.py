@@ -42,7 +42,7 @@ def happens(transient):
     if what == "interrupted" and ranks.rank == ranks.size - 1:
         run.interruption.asked = True
     elif what == "invalid" and ranks.rank == ranks.size - 1:
-        run.positions[run.body.part.own.nonzero()[0][-1]] += 100 * run.body.spacing
+        run.positions[run.body.share.own.nonzero()[0][-1]] += 100 * run.body.spacing
     elif what == "killed" and ranks.rank == ranks.size - 1:
         os.kill(os.getpid(), 9)
     elif what == "full" and ranks.rank == 0:

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from .cell_mesh import CellMesh
 from .ghosts import Ghosts, ReflectionPlane
-from .part import WHOLE, Whole
+from .share import SERIAL, Share
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Body:
         Cells of the mesh from which the points were made, for pictures; without them the points belong to a lattice.
     faces : mapping of str to str, optional
         Names of the edge or face of the bounding box that a group covers whole, by the names of such groups.
-    part : Whole
+    share : Share
         The part of a larger body that these points are, if several ranks share a run; by default all of it.
 
     Raises
@@ -107,7 +107,7 @@ class Body:
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     mesh_cells: CellMesh | None = None
     faces: Mapping[str, str] = field(default_factory=dict)
-    part: Whole = WHOLE
+    share: Share = SERIAL
     ghosts: Ghosts = field(init=False)
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from .part import Whole
+from .share import Share
 
 
 @dataclass(frozen=True)
@@ -93,9 +93,9 @@ class Surface:
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     follow: np.ndarray | None = None
 
-    def of_part(self, part: Whole) -> Surface:
+    def of_share(self, share: Share) -> Surface:
         """Return the surface with the columns of N that belong to a part of the body."""
-        own = Following(tuple(part.own_columns(rows) for rows in self.interpolation.rows))
+        own = Following(tuple(share.own_columns(rows) for rows in self.interpolation.rows))
         return replace(self, interpolation=own, follow=self.followed())
 
     def midpoints(self) -> np.ndarray:

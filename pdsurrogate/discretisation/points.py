@@ -429,5 +429,5 @@ def _directions(dimension: int) -> np.ndarray:
 def _check_precuts(scene: Scene, body: Body) -> None:
     cut = body.all_points[body.bonds.cut]
     for number, precut in enumerate(scene.precuts):
-        if not body.part.any(len(cut) and precut.crosses(cut[:, 0], cut[:, 1]).any()):
+        if not body.share.any(len(cut) and precut.crosses(cut[:, 0], cut[:, 1]).any()):
             raise ValueError(f"precuts.{number}: it cuts no bond; it lies outside the body, in a hole, or between neighbouring points")

@@ -81,7 +81,7 @@ class BANOSBEvaluation(Evaluation):
         weights = body.weigh(np.linalg.norm(bond, axis=1))
         self._table_weights = np.ascontiguousarray(bond * (weights * volumes[self._table])[:, None])
         horizon_volumes = np.bincount(table_owners, volumes[self._table], total)
-        body.part.fill(horizon_volumes[:n])
+        body.share.fill(horizon_volumes[:n])
         # An image's horizon goes on beyond the images there are: its volume is that of the mirrored point's.
         horizon_volumes[n:] = horizon_volumes[body.ghosts.source]
 

@@ -156,7 +156,7 @@ def pair_geometry(body: Body, pairs: np.ndarray | slice, weights: np.ndarray, pr
     They are n, 1/l, the volume that the energy of each counts for and, of a body in parts, what of that is counted here.
     """
     first, second = body.bonds.first[pairs], body.bonds.second[pairs]
-    counted = body.part.counted_pairs(first)
+    counted = body.share.counted_pairs(first)
     vectors = body.all_points[second] - body.all_points[first]
     length = np.linalg.norm(vectors, axis=1)
     blocks, size = -(-len(first) // BLOCK), body.dimension + (2 if counted is None else 3)
@@ -381,7 +381,7 @@ class EnergyOfPairs(Evaluation):
             if on_ghosts is not None:
                 on_ghosts[:] = self._stresses[n:]
             kinematics.gradient_ghosts.fold_moments(self._stresses)
-            body.part.fill(self._stresses[:n])
+            body.share.fill(self._stresses[:n])
             beside = None if others_of is None else others_of(self._stresses[:n])
             if not len(ghosts):
                 sums[0].give("out", out)
@@ -418,7 +418,7 @@ class EnergyOfPairs(Evaluation):
 
         def to_points() -> None:
             kinematics.gradient_ghosts.fold_moments(moments)
-            body.part.fill(moments[:n])
+            body.share.fill(moments[:n])
             weigh_and_add()
             ghosts.fold_forces(forces)
 
@@ -437,8 +437,8 @@ class EnergyOfPairs(Evaluation):
         # The sums again, to the same bits, since those of the ghosts are not kept.
         self._own_sums(np.empty_like(self.body.points), moments)
         forces = self._all_forces[n:]
-        if self.body.part.divided:  # images count where the points behind them do
-            own = self.body.part.counted(np.ones(n))[self.body.ghosts.source, None]
+        if self.body.share.divided:  # images count where the points behind them do
+            own = self.body.share.counted(np.ones(n))[self.body.ghosts.source, None]
             forces, moments = forces * own, moments * own
         places = kinematics.positions, matrices(kinematics.gradients)
         return kinematics.gradient_ghosts.levers_on_planes(*places, forces, self.unit * matrices(moments))
@@ -446,7 +446,7 @@ class EnergyOfPairs(Evaluation):
     def mean_stress(self) -> np.ndarray:
         # Of the bonds' own stresses: the derivative of the energy by a homogeneous F.
         bonds, points, d = self.body.bonds, self.body.all_points, self.body.dimension
-        counted = self.body.part.counted_pairs(bonds.first)
+        counted = self.body.share.counted_pairs(bonds.first)
         pairs = slice(self._n_pairs) if counted is None else np.flatnonzero(counted)
         vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
         along = self._forces[pairs].astype(float).T @ vectors
@@ -528,9 +528,9 @@ class EnergyOfPairs(Evaluation):
         entries = np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
         around = np.unique(bonds.pair_of[entries])
         self._share(touched, bonds.pair_of, self._counted)
-        if body.part.divided:
-            body.part.fill_bonds(self.bond_shares, body)
-            around = np.union1d(around, body.part.beside_halo(bonds.first, bonds.second))
+        if body.share.divided:
+            body.share.fill_bonds(self.bond_shares, body)
+            around = np.union1d(around, body.share.beside_halo(bonds.first, bonds.second))
         entries, starts = self._kinematics.pair_entries
         one, other = entries[starts[around]], entries[starts[around + 1] - 1]
         self.bond_weights[around] = self.bond_shares[one] + np.where(other != one, self.bond_shares[other], 0.0)
@@ -598,7 +598,7 @@ class BondEnergyEvaluation(EnergyOfPairs):
     def __init__(self, model: EnergySurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
         super().__init__(body, law, usual_precision(model, settings), "none", settings)
         self.model, self.outside, self.unit = model, settings.outside or OUTSIDE, law.shear_modulus
-        self._watches = [DomainWatch(model, self.pairs_evaluated, self.outside, "energy", "energy", body.part)]
+        self._watches = [DomainWatch(model, self.pairs_evaluated, self.outside, "energy", "energy", body.share)]
         self._prepare()
         self.geometry = pair_geometry(body, slice(None), self.bond_weights, self.geometry_precision)
         self._bind_energies()
@@ -696,14 +696,14 @@ class BondEnergyEvaluation(EnergyOfPairs):
         self._intact[pairs] = False
         self.renew_weights(self._weigh_pairs(self._kinematics.break_bonds(pairs)))
         energy, forces = before - self._energy_at_present(remaining), forces - remaining
-        if self.body.part.any(not (np.isfinite(energy) and np.isfinite(forces).all())):
+        if self.body.share.any(not (np.isfinite(energy) and np.isfinite(forces).all())):
             return Release(0.0, np.zeros_like(forces))
         return Release(energy, forces)
 
     def renew_weights(self, pairs: np.ndarray) -> None:
         """Bring up to date what the pass reads of the weights of given pairs."""
         self.geometry[pairs // BLOCK, self.body.dimension + 1, pairs % BLOCK] = self.bond_weights[pairs]
-        counted = self.body.part.counted_pairs(self.body.bonds.first[pairs])
+        counted = self.body.share.counted_pairs(self.body.bonds.first[pairs])
         if counted is not None:
             self.geometry[pairs // BLOCK, -1, pairs % BLOCK] = self.bond_weights[pairs] * counted
 

@@ -235,10 +235,10 @@ class BondForceEvaluation(Evaluation):
         bonds, kinematics = body.bonds, self._kinematics
         first, second = bonds.ends_in_blocks(BLOCK)
         how, arrays = (self.precision, self.outside, self.plane), (kinematics.positions, kinematics, first, second)
-        counted = body.part.counted_pairs(bonds.first)
+        counted = body.share.counted_pairs(bonds.first)
         self._pairs = PairForces(model, law, *how, *arrays, kinematics.chunks, counted)
         self.learnt_thickness = self._pairs.learns_thickness
-        self._watches = [DomainWatch(model, self.pairs_evaluated, self.outside, "force", "bond force", body.part)]
+        self._watches = [DomainWatch(model, self.pairs_evaluated, self.outside, "force", "bond force", body.share)]
         self.geometry, self._forces = self._pairs.geometry, self._pairs.forces
         self._strength = pair_strength(body)
         self._find_geometry(np.arange(self._n_pairs, dtype=np.uint32))
@@ -310,7 +310,7 @@ class BondForceEvaluation(Evaluation):
         if self.model.domain is None or self.model.domain.hull is None:
             return None
         pairs, states = self.bonds()
-        counted = self.body.part.counted_pairs(self.body.bonds.first)
+        counted = self.body.share.counted_pairs(self.body.bonds.first)
         # One turned past a right angle has no stretch tensor, and is not told.
         chosen = states.has_stretch_tensor if counted is None else states.has_stretch_tensor & counted[pairs]
         return self.model.domain.beyond_data(states.stretches[chosen])
@@ -374,7 +374,7 @@ class BondForceOfPortions(EvaluationOfPortions):
             states = self._add_states(pairs)
             view = states.view
             how = self.precision, outside, self.plane
-            arrays, counted = (view.positions, states, view.first, view.second), self._counted[pairs] if body.part.divided else None
+            arrays, counted = (view.positions, states, view.first, view.second), self._counted[pairs] if body.share.divided else None
             part = PairForces(portion.model, portion.law, *how, *arrays, kinematics.chunks, counted)
             self.learnt_thickness |= part.learns_thickness
             reference_state.pair_rows(
@@ -390,7 +390,7 @@ class BondForceOfPortions(EvaluationOfPortions):
                 body.horizon,
                 part.geometry,
             )
-            self._watches.append(DomainWatch(portion.model, int(self._counted[pairs].sum()), outside, "force", "bond force", body.part))
+            self._watches.append(DomainWatch(portion.model, int(self._counted[pairs].sum()), outside, "force", "bond force", body.share))
             self._parts.append((part, pairs, portion.law.shear_modulus))
         self._forces = aligned_rows((self._n_pairs, 2), self.precision)
         sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ..body import Body
-    from ..body.part import Whole
+    from ..body.share import Share
     from ..engine.passes import BoundPass
     from ..engine.threads import Chunks
     from .kinematics import Kinematics
@@ -69,7 +69,7 @@ class LinearisedDilatation:
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, displacements, chunks=chunks)
         of_gradients = gradient_ghosts.source, gradient_ghosts.gradient_parity, gradient_ghosts.gradient_reflection
         self._find_changes = _in_turn(
-            body.part,
+            body.share,
             self._place,
             kinematics.gradient_pass(displacements, gradients, 0.0),
             gradients[:n],
@@ -84,7 +84,7 @@ class LinearisedDilatation:
         self._forces = np.zeros((total, d))
         # The gradients are done with when forces are found.
         self._find_forces = _in_turn(
-            body.part,
+            body.share,
             means,
             self._smoothing.bind(means, pressures, chunks),
             pressures[:n],
@@ -104,17 +104,17 @@ class LinearisedDilatation:
     def changes(self, displacements: np.ndarray) -> np.ndarray:
         """D u, shape (n,), of displacements (n, d)."""
         displacements = np.ascontiguousarray(displacements)
-        self._body.part.fill(displacements)
+        self._body.share.fill(displacements)
         self._place.give("given", displacements)
         self._find_changes()
-        self._body.part.clear(self._changes)
+        self._body.share.clear(self._changes)
         return self._changes.astype(float)
 
     def forces(self, values: np.ndarray) -> np.ndarray:
         """D^T s, shape (n, d), of values (n,) at the points; costs about as much as `changes`."""
         # The smoothing is its own transpose by volumes.  In single precision whatever the units.
         pressures = values / self._body.volumes
-        unit = power_of_two(self._body.part.total(float(np.abs(pressures).sum())))
+        unit = power_of_two(self._body.share.total(float(np.abs(pressures).sum())))
         np.divide(pressures, unit, out=self._values, casting="same_kind")
         self._find_forces()
         self._to_points()
@@ -137,7 +137,7 @@ class SmoothingPolynomial:
     """
 
     def __init__(self, smoothing: SinglePrecisionSmoothing, coefficients: np.ndarray, body: Body, chunks: Chunks) -> None:
-        n, self._part = len(body), body.part
+        n, self._share = len(body), body.share
         self._values, self._sums = np.zeros(n, dtype=np.float32), np.zeros((2, n), dtype=np.float32)
         once, passes = np.zeros(n, dtype=np.float32), []
         for number, coefficient in enumerate(coefficients[:0:-1]):
@@ -150,26 +150,26 @@ class SmoothingPolynomial:
         passes += [first, smoothing.bind(first, once, chunks), once]
         ends = (-1.0, first), (coefficients[0], self._values), (-1.0, second)
         passes.append(smoothing.bind_sum(once, 2.0, ends, self._result, chunks))
-        self._run = _in_turn(self._part, *passes)
+        self._run = _in_turn(self._share, *passes)
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Of values (n,)."""
         self._values[:] = values
         self._sums[:] = 0.0
         self._run()
-        self._part.clear(self._result)
+        self._share.clear(self._result)
         return self._result.astype(float)
 
 
-def _in_turn(part: Whole, *steps: BoundPass | np.ndarray) -> Callable[[], object]:
+def _in_turn(share: Share, *steps: BoundPass | np.ndarray) -> Callable[[], object]:
     """What runs passes one after another, and between them brings arrays by points to the halo, which a whole body does not have."""
-    if not part.divided:
+    if not share.divided:
         return Chain(*(step for step in steps if not isinstance(step, np.ndarray)))
 
     def run() -> None:
         for step in steps:
             if isinstance(step, np.ndarray):
-                part.fill(step)
+                share.fill(step)
             else:
                 step()
 

@@ -50,7 +50,7 @@ class EnergyOfPortions(EnergyOfPairs, EvaluationOfPortions):
             self._pairs_of.append(pairs)
             self._add_states(pairs)
             geometries.append(pair_geometry(body, pairs, weights[pairs], self.geometry_precision))
-            self._watches.append(DomainWatch(portion.model, int(self._counted[pairs].sum()), self._outside, "energy", "energy", body.part))
+            self._watches.append(DomainWatch(portion.model, int(self._counted[pairs].sum()), self._outside, "energy", "energy", body.share))
             ends = bonds.first[pairs], bonds.second[pairs]
             across = [np.flatnonzero(self.portion_of[end] != number) for end in ends]
             self._seen.append([(other, end[other]) for other, end in zip(across, ends, strict=True)])
@@ -189,7 +189,7 @@ class SelectiveEnergyOfPortions(EnergyOfPortions):
         return parts
 
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
-        invalid, part_of_body = self._form_volumes(), self.body.part
+        invalid, part_of_body = self._form_volumes(), self.body.share
         if part_of_body.any(invalid):
             return [0] * len(self._parts), invalid, 0
         energies = np.zeros(len(self.body))
@@ -210,9 +210,9 @@ class SelectiveEnergyOfPortions(EnergyOfPortions):
         """Bring the smoothed dilatations up to date with the gradients last formed; the number of pairs turned inside out."""
         invalid = sum(part.find_volumes() for part in self._parts)
         self._find_dilatations()
-        self.body.part.fill(self._dilatations)
+        self.body.share.fill(self._dilatations)
         self._smooth_dilatations()
-        self.body.part.fill(self._smoothed)
+        self.body.share.fill(self._smoothed)
         return invalid
 
     def bulk_stresses(self) -> np.ndarray:
@@ -220,5 +220,5 @@ class SelectiveEnergyOfPortions(EnergyOfPortions):
 
     def volume_ratios(self) -> np.ndarray:
         self.form_views()
-        self.body.part.agree(InvalidState(self._diagnose()) if self._form_volumes() else None)
+        self.body.share.agree(InvalidState(self._diagnose()) if self._form_volumes() else None)
         return np.where(self.portion_of[: len(self.body)] < len(self.portions), self._smoothed, 1.0)

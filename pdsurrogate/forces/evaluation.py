@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 
 from ..body import Body
-from ..body.part import WHOLE, Whole
+from ..body.share import SERIAL, Share
 from ..materials import Law
 from ..materials.stretches import principal_stretches
 from .kinematics import Kinematics, matrices
@@ -84,12 +84,12 @@ class DomainWatch:
         See `ForceSettings`.
     quantity, stand_in : str
         What the model gives, and what would stand in for it, for messages.
-    part : Whole
+    share : Share
         Of the body.
     """
 
-    def __init__(self, model, n_pairs: int, outside: str, quantity: str, stand_in: str, part: Whole = WHOLE) -> None:
-        self._model, self._n_pairs, self._part = model, n_pairs, part
+    def __init__(self, model, n_pairs: int, outside: str, quantity: str, stand_in: str, share: Share = SERIAL) -> None:
+        self._model, self._n_pairs, self._share = model, n_pairs, share
         self._stops, self._tells = outside == "raise", outside in ("raise", "warn")
         self._quantity, self._stand_in, self._warned = quantity, stand_in, False
         self._found = 0
@@ -102,7 +102,7 @@ class DomainWatch:
         OutsideDomain
             If there are any, and the policy is to stop.
         """
-        if self._part.divided:
+        if self._share.divided:
             self._found = found
         elif found and self._tells:
             self._tell(found, self._n_pairs)
@@ -115,10 +115,10 @@ class DomainWatch:
         OutsideDomain
             As `report`.
         """
-        if self._part.divided and self._tells:
-            found = self._part.total(self._found)
+        if self._share.divided and self._tells:
+            found = self._share.total(self._found)
             if found:
-                self._tell(found, self._part.total(self._n_pairs))
+                self._tell(found, self._share.total(self._n_pairs))
 
     def _tell(self, found: int, of: int) -> None:
         what = f"{found} of {of} bonds are outside the domain of {self._model.name}, {self._model.domain}"

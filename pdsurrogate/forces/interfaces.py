@@ -104,8 +104,8 @@ class Interfaces:
         near = np.unique(np.concatenate([owners[across], _sources(body)[bonds.neighbours[across]]]))
         rows, columns, values, mirrored = [], [], [], []
         tree, everywhere = cKDTree(body.points), cKDTree(body.all_points)
-        part = body.part
-        for i in part.own_points(near):
+        share = body.share
+        for i in share.own_points(near):
             found = _interface_beside(body, everywhere, portion_of, i)
             if quadratic and (found is None or found[3] > ASTRAY):
                 found = _nearest_softer(body, everywhere, portion_of, moduli, i) or found
@@ -136,10 +136,10 @@ class Interfaces:
         entries = np.concatenate(values or [np.empty(0)]), (np.concatenate(rows or empty), np.concatenate(columns or empty))
         self._jump = sparse.csr_array(entries, shape=(n, n))
         # What others find of the points in the halo hangs on points that are owned here.
-        self._jump_back = part.with_rows_of_others(self._jump).T.tocsr()
+        self._jump_back = share.with_rows_of_others(self._jump).T.tocsr()
         self._images = self._gradients_at_images(mirrored)
-        part.fill(self.depths[:n])
-        part.fill(self.normals)
+        share.fill(self.depths[:n])
+        share.fill(self.normals)
         body.ghosts.fill(self.depths)
         shape, d = (n, total), body.dimension
         self.on_jumps = np.zeros((n, d))
@@ -147,7 +147,7 @@ class Interfaces:
         self._one_sided: list[tuple[sparse.csr_array, sparse.csr_array]] = []
         weights = kinematics.gradient_weights()
         self.left_out = self._unseen(owners, across, moduli) if quadratic else across[:0]
-        if part.any(len(self.left_out) > 0):
+        if share.any(len(self.left_out) > 0):
             weights = self._leave_out(kinematics, owners, weights)
         weights = weights[across] * self.depths[bonds.neighbours[across], None]
         entries = owners[across], bonds.neighbours[across]
@@ -161,8 +161,8 @@ class Interfaces:
         self, mirrored: list[tuple[int, np.ndarray, np.ndarray]]
     ) -> tuple[np.ndarray, sparse.csr_array, sparse.csr_array] | None:
         """Mirror images, the matrix from gradients to what theirs is more than the points' own, and its transpose; None without any."""
-        part, n = self._body.part, len(self._body)
-        if not part.any(bool(mirrored)):
+        share, n = self._body.share, len(self._body)
+        if not share.any(bool(mirrored)):
             return None
         empty = np.empty(0, dtype=np.int64)
         columns = np.concatenate([empty, *(around for _, around, _ in mirrored)])
@@ -172,8 +172,8 @@ class Interfaces:
         matrix = sparse.csr_array((values, (np.repeat(numbers, counts), columns)), shape=(n, n))
         is_image = np.zeros(n)
         is_image[numbers] = 1.0
-        part.fill(is_image)
-        return is_image[:, None], matrix, part.with_rows_of_others(matrix).T.tocsr()
+        share.fill(is_image)
+        return is_image[:, None], matrix, share.with_rows_of_others(matrix).T.tocsr()
 
     def _unseen(self, owners: np.ndarray, across: np.ndarray, moduli: np.ndarray) -> np.ndarray:
         """Directed bonds across an interface that the energy of their point does without."""
@@ -193,8 +193,8 @@ class Interfaces:
             inverse, supported = np.zeros_like(kinematics.inverse_shape), np.zeros_like(kinematics.supported)
             rows = np.unique(owners[self.left_out]).astype(np.uint32)
             shape_rows[body.dimension](rows, bonds.pointers, bonds.neighbours, body.all_points, kept, inverse, supported)
-            body.part.fill(inverse[:n])
-            body.part.fill(supported[:n])
+            body.share.fill(inverse[:n])
+            body.share.fill(supported[:n])
             self.left_out = self.left_out[supported[owners[self.left_out]] > 0]
         touched = np.flatnonzero(supported[owners])
         if not len(touched):
@@ -251,7 +251,7 @@ class Interfaces:
         if self._images is not None:
             for b in range(self._body.dimension):
                 self.jumps[:n] -= self._by_gradient * self._images[0] * self._column(gradients, b)[:n] * self.normals[:, b, None]
-        self._body.part.fill(self.jumps[:n])
+        self._body.share.fill(self.jumps[:n])
         if len(ghosts):
             self.jumps[n:] = ghosts.parity * self.jumps[ghosts.source]
         for b, matrix in enumerate(self._corrections):
@@ -268,7 +268,7 @@ class Interfaces:
             slopes = slopes * (1 - is_image)
             for b in range(self._body.dimension):
                 slopes += (matrix @ self._column(gradients, b)[:n]) * self.normals[:, b, None]
-            self._body.part.fill(slopes)
+            self._body.share.fill(slopes)
         for b in range(self._body.dimension):
             self._column(self._changes, b)[:n] = slopes * self.normals[:, b, None]
         self._gradient_ghosts.fill_changes(self._changes)
@@ -297,10 +297,10 @@ class Interfaces:
             is_image, _, back = self._images
             on_images = on_slopes * is_image
             on_slopes = on_slopes - on_images
-            self._body.part.fill(on_images)
+            self._body.share.fill(on_images)
             for b in range(self._body.dimension):
                 self._column(own_moments, b)[:] += back @ (on_images * self.normals[:, b, None])
-            self._body.part.fill(own_moments)
+            self._body.share.fill(own_moments)
         on_jumps[:n] -= on_slopes
         for b, matrix in enumerate(self._corrections_back):
             on_jumps += matrix @ self._column(own_moments, b)
@@ -310,8 +310,8 @@ class Interfaces:
         if self._images is not None:
             for b in range(self._body.dimension):
                 self._column(own_moments, b)[:] += self._by_gradient * self._images[0] * own * self.normals[:, b, None]
-            self._body.part.fill(own_moments)
-        self._body.part.fill(own)
+            self._body.share.fill(own_moments)
+        self._body.share.fill(own)
         self.on_jumps = self._jump_back @ own
         found = self.on_jumps.copy() if self._one_sided else self.on_jumps
         for b, (_, back) in enumerate(self._one_sided):

@@ -122,8 +122,8 @@ class Kinematics:
             self.inverse_shape,
             self.supported,
         )
-        body.part.fill(self.inverse_shape[: len(body)])
-        body.part.fill(self.supported[: len(body)])
+        body.share.fill(self.inverse_shape[: len(body)])
+        body.share.fill(self.supported[: len(body)])
         body.ghosts.fill_shapes(self.inverse_shape)
         body.ghosts.fill(self.supported)
 
@@ -147,7 +147,7 @@ class Kinematics:
         self.body.ghosts.fill(reached)
         outer = self._outer_pairs
         own = [bonds.pair_of[bonds.pointers[i] : bonds.pointers[i + 1]] for i in touched]
-        beside = self.body.part.beside_halo(bonds.first, bonds.second)  # where others may have broken some that are not here
+        beside = self.body.share.beside_halo(bonds.first, bonds.second)  # where others may have broken some that are not here
         return np.unique(np.concatenate([*own, outer[reached[bonds.second[outer]]], beside]))
 
     @cached_property
@@ -192,7 +192,7 @@ class Kinematics:
     def place(self, positions: np.ndarray) -> None:
         """Take new positions of the body's points, and move the ghosts with them; gradients and states follow when they are asked for."""
         positions = np.ascontiguousarray(positions, dtype=float)
-        self.body.part.fill(positions)
+        self.body.share.fill(positions)
         self._place.give("given", positions)
         self._place()
         self._formed = self._found = False
@@ -200,7 +200,7 @@ class Kinematics:
     def place_and_form(self, positions: np.ndarray) -> None:
         """Take new positions and bring the deformation gradients up to date."""
         positions = np.ascontiguousarray(positions, dtype=float)
-        self.body.part.fill(positions)
+        self.body.share.fill(positions)
         self._place.give("given", positions)
         self._place_and_form()
         self._found = False
@@ -216,7 +216,7 @@ class Kinematics:
         """What follows the pass over the points: where materials meet, what others own, and ghosts."""
         if self.interfaces is not None:
             self.interfaces.correct(self.positions, self.gradients)
-        self.body.part.fill(self.gradients[: len(self.body)])
+        self.body.share.fill(self.gradients[: len(self.body)])
         if len(self.body.ghosts):
             self.gradient_ghosts.fill_gradients(self.gradients)
         if self._gradient_shifts is not None:
@@ -316,7 +316,7 @@ def matrices(columns: np.ndarray) -> np.ndarray:
 
 def at_point(body: Body, i: int, what: str) -> str:
     """Say where something is."""
-    return f"point {body.part.number(i)} at ({', '.join(f'{x:.4g}' for x in body.points[i])}): {what}"
+    return f"point {body.share.number(i)} at ({', '.join(f'{x:.4g}' for x in body.points[i])}): {what}"
 
 
 def locate(body: Body, values: np.ndarray, what: str) -> str:

@@ -261,9 +261,9 @@ class EvaluationOfPortions(Evaluation):
         self._stiffness_moduli = (moduli[:n] + np.bincount(owners, weights * around, n) / np.bincount(owners, weights, n)) / 2
         self._force_scale = moduli[:n].copy()
         np.maximum.at(self._force_scale, owners, around)
-        body.part.fill(self._stiffness_moduli)
-        body.part.fill(self._force_scale)
-        counted = body.part.counted_pairs(bonds.first)
+        body.share.fill(self._stiffness_moduli)
+        body.share.fill(self._force_scale)
+        counted = body.share.counted_pairs(bonds.first)
         self._counted = np.ones(self._n_pairs, dtype=bool) if counted is None else counted
 
     def cells_across(self, number: int, most: int) -> float:

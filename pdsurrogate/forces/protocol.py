@@ -244,17 +244,17 @@ class InternalForce(ABC):
             If bonds are outside the model's domain, and that was to stop it.
         """
         self.evaluations += 1
-        began, part, error = time.perf_counter(), self.body.part, None
+        began, share, error = time.perf_counter(), self.body.share, None
         try:
             self.evaluate(positions, out)
         except RuntimeError as found:  # of the state, the domain, or a force of the user's own
-            if not part.divided:
+            if not share.divided:
                 raise
             error = found
-        part.agree(error)
+        share.agree(error)
         for watch in self._watches:
             watch.settle()
-        part.clear(out)
+        share.clear(out)
         self.seconds += time.perf_counter() - began
         self.timed += 1
 
@@ -402,16 +402,16 @@ class InternalForce(ABC):
         """
         bonds, points = self.body.bonds, self.body.all_points
         share = np.where(bonds.second < len(self.body), 1.0, 0.5)
-        counted = self.body.part.counted_pairs(bonds.first)
+        counted = self.body.share.counted_pairs(bonds.first)
         if counted is not None:
             share = share * counted
         vectors = points[bonds.second] - points[bonds.first]
         return np.einsum("b,bi,bj->ij", share, self.pair_forces(), vectors) / self._whole_volume()
 
     def _whole_volume(self) -> float:
-        """Of the body that this one is a part of, if it is one."""
-        part = self.body.part
-        return part.total(float(part.counted(self.body.volumes).sum()))
+        """Of the body that this one is a share of, if it is one."""
+        share = self.body.share
+        return share.total(float(share.counted(self.body.volumes).sum()))
 
     def energy(self) -> float:
         """Stored energy per unit thickness in the state last evaluated; of a force that `has_energy`."""
@@ -450,13 +450,13 @@ class InternalForce(ABC):
     @property
     def fraction_outside(self) -> float:
         """Share of all pair evaluations so far that were outside the model's domain."""
-        outside, pairs = self.body.part.total(self.pairs_outside), self.body.part.total(self.pairs_evaluated)
+        outside, pairs = self.body.share.total(self.pairs_outside), self.body.share.total(self.pairs_evaluated)
         return outside / max(1, self.evaluations * pairs)
 
     @property
     def pairs_evaluated(self) -> int:
         """Pairs counted in one evaluation; of several materials those across an interface count twice."""
-        counted = self.body.part.counted_pairs(self.body.bonds.first)
+        counted = self.body.share.counted_pairs(self.body.bonds.first)
         return len(self.body.bonds.first) if counted is None else int(counted.sum())
 
 

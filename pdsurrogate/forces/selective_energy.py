@@ -109,7 +109,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
         self._volumetric = volume_energy_block(self.law)
         find_volume_energies = selective_energy.volume_energies.bind(
             self._smoothed,
-            body.part.counted(body.volumes),
+            body.share.counted(body.volumes),
             self._volumetric.address,
             kinematics.parameters,
             self._pairs.buffers,
@@ -125,11 +125,11 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
         """Passes over pairs and points, and sums, with the deformation gradients last formed; see `BondEnergyEvaluation.pass_bonds`."""
         invalid = self._form_volumes()
-        if self.body.part.any(invalid):
+        if self.body.share.any(invalid):
             return [0], invalid, 0
-        if self.body.part.divided:
+        if self.body.share.divided:
             self._find_pressures()
-            self.body.part.fill(self._pressures[: len(self.body)])
+            self.body.share.fill(self._pressures[: len(self.body)])
             self._pairs.find_energies()
         else:
             self._find_energies()
@@ -139,11 +139,11 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
     def _form_volumes(self) -> int:
         """Bring the smoothed dilatations up to date with the gradients last formed; the number of pairs turned inside out."""
         invalid, *_ = self._find_volumes()
-        part = self.body.part
-        if part.divided:  # the points in the halo have the means of all their bonds, and then of all their neighbours, from elsewhere
-            part.fill(self._dilatations)
+        share = self.body.share
+        if share.divided:  # the points in the halo have the means of all their bonds, and then of all their neighbours, from elsewhere
+            share.fill(self._dilatations)
             self._smooth()
-            part.fill(self._smoothed)
+            share.fill(self._smoothed)
         return invalid
 
     def linearised_dilatation(self) -> LinearisedDilatation:
@@ -154,7 +154,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
 
     def volume_ratios(self) -> np.ndarray:
         self._kinematics.form_gradients()
-        self.body.part.agree(InvalidState(self._diagnose()) if self._form_volumes() else None)
+        self.body.share.agree(InvalidState(self._diagnose()) if self._form_volumes() else None)
         return self._smoothed.copy()
 
     def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
@@ -178,7 +178,7 @@ class SelectiveEnergyEvaluation(BondEnergyEvaluation):
     def beyond_data(self) -> np.ndarray | None:
         if self.model.domain is None or self.model.domain.hull is None:
             return None
-        counted = self.body.part.counted(np.ones(len(self.body))) > 0
+        counted = self.body.share.counted(np.ones(len(self.body))) > 0
         return self.model.domain.beyond_data(self._isochoric_stretches()[counted])
 
     def member_deviation(self) -> np.ndarray | None:
@@ -350,9 +350,9 @@ class Smoothing:
         self._pointers[1:] = np.cumsum(np.bincount(rows, minlength=n))
         self._volumes, self._most = body.volumes, 1 - 0.5**body.dimension
         raw = np.concatenate([weights, weights[within]])[order]
-        self._part = body.part
+        self._share = body.share
         self._caps = self._cap(np.bincount(rows, raw, n) / body.volumes)
-        self._part.fill(self._caps)
+        self._share.fill(self._caps)
         self._weights = raw * np.minimum(self._caps[rows], self._caps[self._columns]) / body.volumes[rows]
         self._own = 1 - np.bincount(rows, self._weights, n)
         if breakable:
@@ -381,8 +381,8 @@ class Smoothing:
         owners, entries = self._entries(rows)
         self._raw[entries[~carries[self._pairs[entries]]]] = 0.0
         self._caps[rows] = self._cap(np.bincount(owners, self._raw[entries], n)[rows] / self._volumes[rows])
-        self._part.fill(self._caps)
-        rows = np.arange(n) if self._part.divided else np.unique(np.concatenate([rows, self._columns[entries]]))
+        self._share.fill(self._caps)
+        rows = np.arange(n) if self._share.divided else np.unique(np.concatenate([rows, self._columns[entries]]))
         owners, entries = self._entries(rows)
         caps = np.minimum(self._caps[owners], self._caps[self._columns[entries]])
         self._weights[entries] = self._raw[entries] * caps / self._volumes[owners]

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from ..body import Body, fields_at
-from ..body.part import WHOLE, Whole
+from ..body.share import SERIAL, Share
 from ..scenes import Probe
 from .measures import PointState
 
@@ -22,7 +22,7 @@ class Probes:
     probes : sequence of Probe
     portion_of : ndarray of int, shape (n,), optional
         Material of every point of a body of several.
-    part : Whole
+    share : Share
         What is here of the body.
 
     Raises
@@ -31,15 +31,15 @@ class Probes:
         If a place lies outside the body, or too few points are beside it; names the key.
     """
 
-    def __init__(self, body: Body, probes: tuple[Probe, ...], portion_of: np.ndarray | None = None, part: Whole = WHOLE) -> None:
-        self._names, self._rows, self._part = [probe.name for probe in probes], [], part
+    def __init__(self, body: Body, probes: tuple[Probe, ...], portion_of: np.ndarray | None = None, share: Share = SERIAL) -> None:
+        self._names, self._rows, self._share = [probe.name for probe in probes], [], share
         for number, probe in enumerate(probes):
             try:
                 rows = fields_at(body, np.array([probe.at]), portion_of)
             except ValueError as error:
                 raise ValueError(f"probes.{number}.at: {error}") from None
             # One row for several components stays one.
-            own = {id(row): part.own_columns(row) for of_kind in rows for row in of_kind}
+            own = {id(row): share.own_columns(row) for of_kind in rows for row in of_kind}
             self._rows.append([[own[id(row)] for row in of_kind] for of_kind in rows])
 
     def __len__(self) -> int:
@@ -59,9 +59,9 @@ class Probes:
         return {
             name: {
                 # Rows are 1 in sum and have the place as their first moment, so displacements may be fitted in the place of positions.
-                "displacement": self._part.total(_read(moved, state.displacement)).tolist(),
-                "stress": self._part.total(_read(tensors, stress)).reshape(3, 3).tolist(),
-                "F": self._part.total(_read(tensors, gradient)).reshape(3, 3).tolist(),
+                "displacement": self._share.total(_read(moved, state.displacement)).tolist(),
+                "stress": self._share.total(_read(tensors, stress)).reshape(3, 3).tolist(),
+                "F": self._share.total(_read(tensors, gradient)).reshape(3, 3).tolist(),
             }
             for name, (moved, tensors) in zip(self._names, self._rows, strict=True)
         }
@@ -71,7 +71,7 @@ class Probes:
         return {
             f"{name}_displacement_{component}": float(value)
             for name, (moved, _) in zip(self._names, self._rows, strict=True)
-            for component, value in enumerate(self._part.total(_read(moved, displacements)), 1)
+            for component, value in enumerate(self._share.total(_read(moved, displacements)), 1)
         }
 
 

@@ -174,7 +174,7 @@ class StatesInPieces:
     def __init__(self, folder: Path, body: Body, name: str, moments: list[Moment] | None = None) -> None:
         self.folder, self.body, self.name = folder, body, name
         self.moments = list(moments or [])
-        if moments is not None and body.part.ranks.rank == 0:
+        if moments is not None and body.share.ranks.rank == 0:
             self._write_index()
             remove_later(folder, name, len(moments))
 
@@ -182,18 +182,18 @@ class StatesInPieces:
         """Write a state, every rank its piece, and the index with it; a rank that cannot ends it for all."""
         from . import vtk
 
-        part, number = self.body.part, len(self.moments)
+        share, number = self.body.share, len(self.moments)
         path = self.folder / f"{self.name}-{number:03d}.pvtu"
         values = {name: value for name, value in asdict(moment).items() if value is not None}
         cells, nodes = deformed_cells(self.body, fields)  # with those around the rank's own, which say where the common nodes are
-        cells, used = cells.only(part.own)
-        fields = {name: field[part.own] for name, field in fields.items()} | {vtk.NUMBER: part.numbers[part.own]}
-        with _for_all(part):
-            vtk.write_state(self._piece(path, part.ranks.rank), cells, nodes[used], fields, values)
+        cells, used = cells.only(share.own)
+        fields = {name: field[share.own] for name, field in fields.items()} | {vtk.NUMBER: share.numbers[share.own]}
+        with _for_all(share):
+            vtk.write_state(self._piece(path, share.ranks.rank), cells, nodes[used], fields, values)
         self.moments.append(moment)
-        with _for_all(part):
-            if part.ranks.rank == 0:
-                pieces = [self._piece(path, rank).name for rank in range(part.ranks.size)]
+        with _for_all(share):
+            if share.ranks.rank == 0:
+                pieces = [self._piece(path, rank).name for rank in range(share.ranks.size)]
                 vtk.write_pieces(path, pieces, {name: field[:1].size for name, field in fields.items()})
                 self._write_index()
 

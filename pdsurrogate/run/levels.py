@@ -84,7 +84,7 @@ def solver_of(run: Run) -> EquilibriumSolver:
             f"scene {run.scene.name}: solver.method={spec.method} needs a force that has an energy, as bond-energy does{missing}, so take "
             "another solver.method"
         )
-    return solver(run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations, run.reductions)
+    return solver(run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations, run.body.share)
 
 
 def go_through(run: Run, solver: EquilibriumSolver, stage: Stage) -> bool:
@@ -191,7 +191,7 @@ def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, way: Way):
             _lengthen(run, increments, evaluations, run.force.evaluations - began)
         else:
             increments.accept()
-        if run.damage is not None and run.reductions.any(len(run.damage.overstretched(run.force.positions)) > 0):
+        if run.damage is not None and run.body.share.any(len(run.damage.overstretched(run.force.positions)) > 0):
             return None
     return equilibrium
 
@@ -244,8 +244,8 @@ def _check_resolved(run: Run, target: float) -> None:
     if not _is_driven(run, target):
         return
     moduli = [law.shear_modulus for law, _ in run.force.laws]
-    rounding = max(FORCE_ROUNDING[run.force.precision], strain_rounding(run.body, run.reductions)) * max(moduli) / min(moduli)
-    strain = strain_of(run.loaded, run.reductions)
+    rounding = max(FORCE_ROUNDING[run.force.precision], strain_rounding(run.body)) * max(moduli) / min(moduli)
+    strain = strain_of(run.loaded)
     if strain < RESOLVED * rounding:
         contrast = f" with moduli {max(moduli) / min(moduli):.3g} apart" if max(moduli) > min(moduli) else ""
         raise TooSmall(
@@ -259,9 +259,9 @@ def _is_driven(run: Run, parameter: float) -> bool:
     if run.loading.at_rest(parameter):
         return False
     loads = run.loaded.applied()
-    if loads is not None and run.reductions.any(bool((loads * run.loading.free).any())):
+    if loads is not None and run.body.share.any(bool((loads * run.loading.free).any())):
         return True
-    return not is_rigid(run.loaded, run.reductions)
+    return not is_rigid(run.loaded)
 
 
 def _best(run: Run, guesses: list[np.ndarray], target: float) -> np.ndarray:
@@ -275,7 +275,7 @@ def _best(run: Run, guesses: list[np.ndarray], target: float) -> np.ndarray:
         try:
             run.loaded(guess, forces)
             forces *= run.loading.free
-            sizes.append(run.reductions.dot(forces, forces))
+            sizes.append(run.body.share.dot(forces, forces))
         except InvalidState:
             sizes.append(np.inf)
     return guesses[int(np.argmin(sizes))]
@@ -322,7 +322,7 @@ def _solve(
 ) -> Equilibrium:
     """Equilibrium at a value of the parameter from where the run is, near a guess, within so many evaluations."""
     began = run.force.evaluations
-    farthest = FARTHEST * run.reductions.extent(run.body.points)
+    farthest = FARTHEST * run.body.share.extent(run.body.points)
 
     def report(evaluations: int, residual: float) -> None:
         run.residual = residual
@@ -334,7 +334,7 @@ def _solve(
         if evaluations > patience:
             raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
         if run.loads is not None:
-            moved = run.reductions.greatest(np.abs(run.positions - guess))
+            moved = run.body.share.maximum(np.abs(run.positions - guess))
             if moved > farthest:
                 weak = told_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
                 raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")
@@ -351,7 +351,7 @@ def _keep_or_stop(run: Run, solver: EquilibriumSolver, way: Way | None) -> None:
     """
     asked = run.interruption.asked
     due = run.late or (asked and (run.interruption.out_of_time or not run.resumable))
-    asked, due = run.reductions.total_of_parts((int(asked), int(due)))
+    asked, due = run.body.share.total((int(asked), int(due)))
     if due and way is not None:
         way.checkpoint(run, solver)
     if asked:

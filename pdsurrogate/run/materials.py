@@ -144,7 +144,7 @@ def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: Bod
                 f"materials.{before[twice.argmax()] - 1} and materials.{number - 1} both take {int(twice.sum())} points, the first at "
                 f"({place}); regions of different materials must not overlap"
             )
-        body.part.agree(error)
+        body.share.agree(error)
         of_points[points] = number
     rigid = {
         regions.label(part.region, f"materials.{number}"): np.flatnonzero(of_points == number + 1)
@@ -155,6 +155,6 @@ def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: Bod
         Portion(law, model, points)
         for number, (law, model) in enumerate(zip(laws, models, strict=True))
         if law is not None
-        and body.part.any(len(points := np.flatnonzero(of_points == number)) > 0)  # of several ranks all have the same portions
+        and body.share.any(len(points := np.flatnonzero(of_points == number)) > 0)  # of several ranks all have the same portions
     ]
     return portions, rigid

@@ -24,7 +24,6 @@ from ..scenes.shapes import Precut
 from ..scenes.solids import DiscCut, ParallelogramCut
 from ..solvers.grips import points_of_hold
 from ..solvers.loads import Loads
-from ..solvers.reductions import LOCAL
 from ..solvers.regions import BodyRegions, along_edge
 from .run import loading_of
 
@@ -82,7 +81,7 @@ def preview(scene: Scene) -> Figure:
         marks = _marks(scene, body, lower, upper, regions)
         for number, probe in enumerate(scene.probes):
             regions.check_place(f"probes.{number}.at", probe.at)
-        loading_of(scene, body, lower, upper, regions, Loads(scene, body, regions) if scene.loads else None, LOCAL)
+        loading_of(scene, body, lower, upper, regions, Loads(scene, body, regions) if scene.loads else None)
     except ValueError as error:
         raise SceneError(f"scene {scene.name}: {error}") from None
     grip_areas(scene, lower, upper)

@@ -130,7 +130,7 @@ def force_balance(run: Run, reactions: Reactions, drive: float | None) -> float 
         return None
     total = reactions.on_planes.sum(axis=0)
     if reactions.at_points is not None:
-        total = total + [run.reductions.total(column) for column in reactions.at_points.T]
+        total = total + [run.body.share.sum(column) for column in reactions.at_points.T]
     if run.loads is not None:
         total = total + sum(run.loads.by_name(run.positions, run.loaded.thickness()).values())
     return float(np.linalg.norm(total) / drive)
@@ -158,7 +158,7 @@ def _stretched(run: Run, drive: float | None) -> dict:
         "forces": {name: force.tolist() for name, force in forces_by_name(run, reactions).items()},
         "displacements": {name: displacement.tolist() for name, displacement in displacements_by_name(run).items()},
         "force_balance": force_balance(run, reactions, drive),
-        "nominal_stress_work_conjugate": float(run.reductions.total_of_parts(run.force.mean_stress())[axis, axis]),
+        "nominal_stress_work_conjugate": float(run.body.share.total(run.force.mean_stress())[axis, axis]),
     }
     if run.force.has_energy:
         level["energy"] = run.strain_energy()
@@ -166,7 +166,7 @@ def _stretched(run: Run, drive: float | None) -> dict:
         level["stability"] = "checked" if run.force.has_energy else "not checked"
     if isinstance(run.scene.body, Rectangle):
         # Other outlines have no straight edges to read displacements from.
-        displacements = run.body.part.gather(run.positions - run.body.points)
+        displacements = run.body.share.gather(run.positions - run.body.points)
         level |= run.ranks.to_all(None if displacements is None else _lateral(run.whole, displacements, axis))
     return level | probe_readings(run)
 

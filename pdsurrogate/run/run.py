@@ -20,7 +20,7 @@ from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, bin
 from ..forces.interfaces import SIGHT, YIELDING
 from ..forces.portions import EvaluationOfPortions
 from ..materials import Law
-from ..ranks import ALONE, HALO, Communicator, ReductionsOfParts, communicator, divided
+from ..ranks import ALONE, HALO, Communicator, communicator, divided
 from ..ranks.communicator import Alone
 from ..results import measures
 from ..results.checkpoint import Checkpoint, CheckpointError
@@ -33,7 +33,6 @@ from ..solvers.conditions import Loading, place_of
 from ..solvers.grips import GripLoading
 from ..solvers.loads import LoadedForce, Loads
 from ..solvers.prescribed import PrescribedLoading
-from ..solvers.reductions import LOCAL, LocalReductions
 from ..solvers.regions import BodyRegions
 from .interruption import Interruption
 from .materials import check_fracture, models_of, portions_of, settings_of, warn_of_bulk_moduli
@@ -123,14 +122,13 @@ def loading_of(
     upper: np.ndarray,
     regions: BodyRegions,
     loads: Loads | None,
-    reductions: LocalReductions,
     rigid: Iterable[np.ndarray] = (),
 ) -> Loading:
     """Return the conditions of a scene on its body; see `GripLoading` and `PrescribedLoading` for what is refused."""
     if scene.stretched:
-        return GripLoading(scene, body, lower, upper, reductions)
+        return GripLoading(scene, body, lower, upper)
     modulus = 1.0 if scene.material is None else scene.law().shear_modulus  # a picture of a scene without a material needs none
-    return PrescribedLoading(scene, body, lower, upper, regions, loads, modulus, reductions, *rigid)
+    return PrescribedLoading(scene, body, lower, upper, regions, loads, modulus, *rigid)
 
 
 @dataclass
@@ -201,8 +199,6 @@ class Run:
         Of every recorded state of an energy from test data, which share of the bonds is beyond them, and how far the farthest.
     interruption : Interruption
         Whether somebody wants it to stop.
-    reductions : LocalReductions
-        Of the body that is here.
     ranks : Alone or Communicator
         The processes that share the run.
     whole : Body or None
@@ -224,7 +220,6 @@ class Run:
     dynamics: list[dict] = field(default_factory=list)
     beyond_data: list[dict] = field(default_factory=list)
     interruption: Interruption = field(default_factory=Interruption)
-    reductions: LocalReductions = LOCAL
     ranks: Alone | Communicator = ALONE
 
     def __post_init__(self) -> None:
@@ -261,8 +256,8 @@ class Run:
             if self._rigid and self.ranks.size > 1:
                 raise ValueError("materials: rigid regions are taken on one rank only; run it without mpiexec, or give them a law")
             rigid = self._rigid.values()
-            self.loading = loading_of(scene, self.body, lower, upper, self.regions, self.loads, self.reductions, rigid)
-            self.body.part.clear(self.loading.free)  # what others own they move
+            self.loading = loading_of(scene, self.body, lower, upper, self.regions, self.loads, rigid)
+            self.body.share.clear(self.loading.free)  # what others own they move
             self._check_speeds()
             numba.set_num_threads(self.threads)
             if self.ranks.size > 1:
@@ -275,7 +270,7 @@ class Run:
             self._check_support()
             for number, probe in enumerate(scene.probes):
                 self.regions.check_place(f"probes.{number}.at", probe.at)
-            self.probes = Probes(self.whole, scene.probes, self._portion_of(), self.body.part)
+            self.probes = Probes(self.whole, scene.probes, self._portion_of(), self.body.share)
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
         if self.ranks.rank:
@@ -314,7 +309,7 @@ class Run:
         self._bind(replace(settings_of(self.scene), precision="float64"))
         for key, array in self.force.state_arrays().items():
             array[:] = old.state_arrays()[key]
-        if self.damage is not None and self.reductions.any(bool(self.damage.broken.any())):
+        if self.damage is not None and self.body.share.any(bool(self.damage.broken.any())):
             self.force.break_bonds(np.flatnonzero(self.damage.broken))
         self.force.evaluations, self.force.pairs_outside = old.evaluations, old.pairs_outside
         self.force.seconds, self.force.timed = old.seconds, old.timed
@@ -330,29 +325,27 @@ class Run:
     @property
     def _in_pieces(self) -> bool:
         """Whether every rank writes the states of its own points: of a body so large that one would be busy, or full, with all of them."""
-        large = self.reductions.total_size(len(self.body)) > MOST_GATHERED
+        large = self.body.share.size(len(self.body)) > MOST_GATHERED
         return large and self.ranks.size > 1 and self.folder is not None and not isinstance(self.scene.body, Mesh)
 
     def _surface(self, lower, upper) -> Surface:
         """The boundary of the body, which the points of all ranks say."""
         surface = surface_of(self.scene, self.whole, lower, upper)
-        return surface.of_part(self.body.part) if self.body.part.divided else surface
+        return surface.of_share(self.body.share) if self.body.share.divided else surface
 
     def _part_of(self, body: Body) -> Body:
         """Of the whole body what falls to this rank."""
         self.whole = body
         if self.ranks.size == 1:
             return body
-        part = divided(body, self.ranks, SIGHT if self.scene.materials else HALO)
-        self.reductions = ReductionsOfParts(part.part)
-        return part
+        return divided(body, self.ranks, SIGHT if self.scene.materials else HALO)
 
     def _portion_of(self) -> np.ndarray | None:
         """Material of every point of the whole body; None where there is one."""
         if not isinstance(self.force, EvaluationOfPortions):
             return None
         found = self.force.portion_of[: len(self.body)]
-        return self.ranks.to_all(self.body.part.gather(found))
+        return self.ranks.to_all(self.body.share.gather(found))
 
     @property
     def _least_modulus(self) -> float:
@@ -473,7 +466,7 @@ class Run:
 
     def _check_support(self) -> None:
         """Refuse points whose bonds lie on one line, or in one plane: only a crack may leave points without a deformation gradient."""
-        alone = self.reductions.counts(np.flatnonzero(~self.force.supported))
+        alone = self.body.share.own_points(np.flatnonzero(~self.force.supported))
         if len(alone):
             where = ("on one line", "two rows of points or more in either direction")
             if self.body.dimension == 3:
@@ -490,11 +483,11 @@ class Run:
 
     def strain_energy(self) -> float:
         """Stored energy per unit thickness in the state last evaluated, see `measures.strain_energy`."""
-        return self.reductions.total_of_parts(measures.strain_energy(self.force))
+        return self.body.share.total(measures.strain_energy(self.force))
 
     def unsupported_points(self) -> int:
         """How many points have too few bonds left for a deformation gradient."""
-        return self.reductions.total_of_parts(len(self.reductions.counts(np.flatnonzero(~self.force.supported))))
+        return self.body.share.total(len(self.body.share.own_points(np.flatnonzero(~self.force.supported))))
 
     def nominal_stress(self, forces: np.ndarray) -> float:
         """Pull of one grip outwards along the loaded axis, over its own cross-section, by the forces (2, d) of the grips."""
@@ -507,7 +500,7 @@ class Run:
         damage = None if self.damage is None else self.damage.at_points()
         fields = measures.point_fields(measures.PointState(self.force, self.positions, damage))
         if not self._in_pieces:
-            fields = {name: self.body.part.gather(values) for name, values in fields.items()}
+            fields = {name: self.body.share.gather(values) for name, values in fields.items()}
         equilibria, since = sum("time" not in level for level in self.levels), self.elapsed + time
         moment = Moment(equilibria + since, self.parameter, since)
         self._tell_beyond_data(moment)
@@ -520,8 +513,8 @@ class Run:
         beyond = self.force.beyond_data()
         if beyond is None:
             return
-        total, outside = (self.reductions.total_of_parts(int(count)) for count in (len(beyond), np.count_nonzero(beyond > 0)))
-        farthest = self.reductions.greatest_of_parts(float(beyond.max(initial=0.0)))
+        total, outside = (self.body.share.total(int(count)) for count in (len(beyond), np.count_nonzero(beyond > 0)))
+        farthest = self.body.share.greatest(float(beyond.max(initial=0.0)))
         row = {"run_time": moment.run_time, self.loading.parameter: self.parameter}
         self.beyond_data.append(row | {"share": outside / max(total, 1), "log_stretch": farthest})
 
@@ -530,29 +523,29 @@ class Run:
         """What a checkpoint of this run must have in common with it."""
         return {
             **self.contents.describe(),
-            "n_points": self.reductions.total_size(len(self.body)),
-            "n_pairs": self.reductions.total_of_parts(self.counted_pairs()),
+            "n_points": self.body.share.size(len(self.body)),
+            "n_pairs": self.body.share.total(self.counted_pairs()),
         }
 
     def counted_pairs(self) -> int:
         """How many pairs are counted here; all but where several ranks share the run."""
-        counted = self.body.part.counted_pairs(self.body.bonds.first)
+        counted = self.body.share.counted_pairs(self.body.bonds.first)
         return len(self.body.bonds.first) if counted is None else int(np.count_nonzero(counted))
 
     def directed_bonds(self) -> int:
         """Directed bonds within the body of the points that are counted here."""
         bonds, n = self.body.bonds, len(self.body)
-        if not self.body.part.divided:
+        if not self.body.share.divided:
             return bonds.n_directed
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
-        return int(np.count_nonzero(self.body.part.own[owners] & (bonds.neighbours < n)))
+        return int(np.count_nonzero(self.body.share.own[owners] & (bonds.neighbours < n)))
 
     def checkpoint(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
         """Write a checkpoint, if there is a folder for it."""
         if self.folder is None:
             return
         began = time.monotonic()
-        part = self.body.part
+        share = self.body.share
         common = {
             "parameter": self.parameter,
             "stage": self.stage,
@@ -571,7 +564,7 @@ class Run:
             "precision": self.force.precision,
             "greatest_drive": self.greatest_drive,
             "wasted": self.wasted,
-            "outside": self.reductions.total_of_parts(self.force.pairs_outside),
+            "outside": self.body.share.total(self.force.pairs_outside),
         }
         held = {"positions": self.positions, **self.force.state_arrays(), **arrays}
         if self.earlier is not None:
@@ -579,7 +572,7 @@ class Run:
         # In the order of the whole body, so that any number of ranks can go on from it.
         if self.damage is not None:
             held["broken"] = self.damage.broken
-        whole = {key: part.to_whole(array, self.body, self._rows_of(key)) for key, array in held.items()}
+        whole = {key: share.to_whole(array, self.body, self._rows_of(key)) for key, array in held.items()}
         kept = Checkpoint(self.identity, {**common, **progress}, whole)
         if self.ranks.rank == 0:
             kept.write(self.folder)
@@ -612,7 +605,7 @@ class Run:
         self.states = self._states([Moment(*moment) for moment in progress["moments"]])
         if self.damage is not None:
             pairs = np.flatnonzero(found.arrays["broken"])
-            if self.reductions.any(len(pairs) > 0):
+            if self.body.share.any(len(pairs) > 0):
                 self.damage.break_bonds(pairs)
                 self.force.break_bonds(pairs)
         self.resumable = True
@@ -621,10 +614,10 @@ class Run:
 
     def _read_checkpoint(self, held: dict[str, np.ndarray]) -> Checkpoint:
         """What the first rank reads, on every rank for its points; the arrays that are held here say which there must be."""
-        body, part, identity = self.body, self.body.part, self.identity
-        counts = {key: part.rows_of_whole(len(array), body, self._rows_of(key)) for key, array in held.items()}
+        body, share, identity = self.body, self.body.share, self.identity
+        counts = {key: share.rows_of_whole(len(array), body, self._rows_of(key)) for key, array in held.items()}
         shapes = {key: ((counts[key], *array.shape[1:]), array.dtype) for key, array in held.items()}
-        if not part.divided:
+        if not share.divided:
             return Checkpoint.read(self.folder, identity, shapes)
         whole = error = None
         if self.ranks.rank == 0:
@@ -632,11 +625,11 @@ class Run:
                 whole = Checkpoint.read(self.folder, identity, shapes)
             except CheckpointError as found:
                 error = found
-        part.agree(error)
+        share.agree(error)
         progress, keys = self.ranks.to_all(whole and (whole.progress, list(whole.arrays)))
-        arrays = {key: part.from_whole(whole and whole.arrays[key], body, self._rows_of(key)) for key in keys}
+        arrays = {key: share.from_whole(whole and whole.arrays[key], body, self._rows_of(key)) for key in keys}
         return Checkpoint(identity, progress, arrays)
 
     def _rows_of(self, key: str) -> str:
-        """What an array of a checkpoint has a row for, see `Whole.to_whole`."""
+        """What an array of a checkpoint has a row for, see `Share.to_whole`."""
         return "pairs" if key == "broken" else self.force.state_rows.get(key.removeprefix(ACCEPTED), "points")

@@ -413,7 +413,7 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None,
     if failure is not None and run.residual is not None and np.isfinite(run.residual):
         residuals.append(run.residual)
     outside = force.fraction_outside
-    total, total_size = run.reductions.total_of_parts, run.reductions.total_size
+    total, total_size = run.body.share.total, run.body.share.size
     directed = total(run.directed_bonds())
     summary = {
         "scene": scene.name,
@@ -424,7 +424,7 @@ def _result(run: Run, seconds_compile: float, began: float, failure: str | None,
         "n_points": total_size(len(run.body)),
         "n_bonds": total(run.counted_pairs()),
         "n_directed_bonds": directed,
-        "n_ghost_points": total(int(run.body.part.counted(np.ones(len(run.body)))[run.body.ghosts.source].sum())),
+        "n_ghost_points": total(int(run.body.share.counted(np.ones(len(run.body)))[run.body.ghosts.source].sum())),
         "spacing": run.body.spacing,
         "cell_size": run.body.cell.tolist(),
         "horizon": run.body.horizon,

@@ -13,13 +13,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..body import Body
+from ..body.share import SERIAL
 from ..forces import InvalidState
 from ..results.checkpoint import Checkpoint
 from ..solvers import Diverging, ExplicitDynamics
 from ..solvers.conditions import Reactions
 from ..solvers.dynamics import Power
 from ..solvers.minimiser import EnergyMinimiser
-from ..solvers.reductions import LOCAL
 from .interruption import Interrupted
 from .programme import Stage
 from .rows import (
@@ -151,7 +151,6 @@ class Transient:
             self.viscosity,
             self.spec.safety,
             run.loads,
-            run.reductions,
         )
         self._keeps_account = run.force.has_energy
         # A stage that says its duration is to end, and to be recorded, when it says.  One at a rate goes to the first step past an output.
@@ -159,7 +158,7 @@ class Transient:
         self._every_step = self._timed or run.body.dimension == 3 or self._keeps_account
         # Below this an energy is rounding: a body at rest holds none, and any motion would be more than was put in.
         modulus = max(law.shear_modulus for law, _ in run.force.laws)
-        self._rounding = EnergyMinimiser.ROUNDING[run.force.precision] * modulus * run.reductions.total(run.body.volumes)
+        self._rounding = EnergyMinimiser.ROUNDING[run.force.precision] * modulus * run.body.share.sum(run.body.volumes)
         if self.damage is not None and run.crack is None:
             run.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
 
@@ -211,7 +210,7 @@ class Transient:
             integrator.elastic[:] = checkpoint.arrays["elastic"]
         integrator.frequency.vector, integrator.frequency.fresh = checkpoint.arrays["mode"].copy(), False
         for array in self.arrays().values():
-            run.body.part.clear(array)  # what others own they move
+            run.body.share.clear(array)  # what others own they move
         self._limit_step()
         self._apply()
 
@@ -243,7 +242,7 @@ class Transient:
                     break
             # What is resumed from has the row and the output of its step; a row that an interruption asks for is not in it.
             late = clock.monotonic() - saved >= SECONDS_BETWEEN_CHECKPOINTS
-            asked, late = run.reductions.total_of_parts((int(run.interruption.asked), int(late)))
+            asked, late = run.body.share.total((int(run.interruption.asked), int(late)))
             if due or asked or late:
                 self._checkpoint()
                 saved = clock.monotonic()
@@ -335,7 +334,7 @@ class Transient:
         run, integrator = self.run, self.integrator
         run.force.place(run.positions)
         pairs = self.damage.overstretched(run.force.positions)
-        if run.reductions.any(len(pairs) > 0):
+        if run.body.share.any(len(pairs) > 0):
             self._break(pairs)
         while True:
             try:
@@ -344,7 +343,7 @@ class Transient:
             except InvalidState as invalid:
                 error = invalid
             failed = self._bonds_of_failed_points()
-            if run.reductions.any(len(failed) > 0):
+            if run.body.share.any(len(failed) > 0):
                 # The evaluation was ahead by the viscosity.  What broke at these positions may have left a state that soon collapses, with
                 # huge forces: they cancel in the sum of both releases where both are taken at the same positions.
                 run.force.place(run.positions)
@@ -378,24 +377,24 @@ class Transient:
         bonds, n, mirror = run.body.bonds, len(run.body), run.body.ghosts.source
         F = run.force.deformation_gradients()
         ratio = F[:, 0, 0] * F[:, 1, 1] - F[:, 1, 0] * F[:, 0, 1] if F.shape[1] == 2 else np.linalg.det(F)
-        collapsed, crushed, part = np.flatnonzero(~(ratio > LEAST_RATIO)), run.force.collapsed_pairs(), run.body.part
-        if not part.any(len(collapsed) or len(crushed)):
+        collapsed, crushed, share = np.flatnonzero(~(ratio > LEAST_RATIO)), run.force.collapsed_pairs(), run.body.share
+        if not share.any(len(collapsed) or len(crushed)):
             return collapsed
         broken = np.flatnonzero(self.damage.broken)
         failed = np.zeros(len(run.body.all_points), dtype=bool)
         failed[np.intersect1d(collapsed, np.concatenate([bonds.first[broken], bonds.second[broken]]))] = True
-        part.fill(failed[:n])
+        share.fill(failed[:n])
         failed[n:] = failed[mirror]
         failing = failed[bonds.first] | failed[bonds.second]
-        if part.any(len(crushed)):
+        if share.any(len(crushed)):
             # A bond whose own gradient has collapsed is broken where an end of it has lost others.
             lost = np.zeros(len(run.body.all_points), dtype=bool)
             lost[bonds.first[broken]] = lost[bonds.second[broken]] = True
-            part.fill(lost[:n])
+            share.fill(lost[:n])
             failing[crushed[lost[bonds.first[crushed]] | lost[bonds.second[crushed]]]] = True
         pairs = np.flatnonzero(failing & ~self.damage.broken)
-        if part.any(len(pairs)):
-            run.crack["failed_points"] += run.reductions.total_of_parts(len(run.reductions.counts(np.flatnonzero(failed[:n]))))
+        if share.any(len(pairs)):
+            run.crack["failed_points"] += run.body.share.total(len(run.body.share.own_points(np.flatnonzero(failed[:n]))))
         return pairs
 
     def _break(self, pairs: np.ndarray) -> None:
@@ -407,11 +406,11 @@ class Transient:
                 start["nominal_stress"] = run.history[-1]["nominal_stress"]
             crack["start"] = start | {"x": places[0], "tips": places}
             logger.info("%s: the first bond broken is at %s", run.loading.at(run.parameter), places)
-        crack["broken_bonds"] += run.reductions.total_of_parts(len(self._counted(pairs)))
+        crack["broken_bonds"] += run.body.share.total(len(self._counted(pairs)))
         self.damage.break_bonds(pairs)
         release = run.force.break_bonds(pairs)
         if release is not None:
-            self.account.released_energy += run.reductions.total_of_parts(release.energy)
+            self.account.released_energy += run.body.share.total(release.energy)
             self.integrator.kick(release.forces)
         self.account.recent += pairs.tolist()
         self.account.batches += [self._batch] * len(pairs)
@@ -512,7 +511,7 @@ class Transient:
         self._held_reactions = reactions
         if run.loads is not None:
             thickness, around = run.loaded.thickness(), self.integrator.velocities_around()
-            loads = (run.reductions.total_of_parts(run.loads.power(run.positions, velocities, thickness)) for velocities in around)
+            loads = (run.body.share.total(run.loads.power(run.positions, velocities, thickness)) for velocities in around)
             power = power.plus(Power(*loads))
         # At the start, when the account is empty, no time has gone by.
         account.work += self._work_over(account.time - account.rate_time, Power(*account.power), power)
@@ -597,43 +596,43 @@ class Transient:
     def _connected(self, some: np.ndarray, others: np.ndarray) -> bool:
         """Whether intact bonds connect any of `some` points with any of the `others`."""
         _, piece = self.run.loading.pieces(~self.damage.broken)
-        union = self.run.reductions.union
+        union = self.run.body.share.union
         return bool(np.isin(union(piece[some]), union(piece[others])).any())
 
     def _counted(self, pairs: np.ndarray) -> np.ndarray:
         """Of some pairs those that are counted here."""
-        counted = self.run.body.part.counted_pairs(self.run.body.bonds.first[pairs])
+        counted = self.run.body.share.counted_pairs(self.run.body.bonds.first[pairs])
         return pairs if counted is None else pairs[counted]
 
     def _in_order(self, pairs: np.ndarray, batches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Middles (k, d) of broken pairs of the whole body, in the order in which they broke, and their batches (k,), which rise."""
         body = self.run.body
-        counted = body.part.counted_pairs(body.bonds.first[pairs])
+        counted = body.share.counted_pairs(body.bonds.first[pairs])
         if counted is None:
             return _midpoints(body, pairs), batches
         pairs, batches = pairs[counted], batches[counted]
-        order = np.stack([batches, body.part.numbers[body.bonds.first[pairs]]], axis=1)
-        order, places = (np.concatenate(body.part.everywhere(rows)) for rows in (order, _midpoints(body, pairs)))
+        order = np.stack([batches, body.share.numbers[body.bonds.first[pairs]]], axis=1)
+        order, places = (np.concatenate(body.share.everywhere(rows)) for rows in (order, _midpoints(body, pairs)))
         sequence = np.lexsort(order.T[::-1])
         return places[sequence], order[sequence, 0]
 
     def _recent_in_whole(self) -> tuple[list[int], list[int]]:
         """Pairs broken of late by their numbers in the whole body, in the order in which they broke, and their batches."""
         account, body = self.account, self.run.body
-        if not body.part.divided:
+        if not body.share.divided:
             return account.recent, account.batches
-        pairs = body.part.pair_numbers(body)[np.array(account.recent, dtype=np.int64)]
+        pairs = body.share.pair_numbers(body)[np.array(account.recent, dtype=np.int64)]
         here = np.stack([np.array(account.batches, dtype=np.int64), pairs], axis=1)[pairs >= 0]
-        rows = np.concatenate(body.part.everywhere(here))
+        rows = np.concatenate(body.share.everywhere(here))
         rows = rows[np.lexsort(rows.T[::-1])]
         return rows[:, 1].tolist(), rows[:, 0].tolist()
 
     def _take_recent_of_whole(self) -> None:
         """The way back: of the pairs broken of late, those that are counted here."""
         account, body = self.account, self.run.body
-        if not body.part.divided:
+        if not body.share.divided:
             return
-        numbers = body.part.pair_numbers(body)
+        numbers = body.share.pair_numbers(body)
         here = np.flatnonzero(numbers >= 0)
         recent, batches = np.array(account.recent, dtype=np.int64), np.array(account.batches, dtype=np.int64)
         found = np.isin(recent, numbers[here])
@@ -699,7 +698,7 @@ def starts_of_cracks(places: np.ndarray, batches: np.ndarray, horizon: float) ->
 def _groups(places: np.ndarray, horizon: float) -> list[np.ndarray]:
     """Numbers of places (k, d) that are joined by distances of up to a horizon, the largest group first."""
     near = cKDTree(places).query_pairs(horizon, output_type="ndarray")
-    count, group = LOCAL.pieces(len(places), *near.T)
+    count, group = SERIAL.pieces(len(places), *near.T)
     order = np.argsort(-np.bincount(group), kind="stable")[:count]
     return [np.flatnonzero(group == number) for number in order]
 

@@ -41,7 +41,7 @@ class Automatic(EquilibriumSolver):
         """The quicker method that suits the force."""
         if self._quick is None:
             self._quick = (EnergyMinimiser if force.nearly_incompressible and force.has_energy else QuasiNewton)(*self._settings)
-            self.gave_up |= not force.nearly_incompressible and self.reductions.total_of_parts(len(self.volumes)) > self.MOST_POINTS
+            self.gave_up |= not force.nearly_incompressible and self.share.total(len(self.volumes)) > self.MOST_POINTS
         return self._quick
 
     def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
@@ -55,7 +55,7 @@ class Automatic(EquilibriumSolver):
                     raise
                 self.gave_up = True
                 positions[:] = start
-        most = max(self.LEAST_RELAXED, int(self.RELAXED * self.reductions.extent(force.body.points) / force.body.spacing))
+        most = max(self.LEAST_RELAXED, int(self.RELAXED * self.share.extent(force.body.points) / force.body.spacing))
         self._sure.most_evaluations = min(self.most_evaluations, most)
         found = self._sure.solve(force, positions, tolerance, report, least_drive)
         return replace(found, evaluations=force.evaluations - began)

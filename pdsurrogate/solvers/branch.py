@@ -34,7 +34,7 @@ class Branch:
     """
 
     def __init__(self, loading: Loading, force: InternalForce, solver: EquilibriumSolver) -> None:
-        self._loading, self._force, self._solver, self._reductions = loading, force, solver, solver.reductions
+        self._loading, self._force, self._solver, self._share = loading, force, solver, solver.share
 
     def check(self, before: float, after: float, guess: np.ndarray, positions: np.ndarray) -> None:
         """Check an equilibrium in which the force was last evaluated; the next one is taken to follow it.
@@ -59,7 +59,7 @@ class Branch:
         loading.check_inside(after, force, positions)
         growth, jumped = loading.growth(before, after), False
         if growth is not None:
-            moved = np.sqrt(self._reductions.total(np.square(positions - guess)) / self._reductions.total_of_parts(positions.size))
+            moved = np.sqrt(self._share.sum(np.square(positions - guess)) / self._share.total(positions.size))
             jumped = moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing)
         if not (jumped or force.has_energy) or not loading.pushes(force):
             return
@@ -75,7 +75,7 @@ class Branch:
         preconditioner = self._solver.preconditioner(force)
         preconditioner.update()
         with self._unchanged():
-            curvature = least_curvature(force, positions, loading.free, preconditioner, self._reductions)
+            curvature = least_curvature(force, positions, loading.free, preconditioner)
             force(positions, np.empty_like(positions))
         if curvature < NEGATIVE:
             raise Unstable(

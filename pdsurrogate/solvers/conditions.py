@@ -15,7 +15,6 @@ from ..body import Body
 from ..forces import InternalForce, InvalidState
 from ..forces.kinematics import at_point
 from .motion import Motion
-from .reductions import LocalReductions
 from .supports import SupportAtPlace, Supports
 
 if TYPE_CHECKING:
@@ -151,7 +150,6 @@ class Loading(ABC):
     held : sequence of HeldPoints
         The force on a point that two hold alike counts with the later of them.
     loads : Loads or None
-    reductions : LocalReductions
 
     Attributes
     ----------
@@ -179,12 +177,11 @@ class Loading(ABC):
         planes: tuple[HeldPlane, ...],
         held: tuple[HeldPoints, ...],
         loads: Loads | None,
-        reductions: LocalReductions,
     ) -> None:
-        self.body, self.names, self.loads, self._reductions = body, names, loads, reductions
+        self.body, self.names, self.loads, self._share = body, names, loads, body.share
         self._planes, self._held = planes, held
         at_places = tuple(part for part in held if part.support is not None)
-        self.supports = Supports(body, at_places, reductions) if at_places else None
+        self.supports = Supports(body, at_places) if at_places else None
         self.free = np.ones((len(body), body.dimension))
         for part in held:
             for component in part.components:
@@ -211,7 +208,7 @@ class Loading(ABC):
     def _check_planes(self, keys: tuple[str, ...]) -> None:
         """Refuse planes that no bond crosses; `keys` name them."""
         for number, (key, plane) in enumerate(zip(keys, self._planes, strict=True)):
-            if not self._reductions.any((self._levers[1] == number).any()):
+            if not self._share.any((self._levers[1] == number).any()):
                 name, edge = plane.name.split()[0], "edge" if self.body.dimension == 2 else "face"
                 raise ValueError(f"{key}: no bond of the body crosses its {name} {edge}; do holes take all that is there?")
 
@@ -225,11 +222,11 @@ class Loading(ABC):
         """
         bonds, n = self.body.bonds, len(self.body)
         within = bonds.second < n if intact is None else (bonds.second < n) & intact
-        return self._reductions.pieces(n, bonds.first[within], bonds.second[within])
+        return self._share.pieces(n, bonds.first[within], bonds.second[within])
 
     def _remark_on_pieces(self, count: int) -> None:
         """Say that the body is in several pieces, each of which is held."""
-        if count > 1 and self.body.part.leads:
+        if count > 1 and self.body.share.leads:
             why = f"as where a cut goes all the way, or a wall is thinner than the spacing, {self.body.spacing:.3g}"
             warnings.warn(f"the body is in {count} pieces with no bonds between them, {why}; each is held by itself", stacklevel=2)
 
@@ -242,7 +239,7 @@ class Loading(ABC):
         shares = [np.abs(part.displacement(parameter)[..., list(part.components)]).max(initial=0.0) for part in self._held]
         motions = [plane.motion(parameter) for plane in self._planes]
         shares += [max(np.abs(motion[:, -1]).max(), np.abs(motion[:, :-1]).max() * self.body.spacing) for motion in motions]
-        moved = self._reductions.greatest_of_parts(float(max(shares, default=0.0))) > AT_REST * self._reductions.extent(self.body.points)
+        moved = self._share.greatest(float(max(shares, default=0.0))) > AT_REST * self._share.extent(self.body.points)
         return not moved and (self.loads is None or self.loads.vanish(parameter))
 
     def apply(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
@@ -275,7 +272,7 @@ class Loading(ABC):
 
         before, present, after = map(places, (last, now, ahead))
         way, evenly = after - present, (present - before) * ((ahead - now) / (now - last))
-        off, *ways = (self._reductions.greatest_of_parts(np.abs(change).max(initial=0.0)) for change in (way - evenly, way, evenly))
+        off, *ways = (self._share.greatest(np.abs(change).max(initial=0.0)) for change in (way - evenly, way, evenly))
         return off / max(ways) if off > 0 else 0.0
 
     def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
@@ -306,7 +303,7 @@ class Loading(ABC):
                 if len(held.components) > 1 and self._beside_free_side(worst, plane.axis):
                     what += "; the free side beside it bulges over what it is bonded to, and would lie against it"
                     error = FoldedOver(at_point(self.body, worst, what))
-            self.body.part.agree(error)
+            self.body.share.agree(error)
 
     def _beside_free_side(self, point: int, axis: int) -> bool:
         """Whether the neighbours of a point are on one side of it, along a plane that an axis is normal to."""
@@ -336,10 +333,10 @@ class Loading(ABC):
             on_planes[:, component] = np.bincount(planes, crossing[:, component] * shares[:, component], len(self._planes))
         levers = None
         if any(plane.turn is not None for plane in self._planes):
-            levers = self._reductions.total_of_parts(self._levers_on_planes(force, crossing))
+            levers = self._share.total(self._levers_on_planes(force, crossing))
         if on_points is None and self._holds_points:
             on_points = self._on_points(force)
-        return self.reactions_of(self._reductions.total_of_parts(on_planes), levers, on_points)
+        return self.reactions_of(self._share.total(on_planes), levers, on_points)
 
     @property
     def _holds_points(self) -> bool:
@@ -352,13 +349,13 @@ class Loading(ABC):
             at_points = -on_points * (1 - self.free)
             for part in self._held:
                 if part.support is not None:
-                    self.body.part.fill(at_points)
+                    self.body.share.fill(at_points)
                     for component in part.components if len(part.points) else ():
                         at_points[part.support.others, component] = at_points[part.points, component]
             for part, owned in zip(self._held, self._owned, strict=True):
                 for component, points in owned.items():
                     forces[part.holder, component] += at_points[points, component].sum()
-            forces = self._reductions.total_of_parts(forces)
+            forces = self._share.total(forces)
         for number, plane in enumerate(self._planes):
             for component in plane.components:
                 forces[plane.holders[component], component] += on_planes[number, component]
@@ -385,7 +382,7 @@ class Loading(ABC):
             for part, owned in zip(self._held, self._owned, strict=True):
                 for component, points in owned.items():
                     levers[part.holder, component] += reactions.at_points[points, component] @ positions[points]
-        return moment_of(self._reductions.total_of_parts(levers))
+        return moment_of(self._share.total(levers))
 
     def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray) -> np.ndarray:
         """Of every plane the sum of f (x) y, shape (planes, d, d), from the forces of the bonds that cross them, shape (k, d)."""
@@ -433,7 +430,7 @@ class Loading(ABC):
             for component in part.components:
                 owner[part.every, component] = number
         return [
-            {} if part.holder is None else {c: self._reductions.counts(part.every[owner[part.every, c] == number]) for c in part.components}
+            {} if part.holder is None else {c: self._share.own_points(part.every[owner[part.every, c] == number]) for c in part.components}
             for number, part in enumerate(self._held)
         ]
 
@@ -442,7 +439,7 @@ class Loading(ABC):
         """Bonds with images that planes move: number of the bond, of the plane, and half the image's displacement by that of the plane."""
         n, ghosts = len(self.body), self.body.ghosts
         outer = np.flatnonzero(self.body.bonds.second >= n)
-        counted = self.body.part.counted_pairs(self.body.bonds.first[outer])
+        counted = self.body.share.counted_pairs(self.body.bonds.first[outer])
         outer = outer if counted is None else outer[counted]
         levers = ghosts.lever[self.body.bonds.second[outer] - n]
         rows, planes = np.nonzero(levers.any(axis=2))
@@ -471,7 +468,7 @@ class Loading(ABC):
         for number, points in enumerate(self._beside):
             places = self.body.points[points]
             sums[number] = np.concatenate([(positions[points] - places).sum(axis=0), places.sum(axis=0), [len(points)]])
-        sums = self._reductions.total_of_parts(sums)
+        sums = self._share.total(sums)
         means = sums[:, :-1] / np.maximum(sums[:, -1:], 1)
         found, places = np.split(means, 2, axis=1)
         for plane, held in zip(self.body.planes, self._planes, strict=True):
@@ -496,7 +493,7 @@ class Loading(ABC):
         for part in self._held:
             if part.holder is not None:
                 found[part.holder].append(part.every)
-        return [self._reductions.counts(np.unique(np.concatenate(parts))) for parts in found]
+        return [self._share.own_points(np.unique(np.concatenate(parts))) for parts in found]
 
     @abstractmethod
     def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float:

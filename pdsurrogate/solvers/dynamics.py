@@ -12,7 +12,6 @@ from ..forces import InternalForce
 from ..kernels.steps import central_difference_step
 from .equilibrium import Diverging
 from .loads import LoadedForce, Loads
-from .reductions import LOCAL, LocalReductions
 from .stability import FrequencyEstimate
 
 FREQUENCY_MARGIN = 1.03
@@ -82,7 +81,6 @@ class ExplicitDynamics:
         Time step over the critical one, at most 1.
     loads : Loads, optional
         Brought to their present size by whoever steps.
-    reductions : LocalReductions, optional
 
     Attributes
     ----------
@@ -115,15 +113,14 @@ class ExplicitDynamics:
         viscosity: float,
         safety: float,
         loads: Loads | None = None,
-        reductions: LocalReductions = LOCAL,
     ) -> None:
         self.force, self._hold, self.positions, self.velocities = force, hold, positions, velocities
         self._free, self._mass, self._damping, self._viscosity, self._safety = free, mass, damping, viscosity, safety
         self._loaded = force if loads is None else LoadedForce(force, loads)
         self._loads, self._applied = loads, None if loads is None else np.empty_like(positions)
-        self._reductions = reductions
+        self._share = force.body.share
         self._ahead, self.elastic = np.empty_like(positions), np.zeros_like(positions)
-        self.frequency = FrequencyEstimate(mass, free, self._reductions)
+        self.frequency = FrequencyEstimate(mass, free, self._share)
         self.forces = np.empty_like(positions)
         self._kicks = None
         self.time_step = self.last_step = self.longest = np.inf
@@ -202,7 +199,7 @@ class ExplicitDynamics:
 
     def next_step(self) -> float:
         """That is stable, moves no point too far, and is no longer than it may be."""
-        fastest = self._reductions.greatest_of_parts(max(self.velocities.max(), -self.velocities.min()))
+        fastest = self._share.greatest(max(self.velocities.max(), -self.velocities.min()))
         step = min(self.time_step, self.longest)
         return min(step, MOST_TRAVEL * self.force.body.spacing / fastest) if fastest > 0 else step
 
@@ -227,7 +224,7 @@ class ExplicitDynamics:
 
     def kinetic_energy(self) -> float:
         """Of the last half step."""
-        return 0.5 * self._reductions.dot(self.velocities, self.velocities, self._mass)
+        return 0.5 * self._share.dot(self.velocities, self.velocities, self._mass)
 
     def velocities_around(self) -> VelocitiesAround:
         """Velocities at the positions, and of the half steps before and after."""
@@ -244,7 +241,7 @@ class ExplicitDynamics:
         the step changes: what they differ by the scheme itself takes.
         """
         before, now, after = velocities
-        arriving, leaving = (self._reductions.dot(side, now - 0.5 * side, self._mass) for side in (before, after))
+        arriving, leaving = (self._share.dot(side, now - 0.5 * side, self._mass) for side in (before, after))
         return arriving, leaving
 
     def _following_velocities(self, step: float) -> np.ndarray:
@@ -265,9 +262,9 @@ class ExplicitDynamics:
         """Power that damping and viscosity take, the latter by the elastic forces as they are known."""
         velocities = self.velocities_around()
         taking = self._damping * self._mass[:, None] * velocities.now
-        power = self._damping * self._reductions.dot(velocities.now, velocities.now, self._mass)
+        power = self._damping * self._share.dot(velocities.now, velocities.now, self._mass)
         if self._viscosity > 0:
             viscous = self._free * (self.elastic_with_loads() - self.forces)
             taking += viscous
-            power += self._reductions.dot(viscous, velocities.now)
-        return Power(self._reductions.dot(taking, velocities.before), power, self._reductions.dot(taking, velocities.after))
+            power += self._share.dot(viscous, velocities.now)
+        return Power(self._share.dot(taking, velocities.before), power, self._share.dot(taking, velocities.after))

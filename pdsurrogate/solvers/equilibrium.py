@@ -10,11 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from ..body import Body
+from ..body.share import SERIAL, Share
 from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
 from .extension import greatest_bond_strain
 from .preconditioner import Preconditioner, preconditioner_of
-from .reductions import LOCAL, LocalReductions
 from .supports import SupportedPreconditioner
 
 Report = Callable[[int, float], None]
@@ -82,21 +82,21 @@ def told_of_zero_energy_modes(force: InternalForce, consequence: str) -> str:
     return f" (this force does not resist all displacements from point to point, {consequence}: {others} does)"
 
 
-def strain_rounding(body: Body, reductions: LocalReductions) -> float:
+def strain_rounding(body: Body) -> float:
     """Strain of a bond as long as the spacing that rounding of the positions of its ends makes."""
-    farthest = reductions.greatest(np.abs(body.points))
+    farthest = body.share.maximum(np.abs(body.points))
     return float(np.finfo(float).eps) * farthest / body.spacing
 
 
-def is_rigid(force: InternalForce, reductions: LocalReductions) -> bool:
+def is_rigid(force: InternalForce) -> bool:
     """Whether the body has been moved as a whole, up to rounding, in the state last evaluated."""
-    return strain_of(force, reductions) <= RIGID * strain_rounding(force.body, reductions)
+    return strain_of(force) <= RIGID * strain_rounding(force.body)
 
 
-def strain_of(force: InternalForce, reductions: LocalReductions) -> float:
+def strain_of(force: InternalForce) -> float:
     """Greatest change of length of a bond over its length at rest, in the state last evaluated."""
     n = len(force.body)
-    return reductions.greatest_of_parts(greatest_bond_strain(force.body, force.body.points, force.positions[:n]))
+    return force.body.share.greatest(greatest_bond_strain(force.body, force.body.points, force.positions[:n]))
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ class EquilibriumSolver(ABC):
         Of the residual, in units of shear modulus / spacing.
     most_evaluations : int
         Per call of `solve`.
-    reductions : LocalReductions, optional
+    share : Share, optional
     """
 
     name: str
@@ -151,9 +151,9 @@ class EquilibriumSolver(ABC):
         volumes: np.ndarray,
         tolerance: float = 1e-6,
         most_evaluations: int = 50_000,
-        reductions: LocalReductions = LOCAL,
+        share: Share = SERIAL,
     ) -> None:
-        self.free, self.volumes, self.reductions = free, volumes, reductions
+        self.free, self.volumes, self.share = free, volumes, share
         self.tolerance, self.most_evaluations = tolerance, most_evaluations
         self._preconditioner: Preconditioner | None = None
         self._drive, self._on_held = 0.0, np.zeros(0)
@@ -192,10 +192,10 @@ class EquilibriumSolver(ABC):
     def preconditioner(self, force: InternalForce) -> Preconditioner:
         """What approximates the tangent of the force, made when it is first asked for."""
         if self._preconditioner is None:
-            self._preconditioner = preconditioner_of(force, self.free, self.reductions)
+            self._preconditioner = preconditioner_of(force, self.free)
             supports = getattr(force, "supports", None)
             if supports is not None:
-                self._preconditioner = SupportedPreconditioner(self._preconditioner, supports, self.reductions)
+                self._preconditioner = SupportedPreconditioner(self._preconditioner, supports)
         return self._preconditioner
 
     def residual(self, force: InternalForce, forces: np.ndarray) -> float:
@@ -203,7 +203,7 @@ class EquilibriumSolver(ABC):
         unit, volumes = force.force_scale, self.volumes
         if isinstance(unit, np.ndarray):  # several materials: every point by its own
             unit, volumes = 1.0, volumes * unit
-        greatest = self.reductions.greatest_of_parts(greatest_force_density[forces.shape[1]](forces, self.free, volumes))
+        greatest = self.share.greatest(greatest_force_density[forces.shape[1]](forces, self.free, volumes))
         return greatest * force.body.spacing / unit
 
     def evaluate(self, force: InternalForce, positions: np.ndarray, out: np.ndarray) -> None:
@@ -217,7 +217,7 @@ class EquilibriumSolver(ABC):
         """Begin a search; `least_drive` as in `solve`."""
         stiffness = force.law.bulk_modulus / force.law.shear_modulus if force.nearly_incompressible else 1.0
         self._least_drive, self._least_left, self._idle = least_drive, np.inf, 0
-        self._rounding = ROUNDED * stiffness * strain_rounding(force.body, self.reductions)
+        self._rounding = ROUNDED * stiffness * strain_rounding(force.body)
 
     def judge(self, force: InternalForce, forces: np.ndarray, tolerance: float) -> tuple[float, bool]:
         """Residual in the state last evaluated, and whether the search ends there; forces as `evaluate` gives them.
@@ -230,15 +230,15 @@ class EquilibriumSolver(ABC):
         residual = self.residual(force, forces)
         if not residual <= tolerance or tolerance > self.tolerance:
             return residual, residual <= tolerance
-        left = self.reductions.total(np.abs(forces))
+        left = self.share.sum(np.abs(forces))
         loads = force.applied()
-        loading = 0.0 if loads is None else self.reductions.total(np.abs(loads))
+        loading = 0.0 if loads is None else self.share.sum(np.abs(loads))
         self._drive = max(loading, self._holding(force), self._least_drive)
         most = self.share_left * self._drive
         if left <= most:
             return residual, True
         if residual * most < SINGLE * left and force.precision == "float32":
-            if loading == 0 and is_rigid(force, self.reductions):
+            if loading == 0 and is_rigid(force):
                 return residual, True
             raise TooSmall("the forces that drive the body are too small for single precision")
         if residual > self._rounding:
@@ -261,7 +261,7 @@ class EquilibriumSolver(ABC):
         """Sum of the sizes of all forces on held components and across planes of reflection."""
         crossing = self._crossing(force.body)
         across = np.abs(force.pair_forces(crossing)).sum() if len(crossing) else 0.0
-        return self.reductions.total_of_parts(float(np.abs(self._on_held).sum() + across))
+        return self.share.total(float(np.abs(self._on_held).sum() + across))
 
     @cached_property
     def _held(self) -> np.ndarray:
@@ -271,7 +271,7 @@ class EquilibriumSolver(ABC):
     def _crossing(self, body: Body) -> np.ndarray:
         """Numbers of the bonds across planes of reflection that are counted here."""
         outer = np.flatnonzero(body.bonds.second >= len(body))
-        counted = body.part.counted_pairs(body.bonds.first[outer])
+        counted = body.share.counted_pairs(body.bonds.first[outer])
         return outer if counted is None else outer[counted]
 
     def not_converged(self, force: InternalForce, residual: float, evaluations: int, tolerance: float) -> NotConverged:

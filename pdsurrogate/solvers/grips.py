@@ -11,7 +11,6 @@ from ..forces import InternalForce
 from ..scenes.model import EDGES, Grip, Hold, Scene
 from .conditions import HeldPlane, HeldPoints, Loading, Reactions, place_of
 from .motion import Motion
-from .reductions import LocalReductions
 from .regions import along_edge
 
 
@@ -24,7 +23,6 @@ class GripLoading(Loading):
     body : Body
     lower, upper : ndarray, shape (d,)
         Bounding box of the body.
-    reductions : LocalReductions
 
     Attributes
     ----------
@@ -41,7 +39,7 @@ class GripLoading(Loading):
 
     parameter, rest = "stretch", 1.0
 
-    def __init__(self, scene: Scene, body: Body, lower, upper, reductions: LocalReductions) -> None:
+    def __init__(self, scene: Scene, body: Body, lower, upper) -> None:
         self.scene, self.axis = scene, scene.loaded_axis
         self.lower, self.length = lower[self.axis], upper[self.axis] - lower[self.axis]
         held = [self._region(number, hold, body) for number, hold in enumerate(scene.holds)]
@@ -54,11 +52,11 @@ class GripLoading(Loading):
                 planes.append(HeldPlane(f"{grip.edge} grip", (number,) * body.dimension, components, displacement))
                 continue
             points = np.flatnonzero(along_edge(body, grip.edge, lower, upper).inside)
-            if not body.part.any(len(points)):
+            if not body.share.any(len(points)):
                 raise ValueError(f"grips: no point lies within one cell of the {grip.edge} edge")
             held.append(HeldPoints(f"the {grip.edge} grip", number, points, components, displacement))
         names = tuple(grip.edge for grip in scene.grips)
-        super().__init__(body, names, tuple(planes), tuple(held), None, reductions)
+        super().__init__(body, names, tuple(planes), tuple(held), None)
         self._check_agreement(self._held, (2.0,))
         self._check_planes(tuple(f"grips.{number}" for number in range(len(planes))))
         self._check_pieces()
@@ -69,10 +67,10 @@ class GripLoading(Loading):
         held = np.zeros(count, dtype=bool)
         held[piece[self.free[:, self.axis] == 0]] = True
         held[piece[bonds.first[bonds.second >= len(self.body)]]] = True  # by a grip's plane
-        held = self._reductions.total_of_parts(held.astype(np.int64)) > 0
+        held = self._share.total(held.astype(np.int64)) > 0
         if not held.all():
-            loose = self._reductions.counts(np.flatnonzero(piece == np.flatnonzero(~held)[0]))
-            size = self._reductions.total_of_parts(len(loose))
+            loose = self._share.own_points(np.flatnonzero(piece == np.flatnonzero(~held)[0]))
+            size = self._share.total(len(loose))
             where = f", at {place_of(self.body, loose[0])}," if len(loose) else ""
             raise ValueError(
                 f"body: it is in {count} pieces, and one of {size} points{where} is held by no grip; "
@@ -136,7 +134,7 @@ class GripLoading(Loading):
         return motion.rate * self.length
 
     def growth(self, before, after):
-        return abs(after - before) * self._reductions.extent(self.body.points)
+        return abs(after - before) * self._share.extent(self.body.points)
 
     def pushes(self, force: InternalForce):
         return self.pull(self.reactions(force)) < 0
@@ -151,13 +149,13 @@ def points_of_hold(hold: Hold, body: Body) -> np.ndarray:
         If there are none in the body, or one of them is not there.
     """
     if hold.points is not None:
-        points, size = np.array(hold.points), body.part.size(len(body))
+        points, size = np.array(hold.points), body.share.size(len(body))
         if points.size and points.max() >= size:
             raise ValueError(f"there is no point {points.max()}; the body has {size}")
-        points = body.part.local(points)
+        points = body.share.local(points)
     else:
         low, high = np.array(hold.box)
         points = np.flatnonzero(((body.points >= low) & (body.points <= high)).all(axis=1))
-    if not body.part.any(len(points)):
+    if not body.share.any(len(points)):
         raise ValueError("no point of the body lies in its region")
     return points

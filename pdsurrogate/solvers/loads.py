@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..body import Body, ReflectionPlane
-from ..body.part import Whole
+from ..body.share import Share
 from ..body.surface import Following, Surface
 from ..forces import InternalForce, InvalidState
 from ..scenes.amplitudes import amplitude_of
@@ -38,7 +38,7 @@ class _Pressures:
 
     Parameters
     ----------
-    part : Whole
+    share : Share
         What is here of the body: of all facets something may hang on points elsewhere, so that all parts find all of them together.
     surface : Surface
     facets : ndarray of int, shape (f,)
@@ -56,9 +56,9 @@ class _Pressures:
     """
 
     def __init__(
-        self, part: Whole, surface: Surface, facets: np.ndarray, loads: np.ndarray, values: np.ndarray, deformed: np.ndarray
+        self, share: Share, surface: Surface, facets: np.ndarray, loads: np.ndarray, values: np.ndarray, deformed: np.ndarray
     ) -> None:
-        self._part = part
+        self._share = share
         corners = [surface.interpolation[nodes] for nodes in surface.facets[facets].T]
         # Of the body's points only those that the facets hang on: what is done at every evaluation is as small as the boundary.
         self._points = np.unique(np.concatenate([rows.points() for rows in corners]))
@@ -89,7 +89,7 @@ class _Pressures:
         sides = self._sides_at(positions)
         pull = self._pressures
         if self.needs_thickness:
-            there = self._part.total(self._middle @ thickness[self._points])
+            there = self._share.total(self._middle @ thickness[self._points])
             there[self._undeformed] = 1.0
             if not (there > 0).all():
                 raise InvalidState("the thickness of the sheet that a pressure acts on, continued to the boundary, is not positive there")
@@ -111,12 +111,12 @@ class _Pressures:
 
     def middles(self, vectors: np.ndarray) -> np.ndarray:
         """What the middles of the facets do where the points have the given positions or velocities, shape (f, d)."""
-        return self._part.total(self._middle @ vectors.take(self._points, axis=0))
+        return self._share.total(self._middle @ vectors.take(self._points, axis=0))
 
     def _sides_at(self, positions: np.ndarray) -> list[np.ndarray]:
         """Vectors along the sides of the facets."""
         places = positions.take(self._points, axis=0)
-        return [self._part.total(rows @ places) for rows in self._sides]
+        return [self._share.total(rows @ places) for rows in self._sides]
 
     def potential(self, positions: np.ndarray) -> float:
         """Pressure times the area or volume that the facets have swept since rest (theory (46)); of pressures that have a potential."""
@@ -193,7 +193,7 @@ class Loads:
                 pressed.append((facets, *(np.full(len(facets), value) for value in (number, load.pressure, deformed))))
             else:
                 self._dead[number] = self._dead_forces(number, load, regions)
-        self._pressures = _Pressures(body.part, regions.surface(), *map(np.concatenate, zip(*pressed, strict=True))) if pressed else None
+        self._pressures = _Pressures(body.share, regions.surface(), *map(np.concatenate, zip(*pressed, strict=True))) if pressed else None
         # Dead loads of one amplitude act as one.
         self._patterns: dict[int, np.ndarray] = {}
         for number, dead in self._dead.items():
@@ -236,10 +236,10 @@ class Loads:
                 f"loads.{number}.region: the {edge} is held by reflection, so that a force there goes into what holds it; give another "
                 "region, or hold points (support=points)"
             )
-        points = self.body.part.own_points(regions.points(load.region))
+        points = self.body.share.own_points(regions.points(load.region))
         if load.kind == "body_force":
             return _DeadForces(points, self.body.volumes[points, None] * np.array(load.body_force))
-        share = np.array(load.force) / self.body.part.total(len(points))
+        share = np.array(load.force) / self.body.share.total(len(points))
         return _DeadForces(points, np.tile(share, (len(points), 1)))
 
     def _note_potential(self, name: str, deformed: bool, facets: np.ndarray) -> None:
@@ -319,7 +319,7 @@ class Loads:
         if self._present is not None:
             potential -= float(np.einsum("nc,nc->", self._present, positions - self.body.points))
         if self._pressures is not None:
-            potential += self._pressures.potential(positions) * self.body.part.leads
+            potential += self._pressures.potential(positions) * self.body.share.leads
         return potential
 
     def power(self, positions: np.ndarray, velocities: np.ndarray, thickness: np.ndarray | None = None) -> float:
@@ -329,7 +329,7 @@ class Loads:
             power += float(np.einsum("nc,nc->", self._present, velocities))
         if self._pressures is not None:
             of_facets = self._pressures.on_facets(positions, thickness) * self._pressures.middles(velocities)
-            power += float(of_facets.sum()) * self.body.part.leads
+            power += float(of_facets.sum()) * self.body.share.leads
         return power
 
     def by_name(self, positions: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
@@ -337,7 +337,7 @@ class Loads:
         totals = {name: np.zeros(self.body.dimension) for name in self._names}
         for name, _, forces in self._actions(positions, thickness):
             totals[name] += forces.sum(axis=0)
-        return {name: self.body.part.total(total) for name, total in totals.items()}
+        return {name: self.body.share.total(total) for name, total in totals.items()}
 
     def displacements(self, positions: np.ndarray) -> dict[str, np.ndarray]:
         """Mean displacement of what the loads act on, shape (d,), by name; loads of one name are taken together.
@@ -353,14 +353,14 @@ class Loads:
 
         displacement = positions - self.body.points
         for number, dead in self._dead.items():
-            total = self.body.part.total(dead.forces.sum(axis=0))
+            total = self.body.share.total(dead.forces.sum(axis=0))
             take(self._names[number], displacement[dead.points], dead.forces @ total / max(np.linalg.norm(total), 1e-300))
         if self._pressures is not None:
             moved = self._pressures.middles(displacement)
             for number in np.unique(self._pressures.loads):
                 own = self._pressures.loads == number
-                take(self._names[number], moved[own], np.full(int(own.sum()), float(self.body.part.leads)))
-        sums = {name: (self.body.part.total(total), self.body.part.total(weight)) for name, (total, weight) in sums.items()}
+                take(self._names[number], moved[own], np.full(int(own.sum()), float(self.body.share.leads)))
+        sums = {name: (self.body.share.total(total), self.body.share.total(weight)) for name, (total, weight) in sums.items()}
         return {name: total / weight if weight else total for name, (total, weight) in sums.items()}
 
     def moments(self, positions: np.ndarray, about: np.ndarray, thickness: np.ndarray | None = None) -> dict[str, np.ndarray]:
@@ -371,7 +371,7 @@ class Loads:
         totals = dict.fromkeys(self._names, 0.0)
         for name, places, forces in self._actions(positions, thickness):
             totals[name] = totals[name] + _cross(places - about, forces).sum(axis=0)
-        return {name: self.body.part.total(total) for name, total in totals.items()}
+        return {name: self.body.share.total(total) for name, total in totals.items()}
 
     def _actions(self, positions: np.ndarray, thickness: np.ndarray | None) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
         """Name, places (k, d) and forces (k, d) of every load."""
@@ -380,7 +380,7 @@ class Loads:
         if self._pressures is not None:
             places, forces = self._pressures.middles(positions), self._pressures.on_facets(positions, thickness)
             for number in np.unique(self._pressures.loads):
-                own = (self._pressures.loads == number) & self.body.part.leads
+                own = (self._pressures.loads == number) & self.body.share.leads
                 yield self._names[number], places[own], forces[own]
 
 

@@ -31,13 +31,13 @@ class EnergyMinimiser(QuasiNewton):
     ROUNDING: ClassVar = {"float32": 1e-5, "float64": 1e-14}
 
     def _advance(self, force, positions, step, forces, trial):
-        slope, before = -self.reductions.dot(forces, step), self._energy(force)
+        slope, before = -self.share.dot(forces, step), self._energy(force)
         if slope >= 0:
             # Rounding has spoilt the curvature that was gathered: the preconditioned force itself is downhill.
             step[:] = self.preconditioner(force).solve(forces) * self.free
             self._bound(force, step)
-            slope = -self.reductions.dot(forces, step)
-        noise = self.ROUNDING[force.precision] * force.law.shear_modulus * self.reductions.total(self.volumes)
+            slope = -self.share.dot(forces, step)
+        noise = self.ROUNDING[force.precision] * force.law.shear_modulus * self.share.sum(self.volumes)
         following, share = np.empty_like(forces), 1.0
         while share >= self.LEAST_STEP:
             np.multiply(step, share, out=trial)
@@ -45,7 +45,7 @@ class EnergyMinimiser(QuasiNewton):
             shorter = 0.5
             try:
                 self.evaluate(force, trial, following)
-                change, slope_there = self._energy(force) - before, -self.reductions.dot(following, step)
+                change, slope_there = self._energy(force) - before, -self.share.dot(following, step)
                 falls = change <= self.SUFFICIENT * share * slope and -share * slope > noise
                 if falls or (change <= noise and slope_there <= (2 * self.SUFFICIENT - 1) * slope):
                     step *= share
@@ -60,4 +60,4 @@ class EnergyMinimiser(QuasiNewton):
         raise Diverging("no step along the direction of descent brings the energy down")
 
     def _energy(self, force) -> float:
-        return self.reductions.total_of_parts(force.energy())
+        return self.share.total(force.energy())

@@ -13,7 +13,6 @@ from ..body import Body
 from ..forces import InternalForce
 from . import conjugate_gradients
 from .multigrid import Multigrid
-from .reductions import LOCAL, LocalReductions
 
 REACH = 1.3
 """Bonds up to this many spacings make the matrix: four to a point on a grid, and those of points that lie off it.
@@ -71,7 +70,7 @@ class Extension(Protocol):
         """See `NearestBondStiffness.response`."""
 
 
-def preconditioner_of(force: InternalForce, free: np.ndarray, reductions: LocalReductions = LOCAL) -> Preconditioner:
+def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     """What suits the tangent of a force in which components (n, d) are free."""
     body, moduli = force.body, force.stiffness_moduli
     if getattr(force, "rigid", None):
@@ -79,30 +78,30 @@ def preconditioner_of(force: InternalForce, free: np.ndarray, reductions: LocalR
 
         return RigidStiffness(force, free)
     if force.nearly_incompressible:
-        return IncompressibleStiffness(force, _laplacian(body, moduli, free, reductions), reductions)
-    return _of_springs(body, moduli, free, reductions)
+        return IncompressibleStiffness(force, _laplacian(body, moduli, free))
+    return _of_springs(body, moduli, free)
 
 
-def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, reductions: LocalReductions = LOCAL) -> Extension:
+def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Extension:
     """What carries displacements of held parts into a body; a factor of all components is not to be had for many points in space."""
-    return (_laplacian if body.dimension == 3 else _of_springs)(body, shear_moduli, free, reductions)
+    return (_laplacian if body.dimension == 3 else _of_springs)(body, shear_moduli, free)
 
 
-def _of_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, reductions: LocalReductions):
+def _of_springs(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray):
     """The stiffness of the network of springs, of a divided body by its parts."""
-    if body.part.divided:
+    if body.share.divided:
         from .schwarz import SchwarzStiffness  # of which a body that is all there has no need
 
-        return SchwarzStiffness(body, shear_moduli, free, reductions)
+        return SchwarzStiffness(body, shear_moduli, free)
     return NearestBondStiffness(body, shear_moduli, free)
 
 
-def _laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, reductions: LocalReductions):
+def _laplacian(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray):
     """The Laplacian of the nearest bonds, of a divided body by its parts."""
-    if body.part.divided:
+    if body.share.divided:
         from .schwarz import SchwarzLaplacian
 
-        return SchwarzLaplacian(body, shear_moduli, free, reductions)
+        return SchwarzLaplacian(body, shear_moduli, free)
     return NearestBondLaplacian(body, shear_moduli, free)
 
 
@@ -223,13 +222,13 @@ def _nearest(body: Body, shear_moduli: float | np.ndarray, factor: float) -> tup
         shear_moduli = 2 / (1 / ends[bonds.first] + 1 / ends[bonds.second])
     stiffness = factor * shear_moduli * body.weigh(length) * volumes / body.kappa
     near = length <= REACH * body.spacing
-    part = body.part
-    if not part.any(near.any()):
+    share = body.share
+    if not share.any(near.any()):
         near[:] = True
     moment = stiffness * length**2
-    counted = part.counted_pairs(bonds.first)
+    counted = share.counted_pairs(bonds.first)
     of_all = moment if counted is None else moment * counted
-    stiffness = stiffness[near] * part.total(of_all.sum()) / part.total(of_all[near].sum())
+    stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
     along = vector[near] / length[near, None]
     return bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64), stiffness, along
 
@@ -289,7 +288,7 @@ class NearestBondLaplacian:
         self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
     ) -> np.ndarray:
         """See `NearestBondStiffness.response`; by conjugate gradients, to a part `EXTENDED` of the forces of what is held."""
-        return laplacian_response(self, LOCAL, self._free, body, shear_moduli, held, planes, turns)
+        return laplacian_response(self, self._free, body, shear_moduli, held, planes, turns)
 
 
 def component_laplacians(body: Body, shear_moduli: float | np.ndarray) -> Callable[[int], sparse.csr_array]:
@@ -313,7 +312,6 @@ def component_laplacians(body: Body, shear_moduli: float | np.ndarray) -> Callab
 
 def laplacian_response(
     laplacian: Preconditioner,
-    reductions: LocalReductions,
     free: np.ndarray,
     body: Body,
     shear_moduli: float | np.ndarray,
@@ -322,7 +320,7 @@ def laplacian_response(
     turns: np.ndarray | None,
 ) -> np.ndarray:
     """`NearestBondStiffness.response` by conjugate gradients on the Laplacian of the nearest bonds, from what nearly solves with it."""
-    n, ghosts, part = len(body), body.ghosts, body.part
+    n, ghosts, share = len(body), body.ghosts, body.share
     first, second, stiffness, _ = _nearest(body, shear_moduli, RAISED)
     within = second < n
 
@@ -332,7 +330,7 @@ def laplacian_response(
         return np.stack([np.bincount(first, pull, n) - np.bincount(second[within], pull[within], n) for pull in along.T], axis=1)
 
     def with_images(moved: np.ndarray) -> np.ndarray:
-        part.fill(moved)
+        share.fill(moved)
         return np.vstack([moved, moved[ghosts.source] * ghosts.parity])
 
     held = held.copy()
@@ -343,9 +341,9 @@ def laplacian_response(
     def image_of(direction: np.ndarray) -> np.ndarray:
         return -pulls(with_images(direction)) * free
 
-    for share, direction, _ in conjugate_gradients.steps(left, laplacian.solve, image_of, reductions.dot, EXTENDED, MOST_STEPS):
-        found += share * direction
-    part.fill(found)
+    for length, direction, _ in conjugate_gradients.steps(left, laplacian.solve, image_of, share.dot, EXTENDED, MOST_STEPS):
+        found += length * direction
+    share.fill(found)
     return found + held
 
 
@@ -362,7 +360,6 @@ class IncompressibleStiffness:
         Nearly incompressible.
     laplacian : Preconditioner
         What solves with A, or nearly: a fixed operator, symmetric and positive definite.
-    reductions : LocalReductions, optional
 
     Attributes
     ----------
@@ -370,8 +367,8 @@ class IncompressibleStiffness:
         Taken for the pressures so far; each costs about as much as two thirds of a force evaluation and a solution with A.
     """
 
-    def __init__(self, force: InternalForce, laplacian: Preconditioner, reductions: LocalReductions = LOCAL) -> None:
-        self._laplacian, self._reductions = laplacian, reductions
+    def __init__(self, force: InternalForce, laplacian: Preconditioner) -> None:
+        self._laplacian, self._share = laplacian, force.body.share
         self._dilatation = force.linearised_dilatation()
         self._volumes, self._modulus = force.body.volumes, force.law.shear_modulus
         self._compliance = force.law.shear_modulus / force.law.bulk_modulus
@@ -406,7 +403,7 @@ class IncompressibleStiffness:
 
     def _dot(self, first: np.ndarray, second: np.ndarray) -> float:
         """Inner product of values at the points, shape (n,)."""
-        return self._reductions.dot(first[:, None], second[:, None])
+        return self._share.dot(first[:, None], second[:, None])
 
 
 def _inverse_polynomial(compliance: float) -> np.ndarray:

@@ -21,7 +21,6 @@ from .extension import Samples, affine_extension, greatest_bond_strain
 from .motion import Motion
 from .planes import prescribed_components, reflected_edges
 from .preconditioner import Extension, extension_of
-from .reductions import LocalReductions
 from .regions import along_edge
 from .supports import SupportAtPlace
 
@@ -60,7 +59,6 @@ class PrescribedLoading(Loading):
     loads : Loads or None
     shear_modulus : float
         For the first guess.
-    reductions : LocalReductions
     *rigid : ndarray of int
         Points of every region that moves as one body; those of them beside a plane are held as the plane is.
 
@@ -82,7 +80,6 @@ class PrescribedLoading(Loading):
         regions: BodyRegions,
         loads: Loads | None,
         shear_modulus: float,
-        reductions: LocalReductions,
         *rigid: np.ndarray,
     ) -> None:
         self.body, self._amplitudes = body, [amplitude_of(entry.amplitude) for entry in scene.prescribed]
@@ -142,7 +139,7 @@ class PrescribedLoading(Loading):
             if support is not None:
                 points, displacement = np.setdiff1d(points, support.others), self._displacement(number, support.place[None])
             held.append(HeldPoints(f"prescribed.{number}", holders[number], points, components, displacement, support))
-        super().__init__(body, names, tuple(planes), tuple(held), loads, reductions)
+        super().__init__(body, names, tuple(planes), tuple(held), loads)
         if self.supports is not None:
             still = np.zeros((len(planes), body.dimension))
             self.supports.response = lambda held: self._stiffness.response(body, shear_modulus, held, still)
@@ -160,14 +157,14 @@ class PrescribedLoading(Loading):
 
     def _support(self, entry: Prescribed, points: np.ndarray, regions: BodyRegions) -> SupportAtPlace | None:
         """The support that some points make, if they are equally near to a place."""
-        part = self.body.part
+        share = self.body.share
         if not regions.is_place(entry.region):
             return None
-        rows = [(part.number(int(point)), tuple(self.body.points[point])) for point in points]
-        found = dict(sorted(row for of_part in part.everywhere(rows) for row in of_part))
+        rows = [(share.number(int(point)), tuple(self.body.points[point])) for point in points]
+        found = dict(sorted(row for of_part in share.everywhere(rows) for row in of_part))
         if len(found) == 1:
             return None
-        return SupportAtPlace(np.mean(list(found.values()), axis=0), len(found), part.local(np.array(list(found)[1:])))
+        return SupportAtPlace(np.mean(list(found.values()), axis=0), len(found), share.local(np.array(list(found)[1:])))
 
     def _displacement(self, number: int, places: np.ndarray) -> Callable[[float], np.ndarray]:
         """Displacement by an entry of points at reference places (k, d), as a function of t; (d,) where it is the same of all."""
@@ -231,19 +228,19 @@ class PrescribedLoading(Loading):
     def _check_rigid_motions(self) -> None:
         """Refuse pieces of the body that can move or turn as a whole: they have no equilibrium, or many."""
         count, piece = self.pieces()
-        extent = self._reductions.extent(self.body.points)
-        sums = [self._reductions.total(column) for column in self.body.points.T]
-        middle = np.array(sums) / self._reductions.total_size(len(self.body))
+        extent = self._share.extent(self.body.points)
+        sums = [self._share.sum(column) for column in self.body.points.T]
+        middle = np.array(sums) / self._share.size(len(self.body))
         places, components, owners = self._constraints()
-        rows = self._reductions.of_all(_rigid_motions((places - middle) / extent, components), owners)
-        pieces = self._reductions.of_all(piece[owners], owners)
+        rows = self._share.of_all(_rigid_motions((places - middle) / extent, components), owners)
+        pieces = self._share.of_all(piece[owners], owners)
         for number in range(count):
             own = rows[pieces == number]
             motions = _free_motions(own, self.body.dimension)
             if not motions:
                 continue
-            loose = self._reductions.counts(np.flatnonzero(piece == number))
-            size = self._reductions.total_of_parts(len(loose))
+            loose = self._share.own_points(np.flatnonzero(piece == number))
+            size = self._share.total(len(loose))
             where = f", at {place_of(self.body, loose[0])}," if len(loose) else ""
             ways = "x1 or x2" if self.body.dimension == 2 else "x1, x2 or x3"
             what = "the body" if count == 1 else f"a piece of {size} points of the body{where}"
@@ -315,8 +312,8 @@ class PrescribedLoading(Loading):
 
     def _greatest_strain(self, before: np.ndarray, after: np.ndarray) -> float:
         """Of any bond, on the way from one state to another."""
-        self.body.part.fill(before)
-        return self._reductions.greatest_of_parts(greatest_bond_strain(self.body, before, after))
+        self.body.share.fill(before)
+        return self._share.greatest(greatest_bond_strain(self.body, before, after))
 
     def _plane_motions(self, t: float) -> np.ndarray:
         """See `HeldPlane.motion`, shape (p, d, d + 1)."""
@@ -329,20 +326,18 @@ class PrescribedLoading(Loading):
         is left of held displacements then spreads as through a network of springs.
         """
         goal_planes = self._plane_motions(t)
-        self.body.part.fill(start)
+        self.body.share.fill(start)
         samples = self._samples(start, planes, goal_planes, t)
         changes = samples.goals - samples.places[np.arange(len(samples.goals)), samples.components]
-        farthest = self._reductions.greatest_of_parts(np.abs(changes).max(initial=0.0))
+        farthest = self._share.greatest(np.abs(changes).max(initial=0.0))
         if farthest == 0:
             return start.copy()
-        everywhere = Samples(
-            *(self._reductions.of_all(rows, samples.points) for rows in (samples.places, samples.components, samples.goals))
-        )
-        gradient, shift = affine_extension(everywhere, lambda direction: self._reductions.spread(start @ direction))
+        everywhere = Samples(*(self._share.of_all(rows, samples.points) for rows in (samples.places, samples.components, samples.goals)))
+        gradient, shift = affine_extension(everywhere, lambda direction: self._share.spread(start @ direction))
         guess = start @ gradient.T + shift
         mapped = (samples.places @ gradient.T + shift)[np.arange(len(samples.goals)), samples.components]
         left = samples.goals - mapped
-        if self._reductions.greatest_of_parts(np.abs(left).max(initial=0.0)) > 1e-6 * min(farthest, self.body.spacing):
+        if self._share.greatest(np.abs(left).max(initial=0.0)) > 1e-6 * min(farthest, self.body.spacing):
             moved, at, of_planes = np.zeros_like(start), 0, np.zeros(goal_planes.shape[:2])
             turns = self._turns_left(planes, goal_planes, gradient)
             for part in self._held:
@@ -352,7 +347,7 @@ class PrescribedLoading(Loading):
             for number, (sources, held) in enumerate(zip(self._beside_planes, self._planes, strict=True)):
                 for component in held.components:
                     # Along its plane the affine map need not follow every place alike.
-                    of_planes[number, component] = self._reductions.of_all(left[at : at + len(sources)], sources).mean()
+                    of_planes[number, component] = self._share.of_all(left[at : at + len(sources)], sources).mean()
                     at += len(sources)
                 if turns is not None and len(held.components) == self.body.dimension:
                     of_planes[number] = goal_planes[number, :, -1] - gradient @ planes[number, :, -1] - shift
@@ -415,7 +410,7 @@ class PrescribedLoading(Loading):
 
     @cached_property
     def _stiffness(self) -> Extension:
-        return extension_of(self.body, self._springs, self.free, self._reductions)
+        return extension_of(self.body, self._springs, self.free)
 
     def velocities(self, positions, motion: Motion):
         """Of the first guess: what is held moves at once, and all of the body with it, so that it sends no shock."""
@@ -442,7 +437,7 @@ class PrescribedLoading(Loading):
                 change = np.broadcast_to(part.displacement(after) - part.displacement(before), (len(part.points), self.body.dimension))
                 for component in part.components:
                     moved[part.points, component] = change[:, component]
-            power += self._reductions.total(reactions.at_points * moved) / step
+            power += self._share.sum(reactions.at_points * moved) / step
         return power
 
     def greatest_speed(self, motion: Motion):
@@ -459,8 +454,8 @@ class PrescribedLoading(Loading):
                 for component in part.components:
                     low[component] = min(low[component], change[:, component].min(initial=np.inf))
                     high[component] = max(high[component], change[:, component].max(initial=-np.inf))
-            low = -np.array([self._reductions.greatest_of_parts(-value) for value in low])
-            high = np.array([self._reductions.greatest_of_parts(value) for value in high])
+            low = -np.array([self._share.greatest(-value) for value in low])
+            high = np.array([self._share.greatest(value) for value in high])
             spread = (high - low)[np.isfinite(low)]
             fastest = max(fastest, float(spread.max(initial=0.0)) / (end - begin))
         return fastest
@@ -480,7 +475,7 @@ class PrescribedLoading(Loading):
                 summed = np.bincount(bonds.first, product, n) + np.bincount(bonds.second[within], product[within], n)
                 stress[:, i, j] = summed / self.body.volumes
         least, *_, greatest = np.linalg.eigvalsh(stress).T
-        least, greatest = -self._reductions.greatest(-least), self._reductions.greatest(greatest)
+        least, greatest = -self._share.maximum(-least), self._share.maximum(greatest)
         return bool(least < -max(COMPRESSED * greatest, NO_STRESS[force.precision] * self._shear_modulus))
 
     def reached(self, parameter: float) -> str:

@@ -58,8 +58,8 @@ class QuasiNewton(EquilibriumSolver):
             residual, settled = self.judge(force, following, tolerance)
             evaluations = force.evaluations - began
             change = forces - following
-            curvature = self.reductions.dot(step, change)
-            if curvature > 1e-10 * np.sqrt(self.reductions.dot(step, step) * self.reductions.dot(change, change)):
+            curvature = self.share.dot(step, change)
+            if curvature > 1e-10 * np.sqrt(self.share.dot(step, step) * self.share.dot(change, change)):
                 history.append((step, change, 1 / curvature))
             forces = following
             report(evaluations, residual)
@@ -76,20 +76,20 @@ class QuasiNewton(EquilibriumSolver):
     def _bound(self, force, step) -> None:
         """Shorten a step that strains a bond more than may be."""
         bonds = force.body.bonds
-        force.body.part.fill(step)
-        strain = self.reductions.greatest_of_parts(greatest_strain[step.shape[1]](step, force.body.points, bonds.first, bonds.second))
+        force.body.share.fill(step)
+        strain = self.share.greatest(greatest_strain[step.shape[1]](step, force.body.points, bonds.first, bonds.second))
         step *= min(1.0, self.LARGEST_STRAIN / max(strain, 1e-300))
 
     def _advance(self, force, positions, step, forces, trial):
         """Take the longest part of a step that the residual allows; returns the forces there, and scales `step` to what was taken."""
-        square, share = self.reductions.dot(forces, forces), 1.0
+        square, share = self.share.dot(forces, forces), 1.0
         following = np.empty_like(forces)
         while share >= self.LEAST_STEP:
             np.multiply(step, share, out=trial)
             trial += positions
             try:
                 self.evaluate(force, trial, following)
-                if self.reductions.dot(following, following) <= self.MOST_GROWTH**2 * square:
+                if self.share.dot(following, following) <= self.MOST_GROWTH**2 * square:
                     step *= share
                     positions[:] = trial
                     return following
@@ -103,10 +103,10 @@ class QuasiNewton(EquilibriumSolver):
         q = forces.copy()
         factors = []
         for step, change, rho in reversed(history):
-            factor = rho * self.reductions.dot(step, q)
+            factor = rho * self.share.dot(step, q)
             q -= factor * change
             factors.append(factor)
         q = preconditioner.solve(q) * self.free
         for (step, change, rho), factor in zip(history, reversed(factors), strict=True):
-            q += (factor - rho * self.reductions.dot(change, q)) * step
+            q += (factor - rho * self.share.dot(change, q)) * step
         return q

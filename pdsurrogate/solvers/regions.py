@@ -116,16 +116,16 @@ class _Points(_Parts):
         if region.near is not None:
             distance = np.linalg.norm(self.places - np.array(region.near), axis=1)
             nearest = int(distance.argmin())
-            least = min(self._body.part.everywhere(float(distance[nearest])))
+            least = min(self._body.share.everywhere(float(distance[nearest])))
             if least > NEAR * self._body.cell.max():
                 raise ValueError(
                     f"the nearest point to {_text(np.array(region.near))} is {self.told(nearest)}, {distance[nearest]:.3g} away: too far"
                 )
             return np.flatnonzero(distance <= least + ALIKE * self._body.cell.min())
-        numbers, size = np.array(region.points), self._body.part.size(len(self.places))
+        numbers, size = np.array(region.points), self._body.share.size(len(self.places))
         if numbers.max() >= size:
             raise ValueError(f"there is no point {numbers.max()}; the body has {size}, from 0 on")
-        return self._body.part.local(numbers)
+        return self._body.share.local(numbers)
 
 
 class _Facets(_Parts):
@@ -264,7 +264,7 @@ class BodyRegions:
         try:
             inside, distance = self._resolved(reference, parts)
             numbers = np.flatnonzero(inside)
-            if not self._body.part.any(len(numbers)):
+            if not self._body.share.any(len(numbers)):
                 raise ValueError(f"{parts.what}{self._nearby(reference, parts, distance)}")
         except ValueError as error:
             raise ValueError(f"{self._key(reference)}: {error}") from None

@@ -19,7 +19,6 @@ from .preconditioner import (
     nearest_ends,
     spring_matrix,
 )
-from .reductions import LocalReductions
 
 SOLVED, EXACTLY = 0.05, 1e-6
 """What is left of the forces by inner conjugate gradients, and by those that stand in the place of a factor.
@@ -55,7 +54,6 @@ class TwoLevels:
         The stiffness times displacements (n, d) that are right on all points here, right on the points that are owned.
     free : ndarray, shape (n, d)
         Zero on the halo.
-    reductions : LocalReductions
 
     Attributes
     ----------
@@ -76,19 +74,18 @@ class TwoLevels:
         shear_moduli: float | np.ndarray,
         multiply: Callable[[np.ndarray], np.ndarray],
         free: np.ndarray,
-        reductions: LocalReductions,
     ) -> None:
-        part, n, d = body.part, len(body), body.dimension
-        self._part, self._reductions, self._multiply, self._free, self._body = part, reductions, multiply, free, body
+        share, n, d = body.share, len(body), body.dimension
+        self._share, self._multiply, self._free, self._body = share, multiply, free, body
         self._around = free.copy()
-        part.fill(self._around)
+        share.fill(self._around)
         first, second = nearest_ends(body, shear_moduli)
         degrees = (np.bincount(first, minlength=n) + np.bincount(second[second < n], minlength=n)).astype(float)
         of_owners = degrees.copy()
-        part.fill(of_owners)
+        share.fill(of_owners)
         self.inside = self._around * (degrees == of_owners)[:, None]
-        held = part.any_of((body.ghosts.parity < 0).any(axis=0))
-        held |= part.any_of((self._around == 0).any(axis=0))
+        held = share.any_of((body.ghosts.parity < 0).any(axis=0))
+        held |= share.any_of((self._around == 0).any(axis=0))
         self._drifting = [axis for axis in range(d) if not held[axis]]
         self._coarse: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -98,47 +95,47 @@ class TwoLevels:
         Of a body that drifts only balanced forces have an answer: others have conjugate gradients go on for ever.
         """
         for axis in self._drifting:
-            values[:, axis] -= self._reductions.total(values[:, axis]) / self._reductions.total_size(len(values))
-        self._part.clear(values)
+            values[:, axis] -= self._share.sum(values[:, axis]) / self._share.size(len(values))
+        self._share.clear(values)
         return values
 
     def applied(self, displacements: np.ndarray) -> np.ndarray:
         """The stiffness times displacements, whose halo is brought up to date."""
-        self._part.fill(displacements)
+        self._share.fill(displacements)
         return self._multiply(displacements) * self._free
 
     def both(self, forces: np.ndarray) -> np.ndarray:
         """What both levels say of forces that are zero on the halo."""
         around = forces.copy()
-        self._part.fill(around)
+        self._share.fill(around)
         found = self.invert(around * self.inside) * self.inside
-        self._part.fold(found)
+        self._share.fold(found)
         modes, inverse = self._affine()
-        pulls = np.concatenate(self._part.everywhere(modes.T @ forces.ravel()))
+        pulls = np.concatenate(self._share.everywhere(modes.T @ forces.ravel()))
         k = modes.shape[1]
-        found += (modes @ (inverse @ pulls)[k * self._part.rank : k * (self._part.rank + 1)]).reshape(forces.shape)
+        found += (modes @ (inverse @ pulls)[k * self._share.rank : k * (self._share.rank + 1)]).reshape(forces.shape)
         return found * self._free
 
     def _affine(self) -> tuple[np.ndarray, np.ndarray]:
         """Affine motions of the own points as far as they are free, shape (d n, k), and the inverse stiffness of those of all parts."""
         if self._coarse is None:
-            points, part, (n, d) = self._body.points, self._part, self._free.shape
-            middle = np.stack(part.everywhere(points[part.own].mean(axis=0)))[part.owners]
+            points, share, (n, d) = self._body.points, self._share, self._free.shape
+            middle = np.stack(share.everywhere(points[share.own].mean(axis=0)))[share.owners]
             # In one unit for all: each rank forms the motions of its neighbours as well.
-            arms = (points - middle) / self._reductions.extent(points)
+            arms = (points - middle) / self._share.extent(points)
             functions = np.column_stack([np.ones(n), arms])
             motions = np.zeros((d, d + 1, n, d))
             for axis in range(d):
                 motions[axis, :, :, axis] = functions.T * self._around[:, axis]
             motions = motions.reshape(-1, n, d)
-            k, count = len(motions), len(part.everywhere(0))
-            own = (motions * part.own[:, None]).reshape(k, -1).T.copy()
+            k, count = len(motions), len(share.everywhere(0))
+            own = (motions * share.own[:, None]).reshape(k, -1).T.copy()
             rows = np.zeros((k, k * count))
-            for rank in np.unique(part.owners):
-                theirs = (part.owners == rank)[:, None]
+            for rank in np.unique(share.owners):
+                theirs = (share.owners == rank)[:, None]
                 for number, motion in enumerate(motions):
                     rows[:, k * rank + number] = own.T @ self._multiply(motion * theirs).ravel()
-            stiffness = np.concatenate(part.everywhere(rows))
+            stiffness = np.concatenate(share.everywhere(rows))
             self._coarse = own, np.linalg.pinv((stiffness + stiffness.T) / 2, rcond=1e-10, hermitian=True)
         return self._coarse
 
@@ -151,13 +148,13 @@ class TwoLevels:
         return self.balanced(found)
 
     def _steps(self, rest: np.ndarray, left: float, most: int) -> Iterator[tuple[float, np.ndarray, float]]:
-        return conjugate_gradients.steps(rest, self.both, self.applied, self._reductions.dot, left, most)
+        return conjugate_gradients.steps(rest, self.both, self.applied, self._share.dot, left, most)
 
     def spectrum(self) -> tuple[float, float]:
         """Least and greatest Ritz value of what both levels make of the stiffness, by conjugate gradients on random forces."""
         n, d = self._free.shape
-        random = np.random.default_rng(0).standard_normal((self._reductions.total_size(n), d))
-        rest = self.balanced(self._reductions.take(random) * self._free)
+        random = np.random.default_rng(0).standard_normal((self._share.size(n), d))
+        rest = self.balanced(self._share.take(random) * self._free)
         shares, sizes = np.array([(1 / share, size) for share, _, size in self._steps(rest, EXACTLY, LANCZOS_STEPS)]).T
         growths, diagonal = sizes[1:] / sizes[:-1], shares.copy()
         diagonal[1:] += growths * shares[:-1]
@@ -175,12 +172,11 @@ class SchwarzStiffness:
     shear_moduli : float or ndarray, shape (n,)
     free : ndarray, shape (n, d)
         Zero on the halo.
-    reductions : LocalReductions
     """
 
-    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, reductions: LocalReductions) -> None:
-        matrix, self._part = spring_matrix(body, shear_moduli), body.part
-        self._levels = TwoLevels(body, shear_moduli, lambda moved: (matrix @ moved.ravel()).reshape(moved.shape), free, reductions)
+    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
+        matrix, self._share = spring_matrix(body, shear_moduli), body.share
+        self._levels = TwoLevels(body, shear_moduli, lambda moved: (matrix @ moved.ravel()).reshape(moved.shape), free)
         factor = factorised(matrix, self._levels.inside.ravel())
         self._levels.invert = lambda forces: factor.solve(forces.ravel()).reshape(forces.shape)
 
@@ -196,9 +192,9 @@ class SchwarzStiffness:
     ) -> np.ndarray:
         """See `NearestBondStiffness.response`."""
         held = held.copy()
-        self._part.fill(held)
+        self._share.fill(held)
         found = self._levels.iterated(forces_of_springs(body, shear_moduli, held, planes, turns), EXACTLY) + held
-        self._part.fill(found)
+        self._share.fill(found)
         return found
 
 
@@ -209,7 +205,7 @@ class SchwarzLaplacian:
 
     Parameters
     ----------
-    body, shear_moduli, free, reductions
+    body, shear_moduli, free
         As of `SchwarzStiffness`.
 
     References
@@ -217,8 +213,8 @@ class SchwarzLaplacian:
     Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm 12.1.
     """
 
-    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray, reductions: LocalReductions) -> None:
-        self._free, self._reductions, matrix_of = free, reductions, component_laplacians(body, shear_moduli)
+    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
+        self._free, matrix_of = free, component_laplacians(body, shear_moduli)
         parities = [body.ghosts.parity[:, axis].tobytes() for axis in range(body.dimension)]
         made: dict[bytes, sparse.csr_array] = {}
         for axis, parity in enumerate(parities):
@@ -231,7 +227,7 @@ class SchwarzLaplacian:
                 return matrices[0] @ moved
             return np.stack([matrix @ column for matrix, column in zip(matrices, moved.T, strict=True)], axis=1)
 
-        self._levels = TwoLevels(body, shear_moduli, multiply, free, reductions)
+        self._levels = TwoLevels(body, shear_moduli, multiply, free)
         self._levels.invert = NearestBondLaplacian(body, shear_moduli, self._levels.inside).solve
         self._bounds: tuple[float, float, int] | None = None
 
@@ -264,4 +260,4 @@ class SchwarzLaplacian:
         self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
     ) -> np.ndarray:
         """See `NearestBondStiffness.response`; to a part `EXTENDED` of the forces of what is held."""
-        return laplacian_response(self, self._reductions, self._free, body, shear_moduli, held, planes, turns)
+        return laplacian_response(self, self._free, body, shear_moduli, held, planes, turns)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
+from ..body.share import SERIAL, Share
 from ..forces import InternalForce
 from ..kernels.steps import greatest_strain
 from .preconditioner import Preconditioner
-from .reductions import LOCAL, LocalReductions
 
 
 class FrequencyEstimate:
@@ -19,7 +19,7 @@ class FrequencyEstimate:
     mass : ndarray, shape (n,)
     free : ndarray, shape (n, 2)
         1 where a component may move.
-    reductions : LocalReductions, optional
+    share : Share, optional
 
     Attributes
     ----------
@@ -29,27 +29,27 @@ class FrequencyEstimate:
         Whether it has yet to be improved for the first time.
     """
 
-    def __init__(self, mass: np.ndarray, free: np.ndarray, reductions: LocalReductions = LOCAL) -> None:
+    def __init__(self, mass: np.ndarray, free: np.ndarray, share: Share = SERIAL) -> None:
         self._mass = mass[:, None]
-        self._free, self._reductions = free, reductions
-        whole = reductions.total_size(len(free)), free.shape[1]
-        self.vector = reductions.take(np.random.default_rng(0).standard_normal(whole)) * free
+        self._free, self._share = free, share
+        whole = share.size(len(free)), free.shape[1]
+        self.vector = share.take(np.random.default_rng(0).standard_normal(whole)) * free
         self.fresh = True
 
     def __call__(self, force: InternalForce, positions: np.ndarray) -> float:
         """Greatest eigenvalue of M^-1 K at the given positions (square of the highest frequency)."""
-        if not self._reductions.any(self.vector.any()):
+        if not self._share.any(self.vector.any()):
             return 0.0
         probe = 1e-6 * force.body.spacing
         at_rest, moved = np.empty_like(positions), np.empty_like(positions)
         force(positions, at_rest)
         value = 0.0
         for _ in range(25 if self.fresh else 6):
-            self.vector /= self._reductions.greatest(np.abs(self.vector))
+            self.vector /= self._share.maximum(np.abs(self.vector))
             force(positions + probe * self.vector, moved)
             image = (at_rest - moved) / probe / self._mass * self._free
             # The norm bounds the Rayleigh quotient from above for a tangent that is not quite symmetric.
-            value = np.sqrt(self._reductions.total_in_order(image**2) / self._reductions.total_in_order(self.vector**2))
+            value = np.sqrt(self._share.sum_in_order(image**2) / self._share.sum_in_order(self.vector**2))
             self.vector = image
         self.fresh = False
         return float(value)
@@ -77,7 +77,6 @@ def least_curvature(
     positions: np.ndarray,
     free: np.ndarray,
     stiffness: Preconditioner,
-    reductions: LocalReductions = LOCAL,
 ) -> float:
     """An upper bound of the least curvature of the energy over that of the body at rest, which is near the truth where it is negative.
 
@@ -93,21 +92,20 @@ def least_curvature(
     free : ndarray, shape (n, 2)
         1 where a component may move.
     stiffness : Preconditioner
-    reductions : LocalReductions, optional
     """
-    bonds, points = force.body.bonds, force.body.points
+    bonds, points, share = force.body.bonds, force.body.points, force.body.share
     strain, one_sided = PROBES[force.precision], force.precision == "float64"
     ahead, behind = np.empty_like(positions), np.empty_like(positions)
     if one_sided:
         force(positions, behind)
     # K-conjugate bases: displacements q and the forces p = P q, with q_i . p_j = 1 if i = j, else 0.
     displacements, duals, diagonal, off_diagonal = [], [], [], []
-    p = reductions.take(np.random.default_rng(0).standard_normal((reductions.total_size(len(free)), free.shape[1]))) * free
+    p = share.take(np.random.default_rng(0).standard_normal((share.size(len(free)), free.shape[1]))) * free
     # The least Ritz value, and the last component of its vector: with the next off-diagonal entry that bounds the value's error.
     least, last = np.inf, 1.0
     for _ in range(MOST_PRODUCTS):
         q = stiffness.solve(p) * free
-        norm = np.sqrt(max(reductions.dot(p, q), 0.0))
+        norm = np.sqrt(max(share.dot(p, q), 0.0))
         if diagonal:
             if norm * abs(last) <= KNOWN * least:
                 break
@@ -119,17 +117,17 @@ def least_curvature(
         p, q = p / norm, q / norm
         displacements.append(q)
         duals.append(p)
-        force.body.part.fill(q)
-        probe = strain / max(reductions.greatest_of_parts(greatest_strain[q.shape[1]](q, points, bonds.first, bonds.second)), 1e-300)
+        share.fill(q)
+        probe = strain / max(share.greatest(greatest_strain[q.shape[1]](q, points, bonds.first, bonds.second)), 1e-300)
         force(positions + probe * q, ahead)
         if not one_sided:
             force(positions - probe * q, behind)
         p = (behind - ahead) / (probe if one_sided else 2 * probe) * free
-        diagonal.append(reductions.dot(q, p))
+        diagonal.append(share.dot(q, p))
         values, vectors = eigh_tridiagonal(diagonal, off_diagonal, select="i", select_range=(0, 0))
         least, last = float(values[0]), float(vectors[-1, 0])
         if least < NEGATIVE:
             break
         for displacement, dual in zip(displacements, duals, strict=True):
-            p -= reductions.dot(displacement, p) * dual
+            p -= share.dot(displacement, p) * dual
     return least

@@ -27,7 +27,7 @@ class SteppingSolver(EquilibriumSolver):
     def solve(self, force, positions, tolerance=None, report=no_report, least_drive=0.0) -> Equilibrium:
         start, began = positions.copy(), force.evaluations
         # Anew for every call, so that a run that was resumed does what an uninterrupted one does.
-        self.frequency = FrequencyEstimate(self.volumes, self.free, self.reductions)
+        self.frequency = FrequencyEstimate(self.volumes, self.free, self.share)
         for restart in range(self.MOST_RESTARTS):
             try:
                 return self._iterate(force, positions, tolerance or self.tolerance, 2.0**restart, began, report, least_drive)
@@ -99,7 +99,7 @@ class DynamicRelaxation(SteppingSolver):
         quotient, take = rayleigh_parts[positions.shape[1]], relaxation_step[positions.shape[1]]
 
         def step(forces):
-            stiffness, inertia = self.reductions.total_of_parts(quotient(velocities, forces, last_forces, mass))
+            stiffness, inertia = self.share.total(quotient(velocities, forces, last_forces, mass))
             # Beyond 2 the step would be unstable for the fastest mode.
             damping = min(2 * math.sqrt(stiffness / inertia), 1.9) if stiffness > 0 and inertia > 0 else 0.0
             take(positions, velocities, forces, last_forces, self.free, mass, damping)
@@ -121,7 +121,7 @@ class DampedExplicit(SteppingSolver):
     def prepare(self, force, positions, caution):
         step_length = 2 * np.sqrt(self.SAFETY / caution / self.frequency(force, positions))
         # Critical for the slowest longitudinal mode of a bar of the body's extent, held at both ends, with E = 3 mu.
-        extent = self.reductions.extent(force.body.points)
+        extent = self.share.extent(force.body.points)
         damping = 2 * np.pi / extent * np.sqrt(3 * force.law.shear_modulus)
         velocities = np.zeros_like(positions)
 

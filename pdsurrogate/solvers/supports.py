@@ -11,7 +11,6 @@ import numpy as np
 
 from ..body import Body
 from .preconditioner import Preconditioner
-from .reductions import LocalReductions
 
 if TYPE_CHECKING:
     from .conditions import HeldPoints
@@ -46,7 +45,6 @@ class Supports:
     body : Body
     parts : sequence of HeldPoints
         Those with a support.
-    reductions : LocalReductions
 
     Attributes
     ----------
@@ -54,8 +52,8 @@ class Supports:
         Displacements of the body, shape (n, d), about where held components are displaced by (n, d); set by the conditions of the body.
     """
 
-    def __init__(self, body: Body, parts: tuple[HeldPoints, ...], reductions: LocalReductions) -> None:
-        self._body, self._parts, self._reductions = body, parts, reductions
+    def __init__(self, body: Body, parts: tuple[HeldPoints, ...]) -> None:
+        self._body, self.share, self._parts = body, body.share, parts
         self.response: Callable[[np.ndarray], np.ndarray]
         self.set(0.0)
 
@@ -65,7 +63,7 @@ class Supports:
 
     def place(self, positions: np.ndarray) -> None:
         """Move the held points to where the others leave them."""
-        self._body.part.fill(positions)
+        self.share.fill(positions)
         for part, goal in zip(self._parts, self._goals, strict=True):
             others = part.support.others
             if len(others) == part.support.count - 1:  # on another rank there may be fewer, and a copy of the held point
@@ -76,7 +74,7 @@ class Supports:
 
     def fold(self, forces: np.ndarray) -> None:
         """Hand the forces on held points to the others."""
-        self._body.part.fill(forces)
+        self.share.fill(forces)
         for part in self._parts:
             for component in part.components if len(part.points) else ():
                 forces[part.support.others, component] -= forces[part.points, component]
@@ -91,7 +89,7 @@ class Supports:
                 moved[part.points, component] = 1.0
                 weights[part.every, component] = 1 / part.support.count
                 follows = self.response(moved)
-                found.append((weights, follows / self._reductions.dot(weights, follows)))
+                found.append((weights, follows / self.share.dot(weights, follows)))
         return found
 
 
@@ -102,11 +100,10 @@ class SupportedPreconditioner:
     ----------
     inner : Preconditioner
     supports : Supports
-    reductions : LocalReductions
     """
 
-    def __init__(self, inner: Preconditioner, supports: Supports, reductions: LocalReductions) -> None:
-        self._inner, self._fields, self._reductions = inner, supports.fields, reductions
+    def __init__(self, inner: Preconditioner, supports: Supports) -> None:
+        self._inner, self._fields, self._share = inner, supports.fields, supports.share
 
     def update(self) -> None:
         """See `Preconditioner`."""
@@ -116,8 +113,8 @@ class SupportedPreconditioner:
         """See `Preconditioner`."""
         balanced = forces.copy()
         for weights, follows in self._fields:
-            balanced -= weights * self._reductions.dot(follows, balanced)
+            balanced -= weights * self._share.dot(follows, balanced)
         moved = self._inner.solve(balanced)
         for weights, follows in reversed(self._fields):
-            moved -= follows * self._reductions.dot(weights, moved)
+            moved -= follows * self._share.dot(weights, moved)
         return moved

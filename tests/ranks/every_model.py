@@ -7,9 +7,8 @@ import numpy as np
 from pdsurrogate.body import ReflectionPlane
 from pdsurrogate.engine.compile import compilation_clock
 from pdsurrogate.forces import ForceSettings
-from pdsurrogate.ranks import ReductionsOfParts, communicator, divided
+from pdsurrogate.ranks import communicator, divided
 from pdsurrogate.solvers import ExplicitDynamics
-from pdsurrogate.solvers.reductions import LOCAL
 from pdsurrogate.stress_test.bodies import notched
 from pdsurrogate.stress_test.case import Subject
 from pdsurrogate.stress_test.conformance import TABLE, Deformation
@@ -28,24 +27,22 @@ def measured(row, steps, ranks):
     subject, d = Subject(row.reference, plane=row.plane), 3 if row.plane == "space" else 2
     whole = notched(d, planes=(ReflectionPlane(0, 0.0, -1, (-1, 1, 1)[:d]),), separates=cut)
     body = divided(whole, ranks) if ranks.size > 1 else whole
-    reductions = ReductionsOfParts(body.part) if ranks.size > 1 else LOCAL
+    share = body.share
     force = subject.model.bind(body, subject.law, ForceSettings(plane=row.plane))
     positions = DEFORMED(body.points)
     forces = np.empty_like(positions)
     force(positions, forces)
-    found = {"forces": body.part.gather(forces)}
-    found["energy"] = reductions.total_of_parts(force.energy()) if force.has_energy else np.nan
+    found = {"forces": body.share.gather(forces)}
+    found["energy"] = share.total(force.energy()) if force.has_energy else np.nan
     free = np.ones_like(positions)
-    body.part.clear(free)
+    body.share.clear(free)
     still = lambda positions, ahead: None  # noqa: E731
-    integrator = ExplicitDynamics(
-        force, still, positions, np.zeros_like(positions), free, body.volumes.copy(), 0.5, 0.0, 0.3, reductions=reductions
-    )
+    integrator = ExplicitDynamics(force, still, positions, np.zeros_like(positions), free, body.volumes.copy(), 0.5, 0.0, 0.3)
     integrator.begin()
     for _ in range(steps):
         integrator.move()
         integrator.evaluate()
-    found["positions"] = body.part.gather(positions)
+    found["positions"] = body.share.gather(positions)
     return found
 
 

@@ -34,7 +34,7 @@ def main():
         whole = notched(d, planes=planes, separates=cut)
         expected = names(whole, np.arange(len(whole)), len(whole))
         body = divided(notched(d, planes=planes, separates=cut), ranks)
-        part, here = body.part, names(body, body.part.numbers, len(whole))
+        part, here = body.share, names(body, body.share.numbers, len(whole))
         for kind, values in here.items():
             assert part.rows_of_whole(len(values), body, kind) == len(expected[kind]), kind
             there = part.to_whole(values, body, kind)

@@ -32,7 +32,7 @@ def digests(name, plane, ranks):
     middle = (body.points.min(axis=0) + body.points.max(axis=0)) / 2
     if ranks.size > 1:
         body = divided(body, ranks, SIGHT)
-        assert len(body) < body.part.size(len(body))
+        assert len(body) < body.share.size(len(body))
     # A slanted interface, which cuts are not along.
     stiff = (body.points - middle) @ np.array([0.8, 0.6, 0.2])[:d] > 0.1 * body.spacing
     model = FORCES[name]()
@@ -41,14 +41,14 @@ def digests(name, plane, ranks):
     positions = Deformation(1.02, 0.99, 0.0, 0.0, 0.0003, 1)(body.points)
     forces = np.empty_like(positions)
     force(positions, forces)
-    energy = body.part.total(force.energy()) if force.has_energy else None
+    energy = body.share.total(force.energy()) if force.has_energy else None
     bonds, within = body.bonds, body.bonds.second < len(body)
     across = within & (stiff[bonds.first] != stiff[np.where(within, bonds.second, bonds.first)])
-    counted = body.part.counted_pairs(bonds.first)
-    jumps = int(body.part.total(int((across if counted is None else across * counted).sum())))
+    counted = body.share.counted_pairs(bonds.first)
+    jumps = int(body.share.total(int((across if counted is None else across * counted).sum())))
     found = {"case": f"{name}, {plane}", "energy": energy, "beside": jumps}
     for what, values in (("forces", forces), ("ratios", force.volume_ratios())):
-        whole = body.part.gather(np.ascontiguousarray(values))
+        whole = body.share.gather(np.ascontiguousarray(values))
         found[what] = None if whole is None else hashlib.sha256(whole.tobytes()).hexdigest()
     return found
 

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from ..body import Body
-from ..body.part import Whole
+from ..body.share import Share
 from .communicator import Communicator
 from .partition import bisected, bond_counts
 
@@ -22,7 +23,7 @@ part of 60 points a side would then have 2.1 times its own.
 """
 
 
-class Part(Whole):
+class RankShare(Share):
     """The points of one rank.
 
     They are numbered in the order of the whole body, points of the halo between its own, so that sums over bonds are taken in the same
@@ -50,7 +51,7 @@ class Part(Whole):
     def __init__(self, ranks: Communicator, numbers: np.ndarray, owners: np.ndarray, total: int) -> None:
         self.ranks, self.numbers, self._total = ranks, numbers, total
         self.own, self.owners, self.rank, self.leads = owners == ranks.rank, owners, ranks.rank, ranks.rank == 0
-        self._weights = self.own.astype(float)
+        self._weights, self._own = self.own.astype(float), np.flatnonzero(self.own)
         self._halo = np.flatnonzero(~self.own)
         self._receive = {rank: np.flatnonzero(owners == rank) for rank in np.unique(owners[self._halo]).tolist()}
         wanted = ranks.to_each([numbers[self._receive[rank]] if rank in self._receive else numbers[:0] for rank in range(ranks.size)])
@@ -121,8 +122,8 @@ class Part(Whole):
     def any_of(self, flags: np.ndarray) -> np.ndarray:
         return self.ranks.total(flags.astype(np.int64)) > 0
 
-    def total(self, part):
-        return self.ranks.total(part)
+    def total(self, here):
+        return self.ranks.total(here)
 
     def counted(self, volumes: np.ndarray) -> np.ndarray:
         return volumes * self._weights
@@ -273,6 +274,61 @@ class Part(Whole):
             np.repeat(begin - np.cumsum(count) + count, count) + np.arange(count.sum()) for begin, count in zip(begins, own, strict=True)
         ]
 
+    def dot(self, first, second, weights=None):
+        weights = self._weights if weights is None else self._weights * weights
+        return self.ranks.total(super().dot(first, second, weights))
+
+    def sum(self, values):
+        return self.ranks.total(float(values[self._own].sum()))
+
+    def sum_in_order(self, values):
+        whole = self.gather(values)
+        return self.ranks.to_all(None if whole is None else super().sum(whole))
+
+    def maximum(self, values):
+        return self.ranks.greatest(float(values[self._own].max()))
+
+    def extent(self, points):
+        own = points[self._own]
+        ends = [self.ranks.greatest(float(end)) for end in (*own.max(axis=0), *-own.min(axis=0))]
+        dimension = points.shape[1]
+        return max(above + below for above, below in zip(ends[:dimension], ends[dimension:], strict=True))
+
+    def greatest(self, here):
+        return self.ranks.greatest(float(here))
+
+    def union(self, values):
+        return np.unique(np.concatenate(self.ranks.everywhere(np.unique(values))))
+
+    def spread(self, values):
+        size = self._total
+        mean = self.sum(values) / size
+        return float(np.sqrt(self.sum(np.square(values - mean)) / size))
+
+    def of_all(self, rows, points):
+        return np.concatenate(self.ranks.everywhere(rows[self.own[points]]))
+
+    def pieces(self, n, first, second):
+        """Pieces of every part are joined where a point of a halo is in one of them, and in another of its owner."""
+        count, label = super().pieces(n, first, second)
+        counts = self.ranks.everywhere(count)
+        label = label.astype(np.int64) + sum(counts[: self.ranks.rank])
+        theirs = label.copy()
+        self.fill(theirs)
+        joined = np.unique(np.stack([label, theirs], axis=1), axis=0)
+        one, other = np.concatenate(self.ranks.everywhere(joined)).T
+        graph = sparse.coo_matrix((np.ones(len(one), np.int8), (one, other)), shape=(sum(counts), sum(counts)))
+        _, piece = connected_components(graph, directed=False)
+        # A piece of a part may be of the halo alone: those count that have points of somebody's own, in the order of the first of these.
+        least = np.full(sum(counts), np.iinfo(np.int64).max)
+        np.minimum.at(least, piece[label[self._own]], self.numbers[self._own])
+        least = np.min(self.ranks.everywhere(least), axis=0)
+        order = np.argsort(least, kind="stable")
+        rank_of = np.empty(len(order), dtype=np.int64)
+        rank_of[order] = np.arange(len(order))
+        found = int(np.count_nonzero(least < np.iinfo(np.int64).max))
+        return found, rank_of[piece[label]]
+
     def take(self, values: np.ndarray) -> np.ndarray:
         return values[self.numbers]
 
@@ -310,6 +366,6 @@ def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
     near = np.flatnonzero(((body.points >= lower) & (body.points <= upper)).all(axis=1))
     distance, _ = cKDTree(body.points[own]).query(body.points[near], distance_upper_bound=2 * reach)
     numbers = near[distance <= reach]
-    part = Part(ranks, numbers, owners[numbers], n)
-    groups = {name: part.local(np.sort(members)) for name, members in body.groups.items()}
-    return replace(body, points=body.points[numbers], volumes=body.volumes[numbers], groups=groups, mesh_cells=None, part=part)
+    share = RankShare(ranks, numbers, owners[numbers], n)
+    groups = {name: share.local(np.sort(members)) for name, members in body.groups.items()}
+    return replace(body, points=body.points[numbers], volumes=body.volumes[numbers], groups=groups, mesh_cells=None, share=share)
