@@ -95,7 +95,7 @@ def stress_error(force) -> float:
 
 def least_slope(force) -> float:
     """Of the normal force by the stretch of a bond, in states of plane stress from 0.5 to 4."""
-    states = pds.wide_design(LAW, 10_000, off_surface=0, random_state=1_000_003).X
+    states = pds.training_samples(LAW, 10_000, off_surface=0, random_state=1_000_003).X
     return float(stiffness_slopes(force, states).min())
 
 
@@ -124,12 +124,12 @@ def percent(value: float) -> str:
 
 def of_ten(folder: Path) -> str:
     """The table of all regressors."""
-    samples = pds.wide_design(LAW, SAMPLES, random_state=0)
+    samples = pds.training_samples(LAW, SAMPLES, random_state=0)
     names, rows, cases = [], [], []
     for number, (name, regressor) in enumerate(regressors().items()):
         console.print(name)
         began = time.perf_counter()
-        model = pds.bond_force_pipeline("isochoric", regressor).fit(samples.X, samples.y)
+        model = pds.surrogate_pipeline(regressor, features="isochoric").fit(samples.X, samples.y)
         seconds = time.perf_counter() - began
         path = pds.store(model, samples, LAW, folder, f"own-{number}", "1", name)
         card, force = pds.load_card(path), pds.load_surrogate(path)
@@ -173,24 +173,26 @@ def refused(folder: Path) -> str:
     from sklearn.linear_model import LinearRegression, LogisticRegression
     from sklearn.preprocessing import StandardScaler
 
-    samples = pds.wide_design(LAW, 500, random_state=0)
+    samples = pds.training_samples(LAW, 500, random_state=0)
     scene = pds.load_scene("uniaxial", spacing=0.2, stretches=1.2, material="ogden")
 
     def stored(regressor):
-        pds.store(pds.bond_force_pipeline("isochoric", regressor).fit(samples.X, samples.y), samples, LAW, folder, "none", "1", "none")
+        pds.store(
+            pds.surrogate_pipeline(regressor, features="isochoric").fit(samples.X, samples.y), samples, LAW, folder, "none", "1", "none"
+        )
 
     cases = [
-        ("a classifier", "before the training", lambda: pds.bond_force_pipeline("isochoric", LogisticRegression())),
-        ("a transformer", "before the training", lambda: pds.bond_force_pipeline("isochoric", StandardScaler())),
-        ("a class, not an instance", "before the training", lambda: pds.bond_force_pipeline("isochoric", Ridge)),
-        ("a pipeline that is not fitted", "before the run", lambda: pds.simulate(scene, pds.bond_force_pipeline("isochoric"))),
+        ("a classifier", "before the training", lambda: pds.surrogate_pipeline(LogisticRegression(), features="isochoric")),
+        ("a transformer", "before the training", lambda: pds.surrogate_pipeline(StandardScaler(), features="isochoric")),
+        ("a class, not an instance", "before the training", lambda: pds.surrogate_pipeline(Ridge, features="isochoric")),
+        ("a pipeline that is not fitted", "before the run", lambda: pds.simulate(scene, pds.surrogate_pipeline(features="isochoric"))),
         (
             "a search without a fitted model",
             "before the run",
             lambda: pds.simulate(
                 scene,
                 GridSearchCV(
-                    pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor()),
+                    pds.surrogate_pipeline(pds.ChebyshevRegressor(), features="isochoric"),
                     {"regressor__regressor__regressor__degree": [2, 3]},
                     cv=2,
                     refit=False,
@@ -218,14 +220,14 @@ def refused(folder: Path) -> str:
 
 def search() -> str:
     """A grid search over features and widths, and straight into a run."""
-    samples = pds.wide_design(LAW, 2000, random_state=0)
+    samples = pds.training_samples(LAW, 2000, random_state=0)
     path = "regressor__regressor__regressor"
     found, rows = {}, []
     for features in ("isochoric", "symmetric"):
         network = pds.LevenbergMarquardtRegressor(activation="algebraic", max_iter=250, random_state=0)
         grid = {f"{path}__hidden_layer_sizes": [(4,), (8,), (16,)]}
-        found[features] = GridSearchCV(pds.bond_force_pipeline(features, network), grid, cv=3).fit(samples.X, samples.y)
-        for row in pds.learning.fitting.search_table(found[features]):
+        found[features] = GridSearchCV(pds.surrogate_pipeline(network, features=features), grid, cv=3).fit(samples.X, samples.y)
+        for row in pds.learning.storing.search_table(found[features]):
             units = row[f"{path}__hidden_layer_sizes"][0]
             rows.append([f"{features}, {units} units", f"{1 - row['score']:.1e}"])
     best = max(found.values(), key=lambda one: one.best_score_)

@@ -29,7 +29,6 @@ from sklearn.model_selection import GridSearchCV
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts.card import same_values
-from pdsurrogate.learning.isochoric import ISOCHORIC
 from pdsurrogate.learning.sampling import random_order
 
 SHIPPED = Path(__file__).resolve().parents[1] / "artifacts"
@@ -110,22 +109,22 @@ def make_energy(name, law, description, samples, regressor, searched_over, folde
     samples = as_drawn(samples)
 
     def pipeline(regressor):
-        return pds.energy_pipeline(regressor, isochoric=samples.form is ISOCHORIC)
+        return pds.surrogate_pipeline(regressor, samples.target.name)
 
     errors = {}
     for activation, units in searched_over:
         model = pipeline(pds.SobolevRegressor(units, activation, max_iter=ROUNDS, random_state=0))
-        errors[activation, units] = [row["rms"] for row in pds.cross_validate_energy(model, samples, folds=3)]
+        errors[activation, units] = [row["rms"] for row in pds.cross_validate(model, samples, folds=3)]
     searched = [
         {"activation": activation, "n_units": units, "rms": sum(rows) / len(rows), "spread": max(rows) - min(rows)}
         for (activation, units), rows in errors.items()
     ]
     show(f"Search: relative RMS stress error on the folds left out, {ROUNDS} iterations", searched)
     model = pipeline(regressor)
-    table = pds.cross_validate_energy(model, samples, folds)
+    table = pds.cross_validate(model, samples, folds)
     show("Cross-validation of the final settings", table)
     model.fit(samples.X, samples.y)
-    path = pds.store_energy(model, samples, law, folder, name, FIRST, pds.CardText(description, table, searched))
+    path = pds.store(model, samples, law, folder, name, FIRST, pds.CardText(description, table, searched))
     box = list(pds.load_card(path).errors.values())[-1]
     low, high = box["stretch_range"]
     errors = box["on_surface"]
@@ -141,10 +140,8 @@ def make_all(folder: Path) -> None:
         "neo-hookean",
         law,
         "Bond force of slightly compressible Neo-Hookean rubber: symmetric features, wide design; the default force.",
-        pds.wide_design(law, 8000, random_state=0),
-        pds.bond_force_pipeline(
-            "symmetric", pds.LevenbergMarquardtRegressor((20,), "algebraic", max_iter=2000, n_iter_no_change=200, random_state=0)
-        ),
+        pds.training_samples(law, 8000, random_state=0),
+        pds.surrogate_pipeline(pds.LevenbergMarquardtRegressor((20,), "algebraic", max_iter=2000, n_iter_no_change=200, random_state=0)),
         {"hidden_layer_sizes": [(8,), (12,), (20,)], "activation": ["algebraic", "logistic", "tanh"]},
         folder,
     )
@@ -152,10 +149,10 @@ def make_all(folder: Path) -> None:
         "neo-hookean",
         law,
         "Bond force of slightly compressible Neo-Hookean rubber: isochoric features, 4 units; the default force since version 2.",
-        pds.wide_design(law, 8000, random_state=0),
+        pds.training_samples(law, 8000, random_state=0),
         # The outputs of this law are constant in these features (theory (16)): any network has them to rounding, and the smallest will do.
-        pds.bond_force_pipeline(
-            "isochoric", pds.LevenbergMarquardtRegressor((4,), "algebraic", max_iter=2000, n_iter_no_change=200, random_state=0)
+        pds.surrogate_pipeline(
+            pds.LevenbergMarquardtRegressor((4,), "algebraic", max_iter=2000, n_iter_no_change=200, random_state=0), features="isochoric"
         ),
         {"hidden_layer_sizes": [(4,), (8,)], "activation": ["algebraic", "logistic", "tanh"]},
         folder,
@@ -166,8 +163,8 @@ def make_all(folder: Path) -> None:
         law,
         "The paper's own network: its five features, Algorithm 1 on its box of stretches, 20 logistic units.",
         pds.algorithm_1(law, random_state=0),
-        pds.bond_force_pipeline(
-            "paper", pds.LevenbergMarquardtRegressor((20,), "logistic", max_iter=1000, n_iter_no_change=100, random_state=0)
+        pds.surrogate_pipeline(
+            pds.LevenbergMarquardtRegressor((20,), "logistic", max_iter=1000, n_iter_no_change=100, random_state=0), features="paper"
         ),
         {"hidden_layer_sizes": [(10,), (20,)], "activation": ["logistic", "tanh"]},
         folder,
@@ -176,7 +173,7 @@ def make_all(folder: Path) -> None:
         "neo-hookean-energy",
         law,
         "Plane-stress energy of slightly compressible Neo-Hookean rubber, K = 100 mu: 12 units on two logarithmic invariants.",
-        pds.energy_design(law, 2000, random_state=0),
+        pds.training_samples(law, 2000, random_state=0, target="sheet-energy"),
         pds.SobolevRegressor(12, "algebraic", max_iter=1000, random_state=0),
         [(activation, units) for activation in ("algebraic", "logistic", "tanh") for units in (4, 8, 12)],
         folder,
@@ -191,7 +188,7 @@ def make_all(folder: Path) -> None:
             f"{law.name}-isochoric",
             law,
             f"Isochoric energy of {title}, for plane strain, space and every bulk modulus: 8 units on two logarithmic invariants.",
-            pds.energy_design(law, 1000, random_state=0, isochoric=True),
+            pds.training_samples(law, 1000, random_state=0, target="isochoric-energy"),
             # Of two trainings the better: one in a few ends where the stress is a thousandth off.
             pds.SobolevRegressor(8, "algebraic", max_iter=500, n_init=2, random_state=0),
             [("algebraic", 4), ("algebraic", 8)],
@@ -207,8 +204,8 @@ def make_all(folder: Path) -> None:
             law.name,
             law,
             f"Bond force of {title}: a polynomial in the two isochoric features.",
-            pds.wide_design(law, 8000, random_state=0),
-            pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((9, 4))),
+            pds.training_samples(law, 8000, random_state=0),
+            pds.surrogate_pipeline(pds.ChebyshevRegressor((9, 4)), features="isochoric"),
             {"degree": [8, (8, 4), (9, 3), (9, 4), 10, (10, 4), (12, 6)]},
             folder,
         )

@@ -72,7 +72,9 @@ def stress_by_stress() -> str:
         # W is a sum over the stretches: its curvatures by their logarithms are those of the summands.
         stretch = np.geomspace(0.25, 4.0, 2001)
         curvature = (model.weights_ * stretch[:, None] ** model.exponents_).sum(axis=1) / model.weights_.sum()
-        slope = stiffness_slopes(pds.AnalyticBondForce(model.law_).bond_force, pds.wide_design(model.law_, 10_000, off_surface=0).X).min()
+        slope = stiffness_slopes(
+            pds.AnalyticBondForce(model.law_).bond_force, pds.training_samples(model.law_, 10_000, off_surface=0).X
+        ).min()
         asked = LARGE & (~known if not known.all() else known)
         shares = [f"{100 * (sizes <= most).mean():.0f} %" for most in (0.03, LIMIT)]
         greatest = f"{100 * np.median(sizes):.1f} %, {100 * sizes[-1]:.0f} %"

@@ -16,7 +16,7 @@ from rich.table import Table
 
 import pdsurrogate as pds
 from pdsurrogate.identification import figure, fitted_laws, held_out_modes, report
-from pdsurrogate.learning import domain_of, surrogate_of
+from pdsurrogate.learning import surrogate_of
 from pdsurrogate.materials import plane_stress
 from pdsurrogate.reports import presentation
 from pdsurrogate.reports.speed import TimedModel, bench_positions, measure_speed, sheet
@@ -126,9 +126,9 @@ def beside_published() -> list[dict]:
 
 def surrogate(law, degree):
     """Polynomial surrogate of a law."""
-    samples = pds.wide_design(law, 8000, pds.reachable_stretches(law), random_state=0)
-    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(degree)).fit(samples.X, samples.y)
-    return surrogate_of(model, law, domain_of(samples))
+    samples = pds.training_samples(law, 8000, pds.reachable_stretches(law), random_state=0)
+    model = pds.surrogate_pipeline(pds.ChebyshevRegressor(degree), features="isochoric").fit(samples.X, samples.y)
+    return surrogate_of(model, law, samples)
 
 
 def errors_of(model, law) -> tuple[float, float]:
@@ -204,7 +204,7 @@ def chain_limit_as_input() -> list[dict]:
     from pdsurrogate.learning.pipeline import feature_values, force_of_outputs, outputs_of_force
 
     def states(limits, seed):
-        found = [pds.wide_design(pds.Gent(chain_limit=limit), 3000, (0.6, 2.8), random_state=seed) for limit in limits]
+        found = [pds.training_samples(pds.Gent(chain_limit=limit), 3000, (0.6, 2.8), random_state=seed) for limit in limits]
         X, y = np.vstack([samples.X for samples in found]), np.vstack([samples.y for samples in found])
         return X, y, np.column_stack([feature_values(X, "isochoric"), np.repeat(1 / np.asarray(limits), 3000)])
 

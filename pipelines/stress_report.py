@@ -19,7 +19,7 @@ from rich.console import Console
 import pdsurrogate as pds
 from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.forces import Domain, ForceSettings
-from pdsurrogate.learning import domain_of, surrogate_of
+from pdsurrogate.learning import surrogate_of
 from pdsurrogate.reports.speed import sheet
 from pdsurrogate.results.files import write_text
 from pdsurrogate.stress_test.report import BODIES, count, stress_test, table
@@ -56,11 +56,11 @@ def _short(cell: str) -> str:
 def fallback() -> str:
     """Section 6.2 with a surrogate trained to stretch 1.5 only, against the analytic bond force."""
     law = pds.NeoHookean()
-    samples = pds.wide_design(law, 8000, (0.8, 1.5), random_state=0)
+    samples = pds.training_samples(law, 8000, (0.8, 1.5), random_state=0)
     network = pds.LevenbergMarquardtRegressor((20,), "algebraic", max_iter=600, n_iter_no_change=100, random_state=0)
     with console.status("Fitting a surrogate to stretch 1.5"):
-        model = pds.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
-    small = surrogate_of(model, law, domain_of(samples))
+        model = pds.surrogate_pipeline(network).fit(samples.X, samples.y)
+    small = surrogate_of(model, law, samples)
     with console.status("Section 6.2"):
         mine, exact = (pds.simulate(pds.load_scene("uniaxial"), force) for force in (small, "analytic"))
     rows = []

@@ -18,7 +18,8 @@ import pdsurrogate as pds
 from pdsurrogate.artifacts import ArtifactError
 from pdsurrogate.forces import Domain, NetworkForce, SplineForce
 from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
-from pdsurrogate.learning import domain_of, surrogate_of
+from pdsurrogate.learning import surrogate_of
+from pdsurrogate.learning.bond_force import BOND_FORCE
 from pdsurrogate.learning.export import force_of, taken_over
 from pdsurrogate.learning.resampling import fitted_spline, greatest_jump
 from pdsurrogate.learning.sampling import COLUMNS, TARGETS
@@ -29,11 +30,11 @@ GRID = "regressor__regressor__regressor"
 
 @pytest.fixture(scope="module")
 def samples():
-    return pds.wide_design(LAW, 1500, (0.6, 2.5), random_state=0)
+    return pds.training_samples(LAW, 1500, (0.6, 2.5), random_state=0)
 
 
 def fitted(samples, regressor, features="isochoric", **weights):
-    return pds.bond_force_pipeline(features, regressor).fit(samples.X, samples.y, **weights)
+    return pds.surrogate_pipeline(regressor, features=features).fit(samples.X, samples.y, **weights)
 
 
 def agreement(surrogate, model, samples) -> float:
@@ -82,7 +83,7 @@ def test_spline_kernels_of_two_features(random, cells):
     coefficients = random.standard_normal((2, *(count + 3 for count in cells)))
     low, step = np.array([-1.0, 0.0]), np.array([2.0, 2.2]) / cells
     model = SplineForce("x", "isochoric", np.array([0.1, -0.2]), Domain(0.5, 4, 0.7, 1.4), "ogden", {}, low, step, coefficients)
-    X = pds.wide_design(pds.NeoHookean(), 600, random_state=1).X
+    X = pds.training_samples(pds.NeoHookean(), 600, random_state=1).X
     exact = model.bond_force(*X.T)
     for dtype in (np.float32, np.float64):
         compiled = kernel_bond_force(model, LAW, dtype)(*X.T)
@@ -105,7 +106,7 @@ def test_spline_kernels_of_three_features(random, monkeypatch):
     coefficients = random.standard_normal((2, 5, 7, 6))
     low, step = np.array([0.0, 0.2, 0.1]), np.array([0.5, 1.0, 0.4])
     model = SplineForce("x", "three", np.zeros(2), Domain(0.5, 4, 0.7, 1.4), "ogden", {}, low, step, coefficients)
-    X = pds.wide_design(pds.NeoHookean(), 600, random_state=1).X
+    X = pds.training_samples(pds.NeoHookean(), 600, random_state=1).X
     exact = model.bond_force(*X.T)
     for dtype in (np.float32, np.float64):
         assert np.abs(kernel_bond_force(model, LAW, dtype)(*X.T) - exact).max() < 1000 * np.finfo(dtype).eps * np.abs(exact).max()
@@ -126,7 +127,7 @@ NETWORK = {"solver": "lbfgs", "max_iter": 30, "random_state": 0}
 @pytest.mark.filterwarnings("ignore:lbfgs")
 def test_networks_are_taken_over_exactly(samples, regressor):
     model = fitted(samples, regressor)
-    surrogate, report = taken_over(model, LAW, domain_of(samples), "x")
+    surrogate, report = taken_over(model, LAW, BOND_FORCE.domain(LAW, samples), "x")
     assert isinstance(surrogate, NetworkForce)
     assert report == {}
     assert agreement(surrogate, model, samples) < 1e-7  # of the logistic function, which the kernels have to 1e-8
@@ -144,13 +145,13 @@ def test_a_network_of_torch_by_skorch_is_taken_over(samples):
 
     net = skorch.NeuralNetRegressor(module, max_epochs=2, lr=0.01, train_split=None, verbose=0)
     single = FunctionTransformer(np.float32)
-    model = pds.bond_force_pipeline("isochoric", make_pipeline(single, net))
+    model = pds.surrogate_pipeline(make_pipeline(single, net), features="isochoric")
     model.set_params(
         regressor__regressor__transformer=make_pipeline(StandardScaler(), FunctionTransformer(np.float32)),
         regressor__regressor__check_inverse=False,
     )
     model.fit(samples.X, samples.y)
-    surrogate, report = taken_over(model, LAW, domain_of(samples), "x")
+    surrogate, report = taken_over(model, LAW, BOND_FORCE.domain(LAW, samples), "x")
     assert isinstance(surrogate, NetworkForce)
     assert report == {}
     assert agreement(surrogate, model, samples) < 1e-5  # torch predicts in single precision
@@ -161,7 +162,7 @@ def test_a_network_of_torch_by_skorch_is_taken_over(samples):
 )
 def test_smooth_functions_are_resampled_to_the_tolerance(samples, regressor):
     model = fitted(samples, regressor)
-    surrogate, report = taken_over(model, LAW, domain_of(samples), "x")
+    surrogate, report = taken_over(model, LAW, BOND_FORCE.domain(LAW, samples), "x")
     assert isinstance(surrogate, SplineForce)
     assert report["jump"] == 0
     assert agreement(surrogate, model, samples) == pytest.approx(report["rms"])
@@ -175,7 +176,7 @@ def test_smooth_functions_are_resampled_to_the_tolerance(samples, regressor):
 )
 def test_steps_of_trees_are_found_and_smoothed(samples, regressor):
     model = fitted(samples, regressor)
-    surrogate, report = taken_over(model, LAW, domain_of(samples), "x")
+    surrogate, report = taken_over(model, LAW, BOND_FORCE.domain(LAW, samples), "x")
     assert report["jump"] > 0.01
     assert report["rms"] == pytest.approx(agreement(surrogate, model, samples))
     assert report["rms"] < 0.1
@@ -187,7 +188,7 @@ def test_steps_of_trees_are_found_and_smoothed(samples, regressor):
 def test_what_sees_more_than_three_features_is_resampled_as_a_function_of_bonds(samples, features):
     """Of a cubic in four or five features the force is not isotropic; what is left of it is the error that is stated."""
     model = fitted(samples, make_pipeline(PolynomialFeatures(3), Ridge(1e-6)), features)
-    surrogate, report = taken_over(model, LAW, domain_of(samples), "x")
+    surrogate, report = taken_over(model, LAW, BOND_FORCE.domain(LAW, samples), "x")
     assert surrogate.feature_set == "isochoric"
     assert report["rms"] == pytest.approx(agreement(surrogate, model, samples), rel=1e-6)
     assert report["rms"] < 0.2
@@ -201,7 +202,7 @@ def test_a_force_of_python_is_resampled(samples):
         def bond_force(self, stretch, rotation, length, C33, J):
             return exact.bond_force(stretch, rotation, length, C33, J)
 
-    surrogate, report = taken_over(Mine(), LAW, domain_of(samples), "x", samples.X)
+    surrogate, report = taken_over(Mine(), LAW, BOND_FORCE.domain(LAW, samples), "x", samples.X)
     assert report["model"] == "Mine"
     assert np.abs(surrogate.bond_force(*samples.X.T) - samples.y).max() < 1e-3 * np.abs(samples.y).max()
     assert report["rms"] < 1e-4
@@ -210,7 +211,7 @@ def test_a_force_of_python_is_resampled(samples):
 def test_a_plain_pipeline_of_bonds_is_stored_with_its_samples(samples, tmp_path):
     """Fitted to the five bond quantities and nothing of the package; by itself it does not say where it holds."""
     model = make_pipeline(StandardScaler(), PolynomialFeatures(5), Ridge(1e-6)).fit(samples.X, samples.y)
-    with pytest.raises(ValueError, match="does not say which stretches it was fitted to: fit it within a bond_force_pipeline"):
+    with pytest.raises(ValueError, match="does not say which stretches it was fitted to: fit it within a surrogate_pipeline"):
         pds.simulate("uniaxial", model)
     card = pds.load_card(pds.store(model, samples, LAW, tmp_path, "plain", "1", "plain"))
     assert card.training["resampling"]["rms"] < 0.1
@@ -219,7 +220,7 @@ def test_a_plain_pipeline_of_bonds_is_stored_with_its_samples(samples, tmp_path)
 
 
 def test_a_search_goes_straight_into_storing_and_evaluation(samples, tmp_path):
-    search = GridSearchCV(pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor()), {f"{GRID}__degree": [2, 6]}, cv=3)
+    search = GridSearchCV(pds.surrogate_pipeline(pds.ChebyshevRegressor(), features="isochoric"), {f"{GRID}__degree": [2, 6]}, cv=3)
     search.fit(samples.X, samples.y)
     card = pds.load_card(pds.store(search, samples, LAW, tmp_path, "searched", "1", "searched"))
     assert [row[f"{GRID}__degree"] for row in card.training["search"]] == [2, 6]
@@ -260,7 +261,7 @@ def test_a_forest_runs_from_its_artefact(samples, tmp_path):
 )
 def test_what_cannot_work_says_so_before_the_training(regressor, message):
     with pytest.raises(ValueError, match=message):
-        pds.bond_force_pipeline("isochoric", regressor)
+        pds.surrogate_pipeline(regressor, features="isochoric")
 
 
 def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
@@ -268,7 +269,7 @@ def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
         with pytest.raises(ValueError, match=f"was fitted to {columns} features; taken are regressors of the five bond quantities"):
             pds.store(LinearRegression().fit(samples.X[:, :columns], samples.y), samples, LAW, tmp_path, "x", "1", "x")
     with pytest.raises(ValueError, match="not fitted"):
-        surrogate_of(pds.bond_force_pipeline(), LAW, domain_of(samples))
+        surrogate_of(pds.surrogate_pipeline(), LAW, samples)
 
     class Holed:
         def bond_force(self, stretch, rotation, length, C33, J):
@@ -300,7 +301,7 @@ def repeated(samples, stride=5):
 @pytest.mark.parametrize("regressor", WEIGHTED.values(), ids=WEIGHTED)
 def test_a_weight_of_two_is_a_sample_twice_in_every_pipeline(samples, regressor):
     """The same bits: scalings, splits and early stopping see the same samples.  Scalings took copies and no weights."""
-    model = pds.bond_force_pipeline("isochoric", regressor)
+    model = pds.surrogate_pipeline(regressor, features="isochoric")
     X, y, weights, copied_X, copied_y = repeated(samples)
     right = clone(model).fit(copied_X, copied_y).predict(X)
     assert np.abs(right - clone(model).fit(X, y).predict(X)).max() > 1e-8  # weights matter
@@ -313,8 +314,8 @@ def test_a_weight_of_two_is_a_sample_twice_in_every_pipeline(samples, regressor)
 
 
 def test_a_weight_of_two_is_a_sample_twice_for_energies():
-    samples = pds.energy_design(LAW, 300, (0.7, 2.0), isochoric=True)
-    model = pds.energy_pipeline(pds.SobolevRegressor(3, max_iter=20, random_state=0), isochoric=True)
+    samples = pds.training_samples(LAW, 300, (0.7, 2.0), target="isochoric-energy")
+    model = pds.surrogate_pipeline(pds.SobolevRegressor(3, max_iter=20, random_state=0), "isochoric-energy")
     X, y, weights, copied_X, copied_y = repeated(samples, 1)
     right = clone(model).fit(copied_X, copied_y).predict(X)
     assert np.abs(right - clone(model).fit(X, y).predict(X)).max() > 1e-8
@@ -329,7 +330,7 @@ def test_a_regressor_without_weights_refuses_them_by_name(samples):
 
 def test_weights_need_no_knowledge_of_the_scalings_of_a_pipeline(samples):
     """``set_fit_request(sample_weight=True)`` ended in an error that asked for requests of the scaler."""
-    model, weights = pds.bond_force_pipeline("isochoric", Ridge(1.0)), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
+    model, weights = pds.surrogate_pipeline(Ridge(1.0), features="isochoric"), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
     right = clone(model).fit(samples.X, samples.y, sample_weight=weights).predict(samples.X)
     with config_context(enable_metadata_routing=True):
         itself = clone(model).fit(samples.X, samples.y, sample_weight=weights)
@@ -342,7 +343,7 @@ def test_weights_need_no_knowledge_of_the_scalings_of_a_pipeline(samples):
 
 
 def test_weights_are_routed_where_they_are_requested(samples):
-    model, weights = pds.bond_force_pipeline("isochoric", Ridge(1.0)), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
+    model, weights = pds.surrogate_pipeline(Ridge(1.0), features="isochoric"), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
     model.set_params(regressor__scaling="passthrough", regressor__regressor__transformer=FunctionTransformer())
     right = clone(model).fit(samples.X, samples.y, sample_weight=weights).predict(samples.X)
     with config_context(enable_metadata_routing=True):
@@ -357,7 +358,7 @@ def test_frames_of_pandas_go_through_with_their_names(samples):
     X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=TARGETS)
     names = ["log Jbar", "tr Cbar/(2 Jbar) - 1"]
     right = fitted(samples, Ridge(0.1)).predict(samples.X)
-    plain = pds.bond_force_pipeline("isochoric", Ridge(0.1))
+    plain = pds.surrogate_pipeline(Ridge(0.1), features="isochoric")
     framed = clone(plain)
     framed.regressor.set_output(transform="pandas")
     with config_context(transform_output="pandas"):
@@ -369,7 +370,7 @@ def test_frames_of_pandas_go_through_with_their_names(samples):
             model.predict(X.rename(columns={"J": "j"}))
     assert framed.regressor_[:-1].transform(X).columns.tolist() == names
     assert framed.regressor_[-1].regressor_.feature_names_in_.tolist() == names
-    assert isinstance(surrogate_of(framed, LAW, domain_of(samples)), SplineForce)
+    assert isinstance(surrogate_of(framed, LAW, samples), SplineForce)
 
 
 SHUFFLED = ["C33", "J", "rotation", "length", "stretch"]
@@ -380,7 +381,7 @@ def test_columns_of_frames_are_told_by_their_names(samples):
     pandas = pytest.importorskip("pandas")
     X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=TARGETS)
     swapped, other = X[SHUFFLED], X.rename(columns={"J": "detF"})
-    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(4))
+    model = pds.surrogate_pipeline(pds.ChebyshevRegressor(4), features="isochoric")
     right = clone(model).fit(X, y)
     for found in (clone(model).fit(swapped, y[["t_tau", "t_n"]]), right):
         np.testing.assert_array_equal(found.predict(swapped), right.predict(X))
@@ -390,9 +391,9 @@ def test_columns_of_frames_are_told_by_their_names(samples):
         right.predict(X.assign(more=1.0))
     with pytest.raises(ValueError, match="y must have the columns t_n, t_tau, in any order, not t_n, force"):
         clone(model).fit(X, y.rename(columns={"t_tau": "force"}))
-    energies = pds.energy_design(LAW, 100, (0.7, 2.0), isochoric=True)
+    energies = pds.training_samples(LAW, 100, (0.7, 2.0), target="isochoric-energy")
     frame = pandas.DataFrame(energies.X[:, ::-1], columns=["I2bar", "I1bar"])
-    energy = pds.energy_pipeline(pds.SobolevRegressor(2, max_iter=2, random_state=0), isochoric=True).fit(frame, energies.y)
+    energy = pds.surrogate_pipeline(pds.SobolevRegressor(2, max_iter=2, random_state=0), "isochoric-energy").fit(frame, energies.y)
     np.testing.assert_array_equal(energy.predict(frame), energy.predict(frame[["I1bar", "I2bar"]]))
 
 
@@ -409,7 +410,7 @@ def test_a_regressor_fitted_to_a_frame_by_itself_is_asked_in_its_order(samples):
 def test_a_search_over_features_and_widths_runs_as_it_is(samples, tmp_path):
     """Models of several feature sets are the choices for the one step of a pipeline."""
     networks = [pds.LevenbergMarquardtRegressor((units,), "algebraic", max_iter=80, random_state=0) for units in (2, 8)]
-    choices = [pds.bond_force_pipeline(features, network) for features in ("symmetric", "isochoric") for network in networks]
+    choices = [pds.surrogate_pipeline(network, features=features) for features in ("symmetric", "isochoric") for network in networks]
     search = GridSearchCV(Pipeline([("model", choices[0])]), {"model": choices}, cv=2).fit(samples.X, samples.y)
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.3, material="ogden")
     by_search, by_itself = (pds.simulate(scene, model).levels[0] for model in (search, search.best_estimator_[0]))
@@ -441,7 +442,7 @@ def test_names_of_features_go_through(samples):
     ],
 )
 def test_plain_payloads_that_are_no_spline(samples, change, message):
-    model = surrogate_of(fitted(samples, Quadratic()), LAW, domain_of(samples))
+    model = surrogate_of(fitted(samples, Quadratic()), LAW, samples)
     assert np.array_equal(SplineForce.from_payload("x", model.payload(), model.domain, "ogden", {}).coefficients, model.coefficients)
     with pytest.raises(ValueError, match=message):
         SplineForce.from_payload("x", {**model.payload(), **change}, model.domain, "ogden", {})

@@ -8,8 +8,8 @@ import pytest
 import pdsurrogate as pds
 
 LAW = pds.NeoHookean()
-SAMPLES = pds.wide_design(LAW, 200, (0.7, 2.0), random_state=0)
-ENERGIES = pds.energy_design(LAW, 100, (0.7, 1.8), random_state=0, isochoric=True)
+SAMPLES = pds.training_samples(LAW, 200, (0.7, 2.0), random_state=0)
+ENERGIES = pds.training_samples(LAW, 100, (0.7, 1.8), random_state=0, target="isochoric-energy")
 
 
 class Unworkable(pds.ChebyshevRegressor):
@@ -19,8 +19,8 @@ class Unworkable(pds.ChebyshevRegressor):
         raise AssertionError("work has started")
 
 
-MODEL = pds.bond_force_pipeline("isochoric", Unworkable(3))
-ENERGY = pds.energy_pipeline(isochoric=True)
+MODEL = pds.surrogate_pipeline(Unworkable(3), features="isochoric")
+ENERGY = pds.surrogate_pipeline(target="isochoric-energy")
 TREE = pds.load_test_data("treloar")
 
 
@@ -53,15 +53,13 @@ BAD = [
     (lambda _: validated(folds=True), TypeError, "folds must be a whole number, not True"),
     (lambda _: validated(model=3), TypeError, "model must be an estimator with fit, predict and get_params, not 3"),
     (lambda _: validated(model=Unworkable), TypeError, r"model must be an estimator, not its class: give Unworkable\(\)"),
-    (lambda _: validated(SAMPLES.X), TypeError, "samples must be BondSamples, such as wide_design draws, not a ndarray"),
-    (lambda _: validated(ENERGIES), TypeError, "samples must be BondSamples, .* not a EnergySamples"),
+    (lambda _: validated(SAMPLES.X), TypeError, "samples must be Samples, such as training_samples draws, not a ndarray"),
     (lambda _: validated(n_jobs=0), ValueError, "n_jobs must be at least 1, or -1 for all cores, not 0"),
     (lambda _: validated(n_jobs="x"), TypeError, "n_jobs must be a whole number or None, not 'x'"),
     (lambda _: validated(random_state=-1), ValueError, "random_state must be from 0 to 4294967295, not -1"),
     (lambda _: validated(progress=3), TypeError, "progress must be a function, not 3"),
-    (lambda _: pds.cross_validate_energy(ENERGY, ENERGIES, folds=0), ValueError, "folds must be from 2 to 100, not 0"),
-    (lambda _: pds.cross_validate_energy(ENERGY, SAMPLES), TypeError, "samples must be EnergySamples, such as energy_design draws"),
-    (lambda to: stored(to, samples=None), TypeError, "samples must be BondSamples or EnergySamples, .* not None"),
+    (lambda _: pds.cross_validate(ENERGY, ENERGIES, folds=0), ValueError, "folds must be from 2 to 100, not 0"),
+    (lambda to: stored(to, samples=None), TypeError, "samples must be Samples, .* not None"),
     (lambda to: stored(to, model=pds.ChebyshevRegressor), TypeError, "ChebyshevRegressor is a class: give an instance of it"),
     (lambda to: stored(to, model=lambda *bond: 1), ValueError, r"must give t_n and t_tau of each, an array of shape \(200, 2\), not \(\)"),
     (lambda to: stored(to, law="gent"), TypeError, "law must be a material law"),
@@ -80,24 +78,28 @@ BAD = [
     (lambda to: stored(to, members=3), TypeError, "members must be a list of tuples, each a fitted model, its samples and its law, not 3"),
     (lambda to: stored(to, members=[(MODEL, SAMPLES)]), TypeError, "member 1 must be a tuple of a fitted model, its samples and its law"),
     (lambda to: stored(to, members=[(MODEL, SAMPLES, 3)]), TypeError, "law must be a material law"),
-    (lambda to: stored(to, members=[(MODEL, ENERGIES, LAW)]), TypeError, "the samples of member 1 must be BondSamples"),
-    (lambda to: pds.store_energy(ENERGY, SAMPLES, LAW, to, "x", "1", "x"), TypeError, "samples must be EnergySamples"),
-    (lambda _: pds.energy_surrogate_of(ENERGY, 3, ENERGIES), TypeError, "law must be a material law"),
-    (lambda _: pds.energy_surrogate_of(ENERGY, LAW, SAMPLES), TypeError, "samples must be EnergySamples"),
+    (lambda to: stored(to, members=[(MODEL, ENERGIES, LAW)]), ValueError, "member 1 are of the target isochoric-energy, not of bond-force"),
+    (lambda to: pds.store(ENERGY, SAMPLES, LAW, to, "x", "1", "x"), ValueError, "predicts the target isochoric-energy, .* of bond-force"),
+    (lambda _: pds.surrogate_of(ENERGY, 3, ENERGIES), TypeError, "law must be a material law"),
+    (lambda _: pds.surrogate_of(ENERGY, LAW, SAMPLES), ValueError, "predicts the target isochoric-energy, .* of bond-force"),
     (lambda _: pds.evaluate(object, LAW), TypeError, "object is a class: give an instance of it"),
     (lambda _: pds.evaluate("neo-hookean", LAW, 3), ValueError, "stretch_range must be two numbers, .* not 3"),
     (lambda _: pds.evaluate("neo-hookean", LAW, ()), ValueError, r"stretch_range must be two numbers, .* not \(\)"),
     (lambda _: pds.evaluate("neo-hookean", LAW, "ab"), ValueError, "stretch_range must be two numbers, .* not 'ab'"),
     (lambda _: pds.evaluate("neo-hookean", LAW, None, 100, -1), ValueError, "random_state must be from 0"),
     (lambda _: pds.evaluate("neo-hookean-isochoric", LAW, (0.5, 2, 3)), ValueError, "stretch_range must be two numbers"),
-    (lambda _: pds.wide_design(LAW, near_rest=2.5), ValueError, "near_rest must be from 0 to 1, not 2.5"),
-    (lambda _: pds.wide_design(LAW, off_surface=np.nan), ValueError, "off_surface must be from 0 to 1, not nan"),
-    (lambda _: pds.wide_design(LAW, off_surface="x"), TypeError, "off_surface must be a number from 0 to 1, not 'x'"),
-    (lambda _: pds.energy_design(LAW, near_rest=-1), ValueError, "near_rest must be from 0 to 1, not -1"),
-    (lambda _: pds.energy_design(LAW, random_state="x"), TypeError, "random_state must be a whole number, not 'x'"),
+    (lambda _: pds.training_samples(LAW, near_rest=2.5), ValueError, "near_rest must be from 0 to 1, not 2.5"),
+    (lambda _: pds.training_samples(LAW, off_surface=np.nan), ValueError, "off_surface must be from 0 to 1, not nan"),
+    (lambda _: pds.training_samples(LAW, off_surface="x"), TypeError, "off_surface must be a number from 0 to 1, not 'x'"),
+    (lambda _: pds.training_samples(LAW, near_rest=-1, target="sheet-energy"), ValueError, "near_rest must be from 0 to 1, not -1"),
+    (
+        lambda _: pds.training_samples(LAW, random_state="x", target="sheet-energy"),
+        TypeError,
+        "random_state must be a whole number, not 'x'",
+    ),
     (lambda _: pds.algorithm_1(LAW, horizon=-1.0), ValueError, "horizon must be positive and finite, not -1"),
     (lambda _: pds.algorithm_1(LAW, weight="x"), ValueError, "unknown weight 'x'; there are"),
-    (lambda _: pds.bond_force_pipeline([]), ValueError, r"unknown features \[\]; there are"),
+    (lambda _: pds.surrogate_pipeline(features=[]), ValueError, r"unknown features \[\]; there are"),
     (lambda _: pds.LevenbergMarquardtRegressor(()).fit(SAMPLES.X, SAMPLES.y), ValueError, "at least one hidden layer"),
     (lambda _: drawn(1), ValueError, "n_members must be at least 2, not 1"),
     (lambda _: drawn("x"), TypeError, "n_members must be a whole number, not 'x'"),

@@ -37,9 +37,9 @@ LAW = pds.NeoHookean()
 
 @pytest.fixture(scope="module")
 def fitted():
-    samples = pds.wide_design(LAW, 800, random_state=0)
+    samples = pds.training_samples(LAW, 800, random_state=0)
     network = pds.LevenbergMarquardtRegressor((8,), "algebraic", max_iter=30, random_state=0)
-    return pds.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y), samples
+    return pds.surrogate_pipeline(network).fit(samples.X, samples.y), samples
 
 
 @pytest.fixture
@@ -310,8 +310,8 @@ def test_plain_payloads_that_are_no_network(stored, change):
 
 
 def test_polynomials_are_stored_too(tmp_path):
-    samples = pds.wide_design(LAW, 500, random_state=0)
-    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(3)).fit(samples.X, samples.y)
+    samples = pds.training_samples(LAW, 500, random_state=0)
+    model = pds.surrogate_pipeline(pds.ChebyshevRegressor(3), features="isochoric").fit(samples.X, samples.y)
     path = pds.store(model, samples, LAW, tmp_path, "poly", "1", "a polynomial")
     force = load_surrogate(path)
     assert isinstance(force, pds.PolynomialForce)
@@ -377,9 +377,9 @@ def test_bytes_are_reproduced_in_another_process(tmp_path):
     code = """
 import sys, pdsurrogate as pds
 law = pds.NeoHookean()
-samples = pds.wide_design(law, 600, random_state=0)
+samples = pds.training_samples(law, 600, random_state=0)
 network = pds.LevenbergMarquardtRegressor((6,), "algebraic", max_iter=25, random_state=0)
-model = pds.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
+model = pds.surrogate_pipeline(network).fit(samples.X, samples.y)
 pds.store(model, samples, law, sys.argv[1], "rubber", "1", pds.CardText("reproduced", pds.cross_validate(model, samples, 2)))
 """
     folders = [tmp_path / "a", tmp_path / "b"]
@@ -448,8 +448,8 @@ def test_an_artefact_binds_no_law_that_has_changed_since(tmp_path):
         return Exponential()
 
     law = law_with(0.05)
-    samples = pds.wide_design(law, 1000, (0.6, 2.5))
-    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((8, 4))).fit(samples.X, samples.y)
+    samples = pds.training_samples(law, 1000, (0.6, 2.5))
+    model = pds.surrogate_pipeline(pds.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
     path = pds.store(model, samples, law, tmp_path, "expo", "1", "a user's own law")
     load_surrogate(path).check_material(law)
     with pytest.raises(ValueError, match=r"expo@1 differs from the forces of expo by .* its card states .*: the law has changed since"):

@@ -23,8 +23,8 @@ def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("artefacts")
 
     def fitted(law):
-        samples = pds.wide_design(law, 1500, BOX, random_state=0)
-        return pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y), samples, law
+        samples = pds.training_samples(law, 1500, BOX, random_state=0)
+        return pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y), samples, law
 
     model, samples, law = fitted(MAIN)
     return pds.store(model, samples, law, place, "mine", "1", "a test", members=[fitted(other) for other in OTHERS])
@@ -159,9 +159,9 @@ def test_members_of_an_isochoric_energy(tmp_path):
     laws = [pds.NeoHookean(), pds.NeoHookean(), pds.NeoHookean(shear_modulus=1.1, bulk_modulus=110.0)]
     fits = []
     for seed, law in enumerate(laws):
-        samples = pds.energy_design(law, 400, (0.6, 2.0), random_state=seed, isochoric=True)
+        samples = pds.training_samples(law, 400, (0.6, 2.0), random_state=seed, target="isochoric-energy")
         regressor = pds.SobolevRegressor(4, "algebraic", max_iter=80, random_state=seed)
-        fits.append((pds.energy_pipeline(regressor, isochoric=True).fit(samples.X, samples.y), samples, law))
+        fits.append((pds.surrogate_pipeline(regressor, "isochoric-energy").fit(samples.X, samples.y), samples, law))
     path = pds.store(*fits[0], tmp_path, "energy", "1", "a test", members=fits[1:])
     along = (np.arange(4) + 0.5) / 4
     points = np.stack(np.meshgrid(along, along, along, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -91,8 +91,8 @@ BROUGHT = {"own-force": MyRubber, "own-energy": OwnEnergy, "spline": None}
 def brought(tmp_path_factory):
     """The subjects of `BROUGHT`: forces in Python stand in the table of force models for as long, as one of the package would."""
     law = pds.Ogden()
-    samples = pds.wide_design(law, 1500, (0.5, 4.0), random_state=0)
-    model = pds.bond_force_pipeline("isochoric", make_pipeline(PolynomialFeatures(6), Ridge(1e-4))).fit(samples.X, samples.y)
+    samples = pds.training_samples(law, 1500, (0.5, 4.0), random_state=0)
+    model = pds.surrogate_pipeline(make_pipeline(PolynomialFeatures(6), Ridge(1e-4)), features="isochoric").fit(samples.X, samples.y)
     path = pds.store(model, samples, law, tmp_path_factory.mktemp("brought"), "polynomial", "1", "resampled")
     assert isinstance(pds.load_surrogate(path), pds.SplineForce)
     with pytest.MonkeyPatch.context() as patch:

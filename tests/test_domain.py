@@ -229,12 +229,12 @@ def test_bond_associated_stops_name_the_bond():
 @pytest.fixture(scope="module")
 def small_domain():
     """A surrogate trained to stretch 1.5 only."""
-    samples = pds.wide_design(LAW, 2000, (0.8, 1.5), random_state=0)
+    samples = pds.training_samples(LAW, 2000, (0.8, 1.5), random_state=0)
     network = pds.LevenbergMarquardtRegressor((10,), "algebraic", max_iter=200, n_iter_no_change=50, random_state=0)
-    from pdsurrogate.learning import domain_of, surrogate_of
+    from pdsurrogate.learning import surrogate_of
 
-    model = pds.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
-    return surrogate_of(model, LAW, domain_of(samples))
+    model = pds.surrogate_pipeline(network).fit(samples.X, samples.y)
+    return surrogate_of(model, LAW, samples)
 
 
 def test_fallback_carries_a_surrogate_through_the_whole_scene(small_domain):

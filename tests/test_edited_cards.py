@@ -25,8 +25,8 @@ def committee(tmp_path_factory):
     """A polynomial with two members, of a law with a shape, as identified from data."""
 
     def fitted(law):
-        samples = pds.wide_design(law, 800, (0.6, 2.0), random_state=0)
-        return pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y), samples, law
+        samples = pds.training_samples(law, 800, (0.6, 2.0), random_state=0)
+        return pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y), samples, law
 
     others = [pds.Gent(2.0, 200.0, chain_limit=60.0), pds.Gent(chain_limit=70.0)]
     found = {"data": "mine.csv", "law": LAW.describe()}
@@ -39,10 +39,10 @@ def committee(tmp_path_factory):
 def isochoric(tmp_path_factory):
     """A learnt isochoric energy by itself, with a hull of test data."""
     law = pds.NeoHookean()
-    samples = pds.energy_design(law, 300, (0.7, 1.8), random_state=0, isochoric=True)
+    samples = pds.training_samples(law, 300, (0.7, 1.8), random_state=0, target="isochoric-energy")
     samples.design["hull"] = [[1.0, 0.0, 0.5], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.5]]
     regressor = pds.SobolevRegressor(4, "algebraic", max_iter=60, random_state=0)
-    model = pds.energy_pipeline(regressor, isochoric=True).fit(samples.X, samples.y)
+    model = pds.surrogate_pipeline(regressor, "isochoric-energy").fit(samples.X, samples.y)
     return pds.store(model, samples, law, tmp_path_factory.mktemp("edited"), "iso", "1", "x")
 
 

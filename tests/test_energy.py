@@ -336,7 +336,7 @@ def test_domain_policies():
 def test_the_shipped_surrogate_is_accurate():
     """Stress within 1e-3, relative RMS, over stretches 0.8 to 4, with at most 20 units; strongly elliptic like the law."""
     model = MODELS["neo-hookean-energy"]
-    report = pds.evaluate_energy(model, LAW, (0.8, 4.0), 5000, 77)
+    report = pds.evaluate(model, LAW, (0.8, 4.0), 5000, 77)
     assert model.output_weights.size <= 20
     assert report["on_surface"]["rms"] < 1e-3
     assert max(row["rms"] for row in report["by_strain"]) < 1e-3

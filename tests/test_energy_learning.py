@@ -64,25 +64,25 @@ def test_anchor_and_flat_are_exact(random):
 
 @pytest.fixture(scope="module")
 def fitted():
-    samples = pds.energy_design(LAW, 800)
-    return pds.energy_pipeline(pds.SobolevRegressor(8, max_iter=200, random_state=0)).fit(samples.X, samples.y), samples
+    samples = pds.training_samples(LAW, 800, target="sheet-energy")
+    return pds.surrogate_pipeline(pds.SobolevRegressor(8, max_iter=200, random_state=0), "sheet-energy").fit(samples.X, samples.y), samples
 
 
 def test_pipeline_predicts_the_energy_and_its_derivatives(fitted):
     model, _ = fitted
-    unseen = pds.energy_design(LAW, 500, (0.8, 4.0), random_state=5)
-    assert learning.energy_errors(model.predict(unseen.X).T, unseen)["rms"] < 2e-3
+    unseen = pds.training_samples(LAW, 500, (0.8, 4.0), random_state=5, target="sheet-energy")
+    assert unseen.target.errors(model.predict(unseen.X), unseen)["rms"] < 2e-3
     exact = load_surrogate("bond-energy").energy_derivatives(LAW, *unseen.X.T)
     np.testing.assert_allclose(unseen.y, np.stack([exact.psi, exact.by_trace, exact.by_area], axis=1), rtol=1e-12)
 
 
 def test_surrogate_is_the_pipeline(fitted, tmp_path):
     model, samples = fitted
-    surrogate = pds.energy_surrogate_of(model, LAW, samples)
+    surrogate = pds.surrogate_of(model, LAW, samples)
     found = surrogate.energy_derivatives(LAW, *samples.X.T)
     expected = model.predict(samples.X)
     np.testing.assert_allclose(np.stack([found.psi, found.by_trace, found.by_area], axis=1), expected, rtol=1e-9, atol=1e-11)
-    path = pds.store_energy(model, samples, LAW, tmp_path, "mine", "1", "test")
+    path = pds.store(model, samples, LAW, tmp_path, "mine", "1", "test")
     again = load_surrogate(path).energy_derivatives(LAW, *samples.X.T)
     np.testing.assert_array_equal(again.psi, found.psi)
     card = pds.load_card(path)
@@ -94,16 +94,18 @@ def test_surrogate_is_the_pipeline(fitted, tmp_path):
 def test_only_an_energy_pipeline_becomes_an_energy(fitted, tmp_path):
     _, samples = fitted
     with pytest.raises(ValueError, match="by a SobolevRegressor, not by a ChebyshevRegressor"):
-        pds.energy_pipeline(pds.ChebyshevRegressor(3))
-    free = pds.energy_pipeline(pds.SobolevRegressor(3, max_iter=2, random_state=0)).set_params(regressor__regressor__flat=())
-    with pytest.raises(ValueError, match=r"has anchor \(0.0, 0.0\) and flat \(0,\), not \(0.0, 0.0\) and \(\)"):
-        pds.store_energy(free.fit(samples.X, samples.y), samples, LAW, tmp_path, "free", "1", "stress at rest")
+        pds.surrogate_pipeline(pds.ChebyshevRegressor(3), "sheet-energy")
+    free = pds.surrogate_pipeline(pds.SobolevRegressor(3, max_iter=2, random_state=0), "sheet-energy").set_params(
+        regressor__regressor__flat=()
+    )
+    with pytest.raises(ValueError, match=r"must have anchor \(0.0, 0.0\) and flat \(0,\), not \(0.0, 0.0\) and \(\)"):
+        pds.store(free.fit(samples.X, samples.y), samples, LAW, tmp_path, "free", "1", "stress at rest")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_second_derivatives_of_the_network(fitted):
     model, samples = fitted
-    surrogate, (trace, J), h = pds.energy_surrogate_of(model, LAW, samples), samples.X[:200].T, 1e-6
+    surrogate, (trace, J), h = pds.surrogate_of(model, LAW, samples), samples.X[:200].T, 1e-6
     found = surrogate.energy_derivatives(LAW, trace, J)
     for key, shift in (("trace", (h, 0)), ("area", (0, h))):
         high, low = (surrogate.energy_derivatives(LAW, trace + sign * shift[0], J + sign * shift[1]) for sign in (1, -1))
@@ -114,8 +116,8 @@ def test_second_derivatives_of_the_network(fitted):
 
 
 def test_settings_can_be_searched():
-    samples = pds.energy_design(LAW, 200)
-    model = pds.energy_pipeline(pds.SobolevRegressor(4, max_iter=30, random_state=0))
+    samples = pds.training_samples(LAW, 200, target="sheet-energy")
+    model = pds.surrogate_pipeline(pds.SobolevRegressor(4, max_iter=30, random_state=0), "sheet-energy")
     search = GridSearchCV(model, {"regressor__regressor__n_units": [2, 6]}, cv=2).fit(samples.X, samples.y)
     assert search.best_params_["regressor__regressor__n_units"] == 6
 
@@ -128,7 +130,7 @@ def test_bad_invariants_are_named(fitted, X, message):
 
 def test_bad_ranges_are_named():
     with pytest.raises(ValueError, match="0 < least < 1 < greatest"):
-        pds.energy_design(LAW, 100, (1.2, 3.0))
+        pds.training_samples(LAW, 100, (1.2, 3.0), target="sheet-energy")
 
 
 SCENE = {"spacing": 0.1, "stretches": [1.5, 2.0]}

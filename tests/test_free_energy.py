@@ -163,8 +163,8 @@ def test_powers_of_invariants_run_in_a_surrogate_and_in_a_scene(tmp_path):
     X = np.concatenate([np.stack([stretch, lateral], axis=1) for lateral in (stretch**-0.5, np.ones(12))])
     law = pds.EnergyRegressor(bulk_ratio=1e3).fit(X, stress_of(isihara, X)).law_
     assert isinstance(law, pds.Polyconvex)
-    samples = pds.wide_design(law, 1000, (0.6, 2.2), random_state=0)
-    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y)
+    samples = pds.training_samples(law, 1000, (0.6, 2.2), random_state=0)
+    model = pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y)
     path = pds.store(model, samples, law, tmp_path, "isihara", None, "an energy without a law")
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material=pds.load_card(path).material.trained_with)
     right = nominal_stress(law, np.array([[1.5, 1.5**-0.5]]))[0]
@@ -249,9 +249,9 @@ def test_a_run_counts_the_bonds_beyond_the_data(tmp_path):
     with pytest.warns(UserWarning, match="one mode of loading"):
         model = pds.EnergyRegressor().fit(data.stretches, data.nominal_stress)
     law = model.law_
-    samples = pds.wide_design(law, 1500, (0.5, 3.0), random_state=0)
+    samples = pds.training_samples(law, 1500, (0.5, 3.0), random_state=0)
     samples.design["hull"] = model.domain_hull()
-    pipeline = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y)
+    pipeline = pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y)
     path = pds.store(pipeline, samples, law, tmp_path, "mine", "1", "a test")
     assert pds.load_surrogate(path).domain.hull is not None
     shares = {}

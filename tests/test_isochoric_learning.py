@@ -12,8 +12,7 @@ from pdsurrogate.cli import app
 from pdsurrogate.engine.block_arrays import BLOCK
 from pdsurrogate.forces import Domain, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning, Portion, bind_portions
 from pdsurrogate.kernels.domain import distance_coefficients
-from pdsurrogate.learning import energy as learning
-from pdsurrogate.learning.isochoric import ISOCHORIC
+from pdsurrogate.learning.isochoric import ISOCHORIC_ENERGY
 from pdsurrogate.materials import plane_strain, solid
 
 LAW = pds.Ogden()
@@ -28,8 +27,10 @@ def ogden():
 
 @pytest.fixture(scope="module")
 def fitted():
-    samples = pds.energy_design(LAW, 400, isochoric=True)
-    return pds.energy_pipeline(pds.SobolevRegressor(4, max_iter=200, random_state=0), isochoric=True).fit(samples.X, samples.y), samples
+    samples = pds.training_samples(LAW, 400, target="isochoric-energy")
+    return pds.surrogate_pipeline(pds.SobolevRegressor(4, max_iter=200, random_state=0), "isochoric-energy").fit(
+        samples.X, samples.y
+    ), samples
 
 
 def states_of(stretches, plane, J):
@@ -49,7 +50,7 @@ def kirchhoff(rows, squares, J, plane):
 def drawn(n, plane, low=0.3, high=3.5, seed=3):
     """States within a range of isochoric stretches, and the squares of their stretches."""
     random = np.random.default_rng(seed)
-    logs = ISOCHORIC.draw(random, n, low, high, 0.2)
+    logs = ISOCHORIC_ENERGY.draw_logs(random, n, low, high, 0.2)
     J = random.uniform(0.9, 1.1, n)
     if plane == "strain":
         # The thickness is held: its isochoric stretch is J^(-1/3).
@@ -60,9 +61,9 @@ def drawn(n, plane, low=0.3, high=3.5, seed=3):
 def test_samples_are_the_energy_of_the_law():
     """Derivatives of a law of invariants are its own; of principal stretches, differences of the energy."""
     law = pds.MooneyRivlin()
-    samples = pds.energy_design(law, 200, isochoric=True, random_state=2)
+    samples = pds.training_samples(law, 200, random_state=2, target="isochoric-energy")
     np.testing.assert_allclose(samples.y.T, np.broadcast_arrays(*law.isochoric(*samples.X.T, law.parameters)[:3]), rtol=1e-9, atol=1e-12)
-    samples = pds.energy_design(LAW, 200, (0.4, 3.0), 0.0, isochoric=True)
+    samples = pds.training_samples(LAW, 200, (0.4, 3.0), 0.0, target="isochoric-energy")
     assert samples.stretches.min() >= 0.4
     assert samples.stretches.max() <= 3.0
     np.testing.assert_allclose(samples.stretches.prod(axis=1), 1, rtol=1e-12)
@@ -75,13 +76,13 @@ def test_samples_are_the_energy_of_the_law():
 
 def test_pipeline_and_surrogate_are_one_function(fitted, tmp_path):
     model, samples = fitted
-    unseen = pds.energy_design(LAW, 500, isochoric=True, random_state=5)
-    assert learning.energy_errors(model.predict(unseen.X).T, unseen)["rms"] < 2e-3
-    surrogate = pds.energy_surrogate_of(model, LAW, samples)
+    unseen = pds.training_samples(LAW, 500, random_state=5, target="isochoric-energy")
+    assert unseen.target.errors(model.predict(unseen.X), unseen)["rms"] < 2e-3
+    surrogate = pds.surrogate_of(model, LAW, samples)
     expected = model.predict(unseen.X)
     np.testing.assert_allclose(np.stack(surrogate.isochoric_derivatives(*unseen.X.T), axis=1), expected, rtol=1e-9, atol=1e-11)
     assert surrogate.isochoric_derivatives(3.0, 3.0)[0] == 0
-    path = pds.store_energy(model, samples, LAW, tmp_path, "mine", "1", "test")
+    path = pds.store(model, samples, LAW, tmp_path, "mine", "1", "test")
     card = pds.load_card(path)
     assert (card.kind, card.material.shape) == ("isochoric-network", LAW.shape)
     np.testing.assert_array_equal(load_surrogate(path).hidden_weights, surrogate.hidden_weights)
@@ -90,26 +91,26 @@ def test_pipeline_and_surrogate_are_one_function(fitted, tmp_path):
 
 def test_pipelines_of_other_energies_are_refused(fitted):
     model, _ = fitted
-    with pytest.raises(ValueError, match="the pipeline is of an isochoric energy and the samples are of an energy"):
-        pds.energy_surrogate_of(model, LAW, pds.energy_design(LAW, 10))
+    with pytest.raises(ValueError, match="the pipeline predicts the target isochoric-energy, and the samples are of sheet-energy"):
+        pds.surrogate_of(model, LAW, pds.training_samples(LAW, 10, target="sheet-energy"))
     with pytest.raises(ValueError, match="I2bar must be positive"):
         model.predict([[3.0, -1.0]])
 
 
 def test_laws_that_lock_are_learnt_as_far_as_they_go():
     law = pds.Gent(chain_limit=5.0)
-    low, high = pds.reachable_stretches(law, (0.25, 4.0), isochoric=True)
+    low, high = pds.reachable_stretches(law, (0.25, 4.0), target="isochoric-energy")
     assert low > 0.25
     assert high < 4.0
-    assert np.isfinite(pds.energy_design(law, 500, (low, high), isochoric=True).y).all()
+    assert np.isfinite(pds.training_samples(law, 500, (low, high), target="isochoric-energy").y).all()
     with pytest.raises(ValueError, match=r"gent ends before all states of stretches from 0\.25 to 4"):
-        pds.energy_design(law, 500, isochoric=True)
+        pds.training_samples(law, 500, target="isochoric-energy")
 
 
 @pytest.mark.parametrize("bounds", [(0.4, 4.0), (0.05, 3.0), (0.25, 20.0)])
 def test_the_domain_is_told_from_the_invariants(bounds):
     """A state is outside where one of its stretches is, also with bounds of which product 1 leaves one no work."""
-    logs = ISOCHORIC.draw(np.random.default_rng(0), 20_000, 0.02, 30.0, 0.0)
+    logs = ISOCHORIC_ENERGY.draw_logs(np.random.default_rng(0), 20_000, 0.02, 30.0, 0.0)
     squares = np.exp(2 * logs)
     invariants = np.stack([np.ones(len(logs)), squares.sum(axis=1), (1 / squares).sum(axis=1)])
     inside = (distance_coefficients(*bounds) @ invariants > 0).all(axis=0)

@@ -11,7 +11,7 @@ from probes import compiled_response
 import pdsurrogate as pds
 from pdsurrogate.forces import AnalyticBondForce, ForceSettings, InvalidState
 from pdsurrogate.kernels.langevin import chain_energy, inverse_langevin, langevin
-from pdsurrogate.learning import domain_of, reachable_stretches, surrogate_of
+from pdsurrogate.learning import reachable_stretches, surrogate_of
 from pdsurrogate.materials import LAWS, InvariantLaw, homogeneous, plane_stress
 from pdsurrogate.materials.consistency import check_consistency
 
@@ -184,17 +184,17 @@ def test_a_body_past_the_limit_stops_with_the_point(law, random):
 def test_surrogates_keep_short_of_the_limit(law):
     low, high = reachable_stretches(law)
     assert 0.5 < low < 1 < high < 4
-    samples = pds.wide_design(law, 4000, (low, high), random_state=0)
-    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((12, 6))).fit(samples.X, samples.y)
-    report = pds.evaluate(surrogate_of(model, law, domain_of(samples)).bond_force, law, (low, high), 2000)
+    samples = pds.training_samples(law, 4000, (low, high), random_state=0)
+    model = pds.surrogate_pipeline(pds.ChebyshevRegressor((12, 6)), features="isochoric").fit(samples.X, samples.y)
+    report = pds.evaluate(surrogate_of(model, law, samples).bond_force, law, (low, high), 2000)
     assert max(report["on_surface"]["rms"], report["off_surface"]["rms"]) < 2e-3
 
 
 @pytest.mark.parametrize("law", EXAMPLES, ids=lambda law: f"{law.name}-{law.shear_modulus:g}")
 def test_every_law_has_a_surrogate_within_two_thousandths(law):
-    samples = pds.wide_design(law, 4000, reachable_stretches(law), random_state=0)
-    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((12, 6))).fit(samples.X, samples.y)
-    report = pds.evaluate(surrogate_of(model, law, domain_of(samples)).bond_force, law, reachable_stretches(law), 3000)
+    samples = pds.training_samples(law, 4000, reachable_stretches(law), random_state=0)
+    model = pds.surrogate_pipeline(pds.ChebyshevRegressor((12, 6)), features="isochoric").fit(samples.X, samples.y)
+    report = pds.evaluate(surrogate_of(model, law, samples).bond_force, law, reachable_stretches(law), 3000)
     assert max(report["on_surface"]["rms"], report["off_surface"]["rms"]) < 2e-3
     assert report["at_rest"] < 1e-9
 
@@ -268,9 +268,9 @@ def test_shipped_surrogates(name):
 def test_thickness_from_the_learnt_force(law, precision, random):
     """J3 is off by the force error over K/mu: that of the force, in units of mu, is below 5e-3 everywhere in this state."""
     body = pds.Body.rectangle(1.0, 1.0, 0.1, 0.315)
-    samples = pds.wide_design(law, 4000, random_state=0)
-    fitted = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((12, 6))).fit(samples.X, samples.y)
-    model = surrogate_of(fitted, law, domain_of(samples))
+    samples = pds.training_samples(law, 4000, random_state=0)
+    fitted = pds.surrogate_pipeline(pds.ChebyshevRegressor((12, 6)), features="isochoric").fit(samples.X, samples.y)
+    model = surrogate_of(fitted, law, samples)
     force = model.bind(body, law, ForceSettings(precision=precision))
     assert force.learnt_thickness
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
@@ -337,9 +337,9 @@ def test_a_users_own_law(random):
     rise = [homogeneous.uniaxial(law, stretch + sign * h).energy_density for sign in (-1, 1)]
     assert homogeneous.uniaxial(law, stretch).nominal_stress == pytest.approx((rise[1] - rise[0]) / (2 * h), rel=1e-7)
     # It is learnt and simulated as every other.
-    samples = pds.wide_design(law, 2000, (0.6, 3.0), random_state=0)
-    fitted = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 4))).fit(samples.X, samples.y)
-    model = surrogate_of(fitted, law, domain_of(samples))
+    samples = pds.training_samples(law, 2000, (0.6, 3.0), random_state=0)
+    fitted = pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 4)), features="isochoric").fit(samples.X, samples.y)
+    model = surrogate_of(fitted, law, samples)
     body = pds.Body.rectangle(1.0, 1.0, 0.2, 0.5)
     forces = []
     for candidate in (model, AnalyticBondForce(law)):

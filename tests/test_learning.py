@@ -25,7 +25,6 @@ from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
 from pdsurrogate.kernels.activations import ACTIVATIONS
 from pdsurrogate.kernels.feature_sets import FEATURE_SETS
 from pdsurrogate.learning import surrogate_of, validation
-from pdsurrogate.learning.fitting import domain_of
 from pdsurrogate.learning.pipeline import feature_transformer, outputs_of_force
 from pdsurrogate.learning.sampling import force_factor, states_of_strain, stretches_of_strain
 from pdsurrogate.materials import plane_stress
@@ -97,7 +96,7 @@ def test_nondimensional_samples_are_the_dimensional_ones_over_a_factor(weight):
 
 
 def test_samples_repeat_from_their_seed():
-    for draw in (pds.algorithm_1, pds.wide_design):
+    for draw in (pds.algorithm_1, pds.training_samples):
         first, again, other = draw(LAW, 400, random_state=5), draw(LAW, 400, random_state=5), draw(LAW, 400, random_state=6)
         np.testing.assert_array_equal(first.X, again.X)
         np.testing.assert_array_equal(first.y, again.y)
@@ -105,7 +104,7 @@ def test_samples_repeat_from_their_seed():
 
 
 def test_wide_design_covers_what_it_says():
-    samples = pds.wide_design(LAW, 8000, random_state=2)
+    samples = pds.training_samples(LAW, 8000, random_state=2)
     J, bulk = samples.X[:, 4], samples.X[:, 4] ** 2 * samples.X[:, 3]
     assert J.min() < 0.35
     assert J.max() > 12
@@ -113,21 +112,21 @@ def test_wide_design_covers_what_it_says():
     assert (strain < 0.05).mean() > 0.08  # states near rest
     # Off the surface C33 no longer follows from the rest: J3^2 leaves the narrow band that plane stress allows.
     assert ((bulk < 0.9) | (bulk > 1.15)).mean() > 0.3
-    on = pds.wide_design(LAW, 2000, off_surface=0, random_state=2)
+    on = pds.training_samples(LAW, 2000, off_surface=0, random_state=2)
     np.testing.assert_allclose(AnalyticBondForce(LAW).bond_force(*on.X.T), on.y, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("bad", [(1.0, 0.5), (0, 2), (0.5, np.inf), (-1, 2), (np.nan, 2), (1.5, 3), (0.5, 0.9)])
 def test_bad_stretch_ranges_are_refused(bad):
     with pytest.raises(ValueError, match="0 < least < 1 < greatest"):
-        pds.wide_design(LAW, 100, bad)
+        pds.training_samples(LAW, 100, bad)
 
 
 @pytest.fixture(scope="module")
 def fitted():
-    samples = pds.wide_design(LAW, 2000, random_state=0)
+    samples = pds.training_samples(LAW, 2000, random_state=0)
     network = pds.LevenbergMarquardtRegressor((12,), "algebraic", max_iter=120, random_state=0)
-    return pds.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y), samples
+    return pds.surrogate_pipeline(network).fit(samples.X, samples.y), samples
 
 
 def test_the_pipeline_is_scikit_learns(fitted):
@@ -165,8 +164,8 @@ def test_dimensional_training_gives_the_dimensionless_network():
     for nondimensional in (True, False):
         samples = pds.algorithm_1(law, nondimensional=nondimensional, **options)
         units = {} if nondimensional else {"horizon": 0.063, "weight": "inverse", "shear_modulus": 2.0}
-        models.append(pds.bond_force_pipeline("paper", network, **units).fit(samples.X, samples.y))
-    plain = [surrogate_of(model, law, domain_of(samples)) for model in models]
+        models.append(pds.surrogate_pipeline(network, features="paper", **units).fit(samples.X, samples.y))
+    plain = [surrogate_of(model, law, samples) for model in models]
     X = pds.algorithm_1(law, 200, random_state=9).X
     np.testing.assert_allclose(plain[0].bond_force(*X.T), plain[1].bond_force(*X.T), rtol=1e-6, atol=1e-8)
 
@@ -175,8 +174,8 @@ def test_dimensional_training_gives_the_dimensionless_network():
 @pytest.mark.parametrize("rotation", [0.0, 1e-12])
 def test_bonds_without_shear_do_not_stop_a_training(features, rotation):
     """They do not tell how a force grows with shear, which the outputs of two sets ask for: left out there, with a word, and kept here."""
-    samples = pds.wide_design(LAW, 300, random_state=0)
-    sheared = pds.bond_force_pipeline(features, pds.ChebyshevRegressor(2)).fit(samples.X, samples.y)
+    samples = pds.training_samples(LAW, 300, random_state=0)
+    sheared = pds.surrogate_pipeline(pds.ChebyshevRegressor(2), features=features).fit(samples.X, samples.y)
     bonds = np.array([[1.2, rotation, 1, 1.2**-4, 1.44], [1.5, 0, 0.5, 0.5, 1.2]])
     X, y = np.vstack([samples.X, bonds]), np.vstack([samples.y, AnalyticBondForce(LAW).bond_force(*bonds.T)])
     model = clone(sheared)
@@ -195,14 +194,14 @@ def test_bonds_without_shear_do_not_stop_a_training(features, rotation):
 @pytest.mark.parametrize("stretches", [(0.9, 1.15), (1 / 1.08, 1.08), (0.99, 1.01)])
 def test_small_strains_are_learnt(law, stretches):
     """`fit small --least 0.9 --greatest 1.15` ended in "sample 33 is not finite": states beyond the range were put on its corners."""
-    samples = pds.wide_design(law, 2000, stretches)
-    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((8, 4))).fit(samples.X, samples.y)
+    samples = pds.training_samples(law, 2000, stretches)
+    model = pds.surrogate_pipeline(pds.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
     report = pds.evaluate(model, law, stretches, 2000)
     assert max(report[key]["rms"] for key in ("on_surface", "off_surface")) < 1e-4
     assert all(row["rms"] < 1e-4 for row in report["by_strain"])
     # The domain is what was drawn: the perturbation of J3 is as great as the strains of the range let it grow.
     bulk = samples.X[:, 4] ** 2 * samples.X[:, 3]
-    domain = domain_of(samples)
+    domain = samples.target.domain(law, samples)
     assert domain.least_bulk * 0.95 < bulk.min() < np.sqrt(domain.least_bulk)
     assert domain.greatest_bulk * 1.05 > bulk.max() > np.sqrt(domain.greatest_bulk)
 
@@ -210,8 +209,8 @@ def test_small_strains_are_learnt(law, stretches):
 def test_a_body_runs_on_small_strains():
     """A surrogate that ends at a stretch of 1.08, against the exact force, both in double precision."""
     law = pds.Gent()
-    samples = pds.wide_design(law, 2000, (1 / 1.08, 1.08))
-    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((8, 4))).fit(samples.X, samples.y)
+    samples = pds.training_samples(law, 2000, (1 / 1.08, 1.08))
+    model = pds.surrogate_pipeline(pds.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.07, material="gent", precision="float64")
     learnt, exact = (pds.simulate(scene, force) for force in (model, "analytic"))
     assert learnt.levels[0]["nominal_stress"] == pytest.approx(exact.levels[0]["nominal_stress"], rel=1e-4)
@@ -219,15 +218,15 @@ def test_a_body_runs_on_small_strains():
 
 def test_a_failed_training_leaves_no_fitted_pipeline(fitted):
     """`check_is_fitted` passed, and what came after ended in AttributeError: offsets_."""
-    samples = pds.wide_design(LAW, 300, random_state=0)
+    samples = pds.training_samples(LAW, 300, random_state=0)
 
     class Failing(pds.ChebyshevRegressor):
         def fit(self, X, y, sample_weight=None):
             raise ValueError("no")
 
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.1)
-    new = pds.bond_force_pipeline("isochoric", Failing(2))
-    again = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(2)).fit(samples.X, samples.y)
+    new = pds.surrogate_pipeline(Failing(2), features="isochoric")
+    again = pds.surrogate_pipeline(pds.ChebyshevRegressor(2), features="isochoric").fit(samples.X, samples.y)
     again.set_params(regressor__regressor__regressor=Failing(2))
     for model in (new, again):
         with pytest.raises(ValueError, match="no"):
@@ -247,9 +246,9 @@ def test_a_failed_training_leaves_no_fitted_pipeline(fitted):
 def test_designs_are_in_random_order():
     """States near rest came first, so that folds and splits in the order of the samples were of different states."""
     for samples, stretches in (
-        (wide := pds.wide_design(LAW, 2000), np.abs(np.log(wide.X[:, 4]))),
-        (pds.energy_design(LAW, 2000), None),
-        (pds.energy_design(LAW, 2000, isochoric=True), None),
+        (wide := pds.training_samples(LAW, 2000), np.abs(np.log(wide.X[:, 4]))),
+        (pds.training_samples(LAW, 2000, target="sheet-energy"), None),
+        (pds.training_samples(LAW, 2000, target="isochoric-energy"), None),
     ):
         strain = np.abs(np.log(samples.stretches)).max(axis=1) if stretches is None else stretches
         near = (strain < 0.05).reshape(4, -1).mean(axis=1)
@@ -260,9 +259,9 @@ def test_designs_are_in_random_order():
 def test_the_repr_of_a_pipeline_is_the_same_in_every_process():
     """It held addresses of functions."""
     for model in (
-        pds.bond_force_pipeline(weight="inverse"),
-        pds.energy_pipeline(),
-        pds.energy_pipeline(isochoric=True),
+        pds.surrogate_pipeline(weight="inverse"),
+        pds.surrogate_pipeline(target="sheet-energy"),
+        pds.surrogate_pipeline(target="isochoric-energy"),
     ):
         with config_context(print_changed_only=False):
             shown = model.__repr__(N_CHAR_MAX=10**6)
@@ -281,7 +280,7 @@ def test_a_polynomial_of_too_many_terms_is_refused():
 
 @pytest.mark.parametrize("column", [0, 3, 4])
 def test_unphysical_bond_quantities_are_refused(column, fitted):
-    X = pds.wide_design(LAW, 100).X
+    X = pds.training_samples(LAW, 100).X
     X[3, column] = -0.5
     with pytest.raises(ValueError, match="must be positive"):
         fitted[0].predict(X)
@@ -290,7 +289,7 @@ def test_unphysical_bond_quantities_are_refused(column, fitted):
 
 
 def test_transformed_outputs_invert(random):
-    samples = pds.wide_design(LAW, 500, random_state=8)
+    samples = pds.training_samples(LAW, 500, random_state=8)
     from pdsurrogate.learning.pipeline import force_of_outputs
 
     for features in FEATURE_SETS:
@@ -307,7 +306,7 @@ BOTH = pytest.mark.parametrize("path", [SYMMETRIC, ISOCHORIC], ids=["version 1",
 @pytest.mark.parametrize("reference", ["neo-hookean/1", "neo-hookean/2", "neo-hookean-paper"])
 def test_numpy_face_and_pipeline_agree_to_rounding(reference):
     model, pipeline = load_surrogate(SHIPPED / reference), load_pipeline(SHIPPED / reference, trust=True)
-    X = pds.wide_design(LAW, 3000, (0.8, 4.0), random_state=11).X
+    X = pds.training_samples(LAW, 3000, (0.8, 4.0), random_state=11).X
     np.testing.assert_allclose(model.bond_force(*X.T), pipeline.predict(X), rtol=1e-11, atol=1e-11)
 
 
@@ -333,7 +332,7 @@ def test_kernels_of_every_size_and_activation(random, hidden, features, activati
         (random.standard_normal((n_in, n_out)) / np.sqrt(n_in), random.standard_normal(n_out)) for n_in, n_out in pairwise(widths)
     )
     model = NetworkForce("random", features, np.array([0.1, -0.2]), Domain(0.5, 4, 0.7, 1.4), "neo-hookean", {}, activation, layers)
-    X = pds.wide_design(LAW, 600, random_state=1).X
+    X = pds.training_samples(LAW, 600, random_state=1).X
     exact = model.bond_force(*X.T)
     for dtype in (np.float32, np.float64):
         compiled = kernel_bond_force(model, LAW, dtype)(*X.T)
@@ -342,10 +341,10 @@ def test_kernels_of_every_size_and_activation(random, hidden, features, activati
 
 @pytest.mark.parametrize("activation", ["identity", "logistic", "tanh", "relu"])
 def test_every_activation_of_scikit_learns_networks_becomes_a_surrogate(activation):
-    samples = pds.wide_design(LAW, 400, random_state=0)
+    samples = pds.training_samples(LAW, 400, random_state=0)
     network = MLPRegressor(hidden_layer_sizes=(8,), activation=activation, max_iter=300, tol=1e-2, random_state=0)
-    model = pds.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
-    surrogate = surrogate_of(model, LAW, domain_of(samples))
+    model = pds.surrogate_pipeline(network).fit(samples.X, samples.y)
+    surrogate = surrogate_of(model, LAW, samples)
     expected = model.predict(samples.X)
     np.testing.assert_allclose(surrogate.bond_force(*samples.X.T), expected, atol=1e-12)
     np.testing.assert_allclose(kernel_bond_force(surrogate, LAW, np.float64)(*samples.X.T), expected, atol=1e-12)
@@ -353,9 +352,11 @@ def test_every_activation_of_scikit_learns_networks_becomes_a_surrogate(activati
 
 def test_a_feature_set_is_one_entry_of_a_table(monkeypatch):
     monkeypatch.setitem(FEATURE_SETS, "mine", dataclasses.replace(FEATURE_SETS["symmetric"], names=("a", "b", "c", "d")))
-    samples = pds.wide_design(LAW, 400, random_state=0)
-    model = pds.bond_force_pipeline("mine", pds.LevenbergMarquardtRegressor((4,), max_iter=5, random_state=0)).fit(samples.X, samples.y)
-    surrogate = surrogate_of(model, LAW, domain_of(samples))
+    samples = pds.training_samples(LAW, 400, random_state=0)
+    model = pds.surrogate_pipeline(pds.LevenbergMarquardtRegressor((4,), max_iter=5, random_state=0), features="mine").fit(
+        samples.X, samples.y
+    )
+    surrogate = surrogate_of(model, LAW, samples)
     assert surrogate.features == ("a", "b", "c", "d")
     found = kernel_bond_force(surrogate, LAW, np.float64)(*samples.X.T)
     np.testing.assert_allclose(found, model.predict(samples.X), atol=1e-12)
@@ -370,7 +371,7 @@ def test_only_a_model_that_reads_it_keeps_the_length_of_every_pair():
 def test_transverse_traction_follows_from_coaxiality(random, path):
     """The network has two outputs; its T_mm is that of a stress coaxial with U, to the error of the fit."""
     model = load_surrogate(path)
-    X = pds.wide_design(LAW, 2000, random_state=12).X
+    X = pds.training_samples(LAW, 2000, random_state=12).X
     T_mm = kernel_tractions(model, LAW, np.float64, *X.T)[:, 2]
     stretch, rotation, _, C33, J = X.T
     _, _, exact = plane_stress.bond_traction(LAW, stretch * np.cos(rotation), stretch * np.sin(rotation), J, C33)
@@ -388,8 +389,10 @@ def test_force_at_rest_is_exactly_zero_in_the_kernel(path):
 def test_shipped_surrogate_on_states_of_any_seed(path, seed):
     """Fresh seeds, relative to the size of the force: 2e-4 on the surface and 5e-4 off it, what the project holds itself to."""
     force = load_surrogate(path).bond_force
-    assert validation.relative_errors(force, pds.wide_design(LAW, 1000, off_surface=0, random_state=seed))["rms"] < 2e-4
-    assert validation.relative_errors(force, pds.wide_design(LAW, 1000, near_rest=0, off_surface=1, random_state=seed))["rms"] < 5e-4
+    on = pds.training_samples(LAW, 1000, off_surface=0, random_state=seed)
+    off = pds.training_samples(LAW, 1000, near_rest=0, off_surface=1, random_state=seed)
+    assert validation.relative_errors(force(*on.X.T), on.y)["rms"] < 2e-4
+    assert validation.relative_errors(force(*off.X.T), off.y)["rms"] < 5e-4
 
 
 def test_shipped_symmetric_surrogate_meets_its_promise():
@@ -413,7 +416,7 @@ def test_the_default_force_is_exact_to_the_precision_of_its_pass():
     assert report["at_rest"] == 0
     assert report["least_slope"] == pytest.approx(report["least_slope_exact"], rel=1e-9)
     for stretches in ((0.5, 4.0), (0.3, 1.5)):  # the domain, and pressed to a tenth of the area
-        samples = pds.wide_design(LAW, 4000, stretches, random_state=424_243)
+        samples = pds.training_samples(LAW, 4000, stretches, random_state=424_243)
         size = np.sqrt((samples.y**2).sum(axis=1).mean())
         for dtype, allowed in ((np.float32, 2e-6), (np.float64, 1e-14)):
             found = kernel_bond_force(model, LAW, dtype)(*samples.X.T)
@@ -450,8 +453,8 @@ def test_report_of_the_exact_force_is_clean():
 
 
 def test_strain_bins_hold_the_strain_they_say():
-    samples = states_of_strain(LAW, (0.05, 0.1), (0.5, 4.0), 500, 1)
-    stretch, rotation, _, _, J = samples.X.T
+    X, _ = states_of_strain(LAW, (0.05, 0.1), (0.5, 4.0), 500, 1)
+    stretch, rotation, _, _, J = X.T
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
     U = np.stack([np.stack([a, b], -1), np.stack([b, (J + b * b) / a], -1)], -1)
     greatest = np.abs(np.linalg.eigvalsh(U) - 1).max(axis=1)
@@ -469,7 +472,7 @@ def test_polynomial_kernels_of_every_degree(random, degrees):
     domain = Domain(0.5, 4, 0.7, 1.4)
     centre, half_width = np.array([0.7, 1.5]), np.array([2.2, 1.6])
     model = PolynomialForce("random", "isochoric", np.array([0.1, -0.2]), domain, "neo-hookean", {}, centre, half_width, coefficients)
-    X = pds.wide_design(LAW, 600, random_state=1).X
+    X = pds.training_samples(LAW, 600, random_state=1).X
     exact = model.bond_force(*X.T)
     for dtype in (np.float32, np.float64):
         compiled = kernel_bond_force(model, LAW, dtype)(*X.T)
@@ -479,11 +482,11 @@ def test_polynomial_kernels_of_every_degree(random, degrees):
 
 def test_isochoric_features_lose_nothing():
     """Two features are enough for Neo-Hookean rubber on and off the surface, where the response is a constant of them."""
-    samples = pds.wide_design(LAW, 1500, random_state=0)
-    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(2)).fit(samples.X, samples.y)
-    fresh = pds.wide_design(LAW, 1500, random_state=1)
+    samples = pds.training_samples(LAW, 1500, random_state=0)
+    model = pds.surrogate_pipeline(pds.ChebyshevRegressor(2), features="isochoric").fit(samples.X, samples.y)
+    fresh = pds.training_samples(LAW, 1500, random_state=1)
     np.testing.assert_allclose(model.predict(fresh.X), fresh.y, rtol=1e-9, atol=1e-9)
-    surrogate = surrogate_of(model, LAW, domain_of(samples))
+    surrogate = surrogate_of(model, LAW, samples)
     np.testing.assert_allclose(surrogate.bond_force(*fresh.X.T), fresh.y, rtol=1e-9, atol=1e-9)
     for dtype in (np.float32, np.float64):
         assert (kernel_tractions(surrogate, LAW, dtype, 1.0, 0.0, 0.5, 1.0, 1.0) == 0).all()
@@ -492,10 +495,10 @@ def test_isochoric_features_lose_nothing():
 @pytest.mark.parametrize("law", [pds.NeoHookean(), pds.Gent()], ids=["both", "one"])
 def test_an_output_that_only_rounding_moves_is_not_learnt(law):
     """Neo-Hookean rubber has two constant isochoric outputs, Gent's one; scaled to unit variance their rounding would be fitted."""
-    samples = pds.wide_design(law, 1500, random_state=0)
+    samples = pds.training_samples(law, 1500, random_state=0)
     network = pds.LevenbergMarquardtRegressor((4,), "algebraic", max_iter=100, random_state=0)
-    model = pds.bond_force_pipeline("isochoric", network).fit(samples.X, samples.y)
-    fresh = pds.wide_design(law, 1500, random_state=1)
+    model = pds.surrogate_pipeline(network, features="isochoric").fit(samples.X, samples.y)
+    fresh = pds.training_samples(law, 1500, random_state=1)
     outputs = outputs_of_force(fresh.X, model.predict(fresh.X), "isochoric")
     assert np.abs(outputs[:, 1]).max() < 1e-9
     if law.name == "neo-hookean":
@@ -504,10 +507,10 @@ def test_an_output_that_only_rounding_moves_is_not_learnt(law):
 
 @needs_torch
 def test_torch_network_becomes_a_surrogate():
-    samples = pds.wide_design(LAW, 1500, random_state=0)
+    samples = pds.training_samples(LAW, 1500, random_state=0)
     network = pds.TorchMLPRegressor((16, 16), max_epochs=60, random_state=0)
-    model = pds.bond_force_pipeline("symmetric", network).fit(samples.X, samples.y)
-    surrogate = surrogate_of(model, LAW, domain_of(samples))
+    model = pds.surrogate_pipeline(network).fit(samples.X, samples.y)
+    surrogate = surrogate_of(model, LAW, samples)
     np.testing.assert_allclose(surrogate.bond_force(*samples.X.T), model.predict(samples.X), rtol=1e-10, atol=1e-12)
     compiled = kernel_bond_force(surrogate, LAW, np.float64)(*samples.X.T)
     np.testing.assert_allclose(compiled, model.predict(samples.X), rtol=1e-9, atol=1e-11)
@@ -517,12 +520,12 @@ def test_torch_network_becomes_a_surrogate():
 @pytest.mark.parametrize("scaler", [{"with_mean": False}, {"with_std": False}], ids=str)
 def test_a_scaler_that_does_half_is_exported_as_it_is(regressor, scaler):
     """``StandardScaler(with_mean=False)`` keeps a mean that it does not use; the surrogate took it off."""
-    samples = pds.wide_design(LAW, 600, random_state=0)
-    model = pds.bond_force_pipeline("isochoric", regressor)
+    samples = pds.training_samples(LAW, 600, random_state=0)
+    model = pds.surrogate_pipeline(regressor, features="isochoric")
     for step in ("scaling", "regressor__transformer"):
         model.set_params(**{f"regressor__{step}__{key}": value for key, value in scaler.items()})
     model.fit(samples.X, samples.y)
-    surrogate = surrogate_of(model, LAW, domain_of(samples))
+    surrogate = surrogate_of(model, LAW, samples)
     np.testing.assert_allclose(surrogate.bond_force(*samples.X.T), model.predict(samples.X), rtol=1e-10, atol=1e-12)
 
 
@@ -540,23 +543,27 @@ def test_a_law_that_ends_within_the_range_says_so():
     """Training stopped at "Input y contains NaN"."""
     law = pds.Gent(chain_limit=20)
     with pytest.raises(ValueError, match=r"gent ends before all states of stretches from 0.6 to 4; it has those from 0.67\d* to 2.8\d*"):
-        pds.wide_design(law, 300, (0.6, 4.0))
-    assert len(pds.wide_design(law, 300, pds.reachable_stretches(law, (0.6, 4.0)))) == 300
+        pds.training_samples(law, 300, (0.6, 4.0))
+    assert len(pds.training_samples(law, 300, pds.reachable_stretches(law, (0.6, 4.0)))) == 300
 
 
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: pds.wide_design("neo-hookean"), TypeError, "law must be a material law, such as NeoHookean"),
-        (lambda: pds.energy_design("neo-hookean"), TypeError, "law must be a material law"),
+        (lambda: pds.training_samples("neo-hookean"), TypeError, "law must be a material law, such as NeoHookean"),
+        (lambda: pds.training_samples("neo-hookean", target="sheet-energy"), TypeError, "law must be a material law"),
         (lambda: pds.reachable_stretches("neo-hookean"), TypeError, "law must be a material law"),
         (lambda: pds.critical_stretch_of("neo-hookean", 1.0, 0.1), TypeError, "law must be a material law"),
         (lambda: pds.critical_stretch_of(pds.NeoHookean(), "1", 0.1), TypeError, "the fracture energy must be a number"),
-        (lambda: pds.wide_design(pds.NeoHookean(), 0), ValueError, "n_samples must be at least 1, not 0"),
+        (lambda: pds.training_samples(pds.NeoHookean(), 0), ValueError, "n_samples must be at least 1, not 0"),
         (lambda: pds.algorithm_1(pds.NeoHookean(), 10.5), TypeError, "n_samples must be a whole number"),
-        (lambda: pds.evaluate(pds.bond_force_pipeline(), pds.NeoHookean()), ValueError, "not fitted"),
+        (lambda: pds.evaluate(pds.surrogate_pipeline(), pds.NeoHookean()), ValueError, "not fitted"),
         (lambda: pds.evaluate(3, pds.NeoHookean()), ValueError, "a int is no model of a bond force"),
-        (lambda: pds.evaluate_energy(pds.energy_pipeline(), pds.NeoHookean()), TypeError, "an energy surrogate is evaluated"),
+        (
+            lambda: pds.evaluate(pds.surrogate_pipeline(target="sheet-energy"), pds.NeoHookean()),
+            ValueError,
+            "not fitted",
+        ),
         (lambda: pds.NeoHookean(shear_modulus="1"), TypeError, "neo-hookean: shear_modulus must be a number, not '1'"),
         (lambda: pds.NeoHookean(np.array([1.0])), TypeError, "shear_modulus must be a number"),
         (lambda: pds.NeoHookean(bulk_modulus=True), TypeError, "bulk_modulus must be a number, not True"),
@@ -572,10 +579,10 @@ def test_arguments_of_another_kind_are_refused_by_name(call, error, message):
 
 @pytest.mark.parametrize("columns", [1, 4])
 def test_targets_have_their_columns(columns):
-    samples = pds.wide_design(pds.NeoHookean(), 200)
+    samples = pds.training_samples(pds.NeoHookean(), 200)
     y = np.tile(samples.y, 2)[:, :columns]
     with pytest.raises(ValueError, match="y must have the 2 columns t_n, t_tau, not shape"):
-        pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(2)).fit(samples.X, y)
-    energies = pds.energy_design(pds.NeoHookean(), 200)
+        pds.surrogate_pipeline(pds.ChebyshevRegressor(2), features="isochoric").fit(samples.X, y)
+    energies = pds.training_samples(pds.NeoHookean(), 200, target="sheet-energy")
     with pytest.raises(ValueError, match="y must have the 3 columns psi"):
-        pds.energy_pipeline().fit(energies.X, np.tile(energies.y, 2)[:, :columns])
+        pds.surrogate_pipeline(target="sheet-energy").fit(energies.X, np.tile(energies.y, 2)[:, :columns])

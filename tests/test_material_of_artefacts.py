@@ -17,8 +17,8 @@ def store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("artifacts")
 
     def make(name, law, identification=None):
-        samples = pds.wide_design(law, 400, (0.7, 2.0), random_state=0)
-        model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(5)).fit(samples.X, samples.y)
+        samples = pds.training_samples(law, 400, (0.7, 2.0), random_state=0)
+        model = pds.surrogate_pipeline(pds.ChebyshevRegressor(5), features="isochoric").fit(samples.X, samples.y)
         return pds.store(model, samples, law, folder, name, "1", pds.CardText("x", identification=identification))
 
     return make
@@ -79,8 +79,8 @@ def test_the_command_says_which_material_it_takes(store):
 
 def test_an_artefact_that_is_off_is_said_at_every_run(tmp_path):
     law = pds.NeoHookean()
-    samples = pds.wide_design(pds.Gent(chain_limit=40.0), 400, (0.7, 2.0), random_state=0)
-    model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(5)).fit(samples.X, samples.y)
+    samples = pds.training_samples(pds.Gent(chain_limit=40.0), 400, (0.7, 2.0), random_state=0)
+    model = pds.surrogate_pipeline(pds.ChebyshevRegressor(5), features="isochoric").fit(samples.X, samples.y)
     with pytest.warns(UserWarning, match=r"off by [\d.]+ % RMS from neo-hookean"):
         path = pds.store(model, samples, law, tmp_path, "off", "1", "x")
     with pytest.warns(

@@ -106,9 +106,9 @@ def _committee(folder: Path) -> Path:
 
     def fitted(rows) -> tuple:
         energy = pds.EnergyRegressor().fit(data.stretches[rows], data.nominal_stress[rows])
-        samples = pds.wide_design(energy.law_, 1500, (0.5, 3.0), random_state=0)
+        samples = pds.training_samples(energy.law_, 1500, (0.5, 3.0), random_state=0)
         samples.design["hull"] = energy.domain_hull()
-        return pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y), samples, energy.law_
+        return pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y), samples, energy.law_
 
     everything = np.arange(len(data.nominal_stress))
     model, samples, law = fitted(everything)

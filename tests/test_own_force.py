@@ -15,7 +15,7 @@ LAWS = [(MyRubber(), pds.NeoHookean()), (MyEnergy(), pds.MooneyRivlin(second_sha
 @pytest.mark.parametrize(("own", "law"), LAWS, ids=["force", "energy"])
 def test_the_forces_are_those_of_the_law(own, law):
     """On every bond, and of a torn sheet, tensor correction and broken bonds included: with the exact force to rounding."""
-    X = pds.wide_design(law, 500, random_state=0).X
+    X = pds.training_samples(law, 500, random_state=0).X
     exact = pds.AnalyticBondForce(law)
     np.testing.assert_allclose(OwnBondForce(own).bond_force(*X.T), exact.bond_force(*X.T), rtol=1e-12, atol=1e-12)
     body = pds.Body.rectangle(1.0, 0.7, 0.05, 0.158)
@@ -35,7 +35,7 @@ def test_it_runs_and_becomes_an_artefact(own, law, tmp_path):
     scene = pds.load_scene("uniaxial", spacing=0.1, stretches=1.5, material=law.describe())
     exact = pds.simulate(scene, "analytic").levels[0]["nominal_stress"]
     assert pds.simulate(scene, own).levels[0]["nominal_stress"] == pytest.approx(exact, rel=1e-7)
-    path = pds.store(own, pds.wide_design(law, 500, (0.6, 2.0), random_state=0), law, tmp_path, "own", "1", "x")
+    path = pds.store(own, pds.training_samples(law, 500, (0.6, 2.0), random_state=0), law, tmp_path, "own", "1", "x")
     assert pds.simulate(scene, path).levels[0]["nominal_stress"] == pytest.approx(exact, rel=2e-5)
     assert pds.evaluate(own, law, (0.6, 2.0), 300)["on_surface"]["max"] < 1e-12
 

@@ -17,8 +17,8 @@ LAW = pds.Gent(chain_limit=30.0)
 
 @pytest.fixture(scope="module")
 def fitted():
-    samples = pds.wide_design(LAW, 800, (0.6, 2.5), random_state=0)
-    return pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 5))).fit(samples.X, samples.y), samples
+    samples = pds.training_samples(LAW, 800, (0.6, 2.5), random_state=0)
+    return pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y), samples
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import pdsurrogate as pds
 from pdsurrogate.cli import app
-from pdsurrogate.learning.force_model import force_model_of
+from pdsurrogate.learning import force_model_of
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.scenes import SceneError
@@ -342,8 +342,8 @@ def test_summary_has_what_is_promised():
 def test_surrogate_beyond_its_domain_falls_back(tmp_path):
     """Trained to stretch 1.5 and run to 2.0: the result is that of the exact force, and the share of bonds that fell back is told."""
     law = pds.NeoHookean()
-    samples = pds.wide_design(law, 3000, (0.75, 1.5), random_state=0)
-    model = pds.bond_force_pipeline("symmetric", pds.LevenbergMarquardtRegressor((12,), "algebraic", max_iter=300, random_state=0))
+    samples = pds.training_samples(law, 3000, (0.75, 1.5), random_state=0)
+    model = pds.surrogate_pipeline(pds.LevenbergMarquardtRegressor((12,), "algebraic", max_iter=300, random_state=0))
     short = pds.load_surrogate(pds.store(model.fit(samples.X, samples.y), samples, law, tmp_path, "short", "1", "to 1.5"))
     result, exact = run(short, "stretches=2"), run("analytic", "stretches=2")
     assert 0.1 < result.summary["fallback_fraction"] < 1
@@ -482,9 +482,12 @@ def test_scenes_by_name_and_file(tmp_path):
 def test_fitted_pipelines_are_taken():
     """``pds.simulate(scene, pipeline)`` ended in an AttributeError."""
     scene, law = pds.load_scene("uniaxial", FAST), pds.NeoHookean()
-    samples, energies = pds.wide_design(law, 3000, (0.8, 1.5), random_state=0), pds.energy_design(law, 500, (0.8, 1.5))
-    bond = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(2)).fit(samples.X, samples.y)
-    energy = pds.energy_pipeline(pds.SobolevRegressor(8, max_iter=300, random_state=0)).fit(energies.X, energies.y)
+    samples, energies = (
+        pds.training_samples(law, 3000, (0.8, 1.5), random_state=0),
+        pds.training_samples(law, 500, (0.8, 1.5), target="sheet-energy"),
+    )
+    bond = pds.surrogate_pipeline(pds.ChebyshevRegressor(2), features="isochoric").fit(samples.X, samples.y)
+    energy = pds.surrogate_pipeline(pds.SobolevRegressor(8, max_iter=300, random_state=0), "sheet-energy").fit(energies.X, energies.y)
     for pipeline in (bond, energy):
         result = pds.simulate(scene, pipeline)
         assert result.summary["force"] == "fitted pipeline"
@@ -499,8 +502,8 @@ def test_fitted_pipelines_are_taken():
 
 def test_what_is_no_force_says_what_is_taken():
     scene, law = pds.load_scene("uniaxial", FAST), pds.NeoHookean()
-    samples = pds.wide_design(law, 300, random_state=0)
-    pipeline = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(2))
+    samples = pds.training_samples(law, 300, random_state=0)
+    pipeline = pds.surrogate_pipeline(pds.ChebyshevRegressor(2), features="isochoric")
     with pytest.raises(ValueError, match="not fitted"):
         pds.simulate(scene, pipeline)
     with pytest.raises(ValueError, match="a LinearRegression by itself does not say which stretches it was fitted to"):

@@ -249,20 +249,16 @@ def evaluate(
 
     with bad_input(ArtifactError, ValueError):
         model = load_surrogate(reference)
-        if isinstance(model, EnergySurrogate | IsochoricNetwork):
-            _evaluate_energy(reference, model, law, (least, greatest), samples, seed, as_json)
-            return
-        if not isinstance(model, ForceSurrogate):
+        if not isinstance(model, ForceSurrogate | EnergySurrogate | IsochoricNetwork):
             raise ValueError(f"{reference} has no bond force of its own to evaluate")
         material = _compared_with(reference, model, law)
-        if reference in FORCES:
+        if reference in FORCES and isinstance(model, ForceSurrogate):
             model.law = material
-        stretches = _range(model, least, greatest)
-        report = report_of(model.bond_force, material, stretches, samples, seed)
+        report = report_of(model, material, _range(model, least, greatest), samples, seed)
     if as_json:
         print_json(report)
     else:
-        _print_errors(report)
+        (_print_errors if "off_surface" in report else _print_energy_errors)(report)
 
 
 def _compared_with(reference: str, model, law: str | None):
@@ -284,19 +280,6 @@ def _range(model, least: float | None, greatest: float | None) -> tuple[float, f
 
     low, high = (model.domain.least_stretch, model.domain.greatest_stretch) if model.domain else (0.5, 4.0)
     return checked_range((low if least is None else least, high if greatest is None else greatest))
-
-
-def _evaluate_energy(reference, model, law, stretches, samples, seed, as_json) -> None:
-    """Compare an energy with the exact one."""
-    from ..learning import evaluate_energy
-
-    material = _compared_with(reference, model, law)
-    low, high = _range(model, *stretches)
-    report = evaluate_energy(model, material, (low, high), samples, seed)
-    if as_json:
-        print_json(report)
-        return
-    _print_energy_errors(report)
 
 
 def _print_energy_errors(report: dict) -> None:

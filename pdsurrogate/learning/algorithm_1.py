@@ -7,8 +7,10 @@ import numpy as np
 from ..arguments import check_seed, check_whole_number
 from ..body import WEIGHT_FUNCTIONS
 from ..materials import Law
-from ..materials.law import check_number
-from .sampling import BondSamples, checked_law, checked_range, force_factor, force_on_bonds, log_stretches, on_surface
+from ..materials.law import check_number, checked_law
+from .bond_force import BOND_FORCE
+from .sampling import checked_range, force_factor, force_on_bonds, log_stretches, on_surface
+from .targets import Samples
 
 LENGTHS, ORIENTATIONS = 2, 5
 """Bond lengths for every deformation gradient of Algorithm 1, and orientations for every length."""
@@ -22,7 +24,7 @@ def algorithm_1(
     weight: str = "inverse",
     nondimensional: bool = True,
     random_state: int = 0,
-) -> BondSamples:
+) -> Samples:
     """Loops over principal stretches, within them over bond lengths, within these over bond orientations.
 
     The paper says "for various"; here lengths and orientations are drawn evenly from their ranges, stretches evenly in the logarithm.
@@ -49,7 +51,7 @@ def algorithm_1(
 
     Returns
     -------
-    BondSamples
+    Samples
 
     Examples
     --------
@@ -87,4 +89,4 @@ def algorithm_1(
         "nondimensional": nondimensional,
         "random_state": random_state,
     }
-    return BondSamples(X, y, design)
+    return Samples(X, y, design, BOND_FORCE)

@@ -29,44 +29,19 @@ from .chebyshev import ChebyshevRegressor
 from .layers import network_of
 from .pipeline import AT_REST, feature_set_of, feature_values, force_of_outputs, parts_of
 from .resampling import MARGIN, Spline, isochoric_outputs_of, resampled
-from .sampling import COLUMNS, wide_design
+from .sampling import COLUMNS, wide_bonds
 from .target import InputAwareTargetRegressor, is_search
 
 STATES = 4000
 """At most so many states of the training set tell how far a surrogate is from what it was made of."""
 
 
-def surrogate_of(model, law: Law, domain: Domain, name: str = "unsaved") -> LearntBondForce:
-    """The surrogate of a fitted model.
-
-    Parameters
-    ----------
-    model : estimator or object
-        A fitted `bond_force_pipeline`, whatever its regressor; a search over one; any other fitted regressor of the five bond quantities
-        (columns of `BondSamples.X`); or an object with a ``bond_force(stretch, rotation, length, C33, J)`` or an
-        ``energy(I1bar, I2bar)``.
-    law : Law
-        Of the training data.
-    domain : Domain
-        Where it holds.
-    name : str
-
-    Returns
-    -------
-    NetworkForce, PolynomialForce or SplineForce
-        Networks of one to three hidden layers and `ChebyshevRegressor` are taken over as they are, scalings folded into their constants.
-        Everything else is resampled onto a spline: of its own features where it has two or three, else of the isochoric ones.
-
-    Raises
-    ------
-    ValueError
-        If the model is no regressor of bond forces, or not fitted, or has no finite value somewhere in the domain.
-    """
-    return taken_over(model, law, domain, name)[0]
-
-
 def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None) -> tuple[LearntBondForce, dict]:
-    """The same with a report of the resampling: empty of what was taken over as it is.
+    """Return the surrogate of a fitted model of a bond force, and a report of its resampling.
+
+    Networks of one to three hidden layers and `ChebyshevRegressor` are taken over as they are, scalings folded into their constants, and
+    the report is empty. Everything else is resampled onto a spline: of its own features where it has two or three, else of the isochoric
+    ones.
 
     The report states what was resampled and onto what, the error of resampling (``rms`` and ``max`` over the RMS of the force, on states
     of the training set) and ``jump``, the greatest step of a function that is not continuous, in parts of the RMS of its outputs.
@@ -112,7 +87,7 @@ def force_of(model) -> Callable:
     Parameters
     ----------
     model : estimator or object
-        As for `surrogate_of`; also a function of the five.
+        As for `pdsurrogate.surrogate_of`; also a function of the five.
 
     Raises
     ------
@@ -134,7 +109,7 @@ def force_of(model) -> Callable:
         if count != len(COLUMNS):
             raise ValueError(
                 f"the {type(model).__name__} was fitted to {count} features; taken are regressors of the five bond quantities "
-                f"{', '.join(COLUMNS)}, alone or within a bond_force_pipeline, which makes features of them"
+                f"{', '.join(COLUMNS)}, alone or within a surrogate_pipeline, which makes features of them"
             )
         names = list(getattr(model, "feature_names_in_", COLUMNS))
         if sorted(names) != sorted(COLUMNS):
@@ -187,7 +162,7 @@ def _quietly(estimator, X) -> np.ndarray:
 def _thinned(X: np.ndarray | None, law: Law, domain: Domain) -> np.ndarray:
     """At most `STATES` bonds of a training set; where none is known those of a wide design."""
     if X is None:
-        return wide_design(law, STATES, (domain.least_stretch, domain.greatest_stretch)).X
+        return wide_bonds(law, STATES, (domain.least_stretch, domain.greatest_stretch), 0.25, 2 / 3, 0)[0]
     return X[np.linspace(0, len(X) - 1, min(STATES, len(X))).astype(int)]
 
 

@@ -1,47 +1,35 @@
-"""Fit, examine and store a surrogate of a law's bond force: what `pdsurrogate fit` and the shipped pipelines do."""
+"""Judge a model: its errors on samples left out, its report against the law, and whether it is worth storing."""
 
 from __future__ import annotations
 
-import platform
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict
-from importlib import metadata
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
-from sklearn.base import BaseEstimator, clone
+from sklearn.base import clone
 from sklearn.model_selection import KFold
 
-from ..arguments import (
-    check_called,
-    check_estimator,
-    check_is,
-    check_jobs,
-    check_path,
-    check_seed,
-    check_whole_number,
-    kind_of,
-)
-from ..artifacts import new_artifact, save_artifact
+from ..arguments import check_called, check_estimator, check_is, check_jobs, check_seed, check_whole_number
+from ..artifacts import load_surrogate
 from ..artifacts.card import MOST_STORED, NOTED
-from ..body import WEIGHT_FUNCTIONS
-from ..forces import Domain
+from ..forces import AnalyticBondForce, Domain, ForceModel, ForceSurrogate, IsochoricNetwork, LearntBondForce, LearntEnergy
+from ..forces.bond_energy import EnergySurrogate
 from ..materials import Law
 from ..materials.law import checked_law
-from .card_text import CardText
-from .export import best_of, regressor_of, shift_and_scale, taken_over, title_of
-from .pipeline import feature_set_of, parts_of
-from .sampling import COLUMNS, PERTURBATION, TARGETS, BondSamples, hull_of, reachable_stretches
-from .target import InputAwareTargetRegressor
-from .validation import force_report, relative_errors
+from .bond_force import BOND_FORCE
+from .energy import SHEET_ENERGY
+from .export import best_of
+from .isochoric import ISOCHORIC_ENERGY
+from .sampling import checked_range
+from .surrogates import force_model_of, target_of
+from .targets import Samples, Target
+from .validation import relative_errors
 
 MEMBER_STATES = 5_000
-"""Of each set by which the members of a committee are compared with their laws."""
-
-MOST_WORDS = 200
-"""Characters of a parameter on a card."""
+"""States of each set in which the members of a committee, and fitted pipelines, are compared with their laws."""
 
 
 class TooInexact(ValueError):
@@ -49,7 +37,7 @@ class TooInexact(ValueError):
 
 
 def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is stored as", purpose: str = "written") -> None:
-    """Raise `TooInexact` if the report of a model (`force_report`, `evaluate_energy`) says that it is too far from its law; warn if far.
+    """Raise `TooInexact` if the report of a model (`evaluate`) says that it is too far from its law; warn if it is far.
 
     `role` is what the law is to the model, and `purpose` what the model is not taken for, in messages.
     """
@@ -63,7 +51,7 @@ def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is store
         )
     worst = max(errors.get("by_strain", ()), key=lambda row: row["rms"], default=None)
     if worst is not None and rms <= NOTED and worst["rms"] > MOST_STORED:
-        # Where forces at the ends of the range are enormous, all errors are small beside them.
+        # Where forces at the ends of the range are enormous, all errors are small in comparison.
         low, high = worst["strain"]
         warnings.warn(
             f"{what} is off by {100 * worst['rms']:.2g} % of the force at strains from {low:g} to {high:g}, though by little of the "
@@ -78,238 +66,151 @@ def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is store
         )
 
 
-def domain_of(samples: BondSamples) -> Domain:
-    """Domain of the samples' design: its box of principal stretches, and the J3^2 of its states."""
-    low, high = samples.design["stretch_range"]
-    hull = hull_of(samples.design)
-    bulk = samples.X[:, 4] ** 2 * samples.X[:, 3]
-    if samples.design.get("off_surface"):
-        # The perturbation's own bounds, which the samples nearly fill.
-        reach = np.exp(samples.design.get("perturbation", PERTURBATION)["log_C33"])
-        return Domain(low, high, float(1 / reach), float(reach), hull)
-    return Domain(low, high, float(bulk.min()), float(bulk.max()), hull)
-
-
 def cross_validate(
     model,
-    samples: BondSamples,
+    samples: Samples,
     folds: int = 5,
     random_state: int = 0,
     n_jobs: int = 1,
     progress: Callable[[int], None] = lambda fold: None,
 ) -> list[dict]:
-    """Fit clones of a pipeline to all but one fold of the samples each, and report the relative errors on the fold left out.
+    """Fit clones of a pipeline to all but one fold of the samples each, and return the relative errors on the fold left out.
 
-    `progress` is told every fold that begins, counted from 0; with more jobs than one, that it is handed out.
+    Parameters
+    ----------
+    model : estimator
+        A `surrogate_pipeline`, or another regressor from ``samples.X`` to ``samples.y``.
+    samples : Samples
+    folds : int
+        Number of folds, at least 2.
+    random_state : int
+        Seed of the split.
+    n_jobs : int
+        Fits that run at the same time.
+    progress : callable
+        Called with the number of each fold, from 0, when its fit starts (with `n_jobs` above 1, when it is submitted).
+
+    Returns
+    -------
+    list of dict
+        For each fold ``fold``, ``rms`` and ``max`` over the RMS of the force or stress, and for energies ``energy_rms``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not as described.
 
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> samples = pds.wide_design(pds.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
-    >>> model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(6))
+    >>> samples = pds.training_samples(pds.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pds.surrogate_pipeline(pds.ChebyshevRegressor(6), features="isochoric")
     >>> [row["rms"] < 1e-2 for row in pds.cross_validate(model, samples, folds=2)]
     [True, True]
     """
-    check_validation(model, samples, BondSamples, "wide_design", folds, random_state, progress)
-    check_jobs(n_jobs)
-    splits = _told(KFold(folds, shuffle=True, random_state=random_state).split(samples.X), progress)
-    errors = Parallel(n_jobs)(delayed(_error_left_out)(clone(model), samples, train, test) for train, test in splits)
-    return [{"fold": number, **error} for number, error in enumerate(errors)]
-
-
-def check_validation(model, samples, kind: type, maker: str, folds: int, random_state: int, progress: Callable) -> None:
-    """Raise TypeError or ValueError for what a cross-validation cannot be made of."""
     check_estimator(model)
-    check_is(samples, kind, "samples", f"{maker} draws")
+    check_is(samples, Samples, "samples", "training_samples draws")
     check_whole_number(folds, "folds", 2, len(samples))
     check_seed(random_state)
     check_called(progress, "progress")
+    check_jobs(n_jobs)
+    splits = _reported(KFold(folds, shuffle=True, random_state=random_state).split(samples.X), progress)
+    errors = Parallel(n_jobs)(delayed(_errors_left_out)(clone(model), samples.take(train), samples.take(test)) for train, test in splits)
+    return [{"fold": number, **error} for number, error in enumerate(errors)]
 
 
-def check_storing(samples, kind: type, law, folder, name, version, members) -> None:
-    """Raise TypeError or ValueError for what `pdsurrogate.store` cannot make an artefact of; ArtifactError for a name that is taken."""
-    check_is(samples, kind, "samples", "a design draws")
-    checked_law(law)
-    check_path(folder, "folder")
-    new_artifact(folder, name, version)
-    if not isinstance(members, list | tuple):
-        raise TypeError(f"members must be a list of tuples, each a fitted model, its samples and its law, not {kind_of(members)}")
-    for number, member in enumerate(members, 1):
-        if not isinstance(member, list | tuple) or len(member) != 3:
-            raise TypeError(f"member {number} must be a tuple of a fitted model, its samples and its law, not {kind_of(member)}")
-        check_is(member[1], kind, f"the samples of member {number}", "a design draws")
-        checked_law(member[2])
-
-
-def committee_of(members: Sequence[tuple], title: str, built: Callable, examined: Callable, shape: Callable) -> tuple[list, list[dict]]:
-    """Surrogates of the members of a committee, and what its card says of them.
-
-    Parameters
-    ----------
-    members : sequence of tuple
-        See `pdsurrogate.store`.
-    title : str
-        ``NAME@VERSION``.
-    built : callable
-        ``built(model, samples, law, title)``: the surrogate of a member.
-    examined : callable
-        ``examined(surrogate, samples, law)``: its errors.
-    shape : callable
-        The dimensionless parameters of a law that matter to it.
-
-    Raises
-    ------
-    TooInexact
-        See `check_worth_storing`.
-    """
-    surrogates, cards = [], []
-    for number, (model, samples, law) in enumerate(members, 1):
-        which = f"{title}#{number}"
-        surrogates.append(built(model, samples, law, which))
-        report = examined(surrogates[-1], samples, law)
-        check_worth_storing(report, which, law)
-        cards.append(
-            {
-                "material": {"law": law.name, "trained_with": law.describe(), "shape": shape(law)},
-                "domain": asdict(surrogates[-1].domain),
-                "errors": {"box": {key: report[key] for key in ("stretch_range", "n_samples", "on_surface")}},
-            }
-        )
-    return surrogates, cards
-
-
-def _told(splits: Iterable, progress: Callable[[int], None]) -> Iterator:
+def _reported(splits: Iterable, progress: Callable[[int], None]) -> Iterator:
+    """Yield the splits, and call `progress` with the number of each."""
     for fold, split in enumerate(splits):
         progress(fold)
         yield split
 
 
-def _error_left_out(model, samples, train, test) -> dict[str, float]:
-    model.fit(samples.X[train], samples.y[train])
-    left_out = BondSamples(samples.X[test], samples.y[test], samples.design)
-    return relative_errors(lambda *bond: model.predict(np.stack(bond, axis=1)), left_out)
+def _errors_left_out(model, train: Samples, test: Samples) -> dict[str, float]:
+    """Fit a model to samples and return its errors on others."""
+    return test.target.errors(model.fit(train.X, train.y).predict(test.X), test)
 
 
-def store_bond_force(
-    model,
-    samples: BondSamples,
-    law: Law,
-    folder: str | Path,
-    name: str,
-    version: str,
-    text: CardText,
-    members: Sequence[tuple] = (),
-) -> Path:
-    """Write the artefact of a model of a bond force with a full card; see `pdsurrogate.store`."""
-    check_storing(samples, BondSamples, law, folder, name, version, members)
-    title = f"{name}@{version}"
-    committee, cards = committee_of(
-        members,
-        title,
-        lambda one, drawn, described, which: taken_over(one, described, domain_of(drawn), which, drawn.X)[0],
-        lambda found, drawn, described: force_report(found.bond_force, described, tuple(drawn.design["stretch_range"]), MEMBER_STATES),
-        lambda described: described.shape,
-    )
-    search = search_table(model) if text.search is None and hasattr(model, "cv_results_") else text.search
+def evaluate(
+    model, law: Law, stretch_range: tuple[float, float] | None = None, n_samples: int = 20_000, random_state: int = 1_000_003
+) -> dict:
+    """Compare a model with the exact bond force or energy of a law, in double precision.
+
+    Parameters
+    ----------
+    model : estimator, str, path, ForceModel, object or callable
+        A fitted `surrogate_pipeline`, a search over one, or another regressor of the five bond quantities: as they predict, before anything
+        is taken over or resampled; an artefact (NAME, NAME@VERSION or a path); a force model; an object with a ``bond_force``; or a
+        function ``force(stretch, rotation, length, C33, J)``.
+    law : Law
+    stretch_range : tuple of float, optional
+        Least and greatest principal stretch; by default those of the model's own domain, 0.5 to 4 where it states none.
+    n_samples : int
+        States in each set.
+    random_state : int
+        Seed; choose one that no training used.
+
+    Returns
+    -------
+    dict
+        For bond forces see `pdsurrogate.learning.validation.force_report`. For energies: ``on_surface``: relative errors of the stress
+        (``rms``, ``max``) and of the energy (``energy_rms``) over the box of stretches, even in their logarithms (of an isochoric energy
+        over the part of it with product 1, where stresses are Kirchhoff's); ``by_strain``: these errors by bins of greatest principal
+        strain; ``at_rest``: size of energy and stress at rest; ``least_acoustic``: least second derivative of the energy along a rank-one
+        change m (x) n of F, unit m and n (of an isochoric energy along those that keep the volume), with ``least_acoustic_exact``: a
+        positive value means that short waves are stable (strong ellipticity). For the energy of a sheet ``least_curvature`` and
+        ``least_curvature_exact``: least eigenvalue of the second derivative by the logarithms of the stretches; for an isochoric energy
+        ``shear_modulus`` at rest, which is 1 for the law.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the model is none of these, or not fitted.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> model = pds.load_surrogate("neo-hookean@1")
+    >>> pds.evaluate(model.bond_force, pds.NeoHookean(), n_samples=500)["on_surface"]["rms"] < 1e-4
+    True
+    """
+    checked_law(law)
+    check_whole_number(n_samples, "n_samples", 1)
+    check_seed(random_state)
+    if isinstance(model, str | Path):
+        model = load_surrogate(model)
+        if hasattr(model, "law") and isinstance(model, ForceSurrogate) and model.domain is None:
+            model.law = law  # the exact model serves every law
     model = best_of(model)
-    surrogate, resampling = taken_over(model, law, domain_of(samples), title, samples.X)
-    low, high = samples.design["stretch_range"]
-    errors = {"box": force_report(surrogate.bond_force, law, (low, high))}
-    check_worth_storing(errors["box"], title, law)
-    if low > 0.5 and reachable_stretches(law) == (0.5, 4.0):
-        errors["outside_box"] = force_report(surrogate.bond_force, law, (0.5, 4.0))
-    regressor = regressor_of(model) if isinstance(model, InputAwareTargetRegressor) else model
-    card = {
-        "name": name,
-        "version": version,
-        "kind": surrogate.kind,
-        "description": text.description,
-        "material": {"law": law.name, "trained_with": law.describe(), "shape": law.shape},
-        "weight_function": "any: the force learnt is dimensionless, t kappa / (w l mu); known are " + ", ".join(WEIGHT_FUNCTIONS),
-        "features": {
-            "set": surrogate.feature_set,
-            "names": list(surrogate.features),
-            "from": list(COLUMNS),
-            "targets": list(TARGETS),
-            "units": "dimensionless; rotation in radians; length in horizons; force in w l mu / kappa",
-        },
-        "scaling": _scaling(model),
-        "training": {
-            "design": samples.design,
-            "regressor": title_of(regressor),
-            "parameters": _plain(regressor.get_params()) if hasattr(regressor, "get_params") else {},
-            "outcome": {
-                key.removesuffix("_"): value
-                for key in ("n_iter_", "loss_", "validation_loss_", "test_score_")
-                if np.isscalar(value := getattr(regressor, key, None)) and np.isfinite(value)
-            },
-            "cross_validation": text.cross_validation or [],
-            "search": search or [],
-            **({"identification": text.identification} if text.identification else {}),
-            **({"resampling": resampling} if resampling else {}),
-        },
-        "domain": asdict(surrogate.domain),
-        "errors": errors,
-        "made_with": versions(),
-        "members": cards,
-    }
-    kept = model if isinstance(model, BaseEstimator) else None
-    return save_artifact(folder, card, surrogate, kept, committee)
+    if target_of(model) in (SHEET_ENERGY, ISOCHORIC_ENERGY):
+        model = force_model_of(model, law)
+    target, domain = _evaluated_as(model), getattr(model, "domain", None)
+    own = (domain.least_stretch, domain.greatest_stretch) if isinstance(domain, Domain) else BOND_FORCE.stretch_range
+    return target.report(model, law, checked_range(own if stretch_range is None else stretch_range), n_samples, random_state)
 
 
-def _scaling(model) -> dict:
-    """What the card says of the scalings of a pipeline."""
-    try:
-        parts = parts_of(model)
-    except ValueError:
-        return {"folded": "whatever scaling the model has is part of the payload, which is on plain features"}
-    (mean, scale), (target_mean, target_scale) = shift_and_scale(parts.scaling), shift_and_scale(parts.target)
-    return {
-        "feature_mean": mean.tolist(),
-        "feature_scale": scale.tolist(),
-        "output_mean": target_mean.tolist(),
-        "output_scale": target_scale.tolist(),
-        "folded": "into the constants of the payload",
-    }
+def _evaluated_as(model) -> Target:
+    """Return the target that a model is compared as; raise TypeError for a force model that has neither a bond force nor an energy."""
+    if isinstance(model, IsochoricNetwork):
+        return ISOCHORIC_ENERGY
+    if isinstance(model, EnergySurrogate):
+        return SHEET_ENERGY
+    if isinstance(model, ForceModel) and not isinstance(model, ForceSurrogate):
+        raise TypeError(f"{model.name} has no bond force of its own to evaluate")
+    return BOND_FORCE
 
 
-def search_table(search) -> list[dict]:
-    """Rows of a fitted search over parameters, for a card: what was tried, and the mean and the spread of its scores."""
-    found = search.cv_results_
-    scores = "mean_test_score" if "mean_test_score" in found else f"mean_test_{search.refit}"
-    rows = zip(found["params"], found[scores], found[scores.replace("mean", "std")], strict=True)
-    return [{**_plain(parameters), "score": float(mean), "spread": float(spread)} for parameters, mean, spread in rows]
+def stated_against(model: LearntBondForce | LearntEnergy, law: Law, states: np.ndarray) -> LearntBondForce | LearntEnergy:
+    """Return a model with its errors against a law where it was fitted, as the card of an artefact states them; `TooInexact` if too far.
 
-
-def _in_words(value) -> str:
-    """A bond-force pipeline by its features and its regressor, all else as Python shows it."""
-    try:
-        features = feature_set_of(value)
-    except ValueError:
-        return repr(value)
-    last = value.regressor.steps[-1][1]
-    return f"{features} features, {getattr(last, 'regressor', last)!r}"
-
-
-def _plain(parameters: dict) -> dict:
-    """Parameters of an estimator as a card keeps them: numbers and names as they are, all else in words."""
-
-    def plain(value):
-        if isinstance(value, tuple | list):
-            return [plain(inner) for inner in value]
-        if value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and np.isfinite(value)):
-            return value
-        return value.item() if isinstance(value, np.integer) else _in_words(value)[:MOST_WORDS]
-
-    return {key: plain(value) for key, value in parameters.items()}
-
-
-def versions() -> dict[str, str]:
-    """Versions of everything that shapes an artefact."""
-    found = {"python": platform.python_version()}
-    for package in ("pdsurrogate", "numpy", "scipy", "scikit-learn", "joblib"):
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+    A run so judges a fitted pipeline, and the artefact that `pdsurrogate.store` makes of it, by the same measure. `states` are the inputs
+    that the model was fitted to: the domain of an energy is all of them, a bond force was also fitted to perturbed states.
+    """
+    reach = model.domain.least_stretch, model.domain.greatest_stretch
+    if isinstance(model, LearntEnergy):
+        found = evaluate(model, law, n_samples=MEMBER_STATES)["on_surface"]
+    else:
+        some = states[:: -(-len(states) // MEMBER_STATES)].T
+        found = relative_errors(model.bond_force(*some), AnalyticBondForce(law).bond_force(*some))
+    check_worth_storing({"on_surface": found, "stretch_range": reach}, model.name, law, "which the scene asks for", "run")
+    return replace(model, stated={"rms": found["rms"], "max": found["max"], "bulk_ratio": law.bulk_modulus / law.shear_modulus})

@@ -1,4 +1,4 @@
-"""The isochoric energy W(I1bar, I2bar) as it is learnt: samples at three stretches of product 1, features, errors."""
+"""The isochoric energy W(I1bar, I2bar) as a target: samples at three stretches of product 1, features and stability."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from ..forces import IsochoricNetwork
 from ..forces.agreement import isochoric_stresses
 from ..forces.learnt_energy import ISOCHORIC_FEATURES
 from ..materials import Law, solid
-from .energy_form import EnergyForm, EnergySamples, checked_derivatives, checked_invariants
+from .energy_target import EnergyTarget, checked_derivatives, checked_invariants
 from .named import named
+from .targets import Samples
+
+INVARIANTS, DERIVATIVES = ("I1bar", "I2bar"), ("W", "dW/dI1bar", "dW/dI2bar")
 
 STATES_OF_STABILITY, DIRECTIONS, STEP = 1000, 24, 1e-4
 """States and pairs of directions at which stiffness against shear waves is asked for, and the amount of shear of its differences."""
@@ -19,42 +22,39 @@ STATES_OF_STABILITY, DIRECTIONS, STEP = 1000, 24, 1e-4
 
 @named()
 def log_isochoric_invariants(X) -> np.ndarray:
-    """log(I1bar/3) and log(I2bar/3), shape (n, 2)."""
-    return np.log(np.stack(checked_invariants(X, ISOCHORIC), axis=1) / 3)
+    """Return log(I1bar/3) and log(I2bar/3), shape (n, 2)."""
+    return np.log(np.stack(checked_invariants(X, INVARIANTS), axis=1) / 3)
 
 
 @named()
 def isochoric_energy_size(features) -> np.ndarray:
-    """(I1bar + I2bar)/6 from the features: how a rubber's energy grows."""
+    """Return (I1bar + I2bar)/6, by which a rubber's energy grows, from the features."""
     return np.exp(features).mean(axis=1)
 
 
-@named(("I1bar", "I2bar"), ("W", "dW/dI1bar", "dW/dI2bar"))
+@named(INVARIANTS, DERIVATIVES)
 def isochoric_derivatives_by_features(X, y) -> np.ndarray:
-    """W and its derivatives by the logarithms of the invariants, from those by the invariants."""
-    (I1, I2), (W, by_1, by_2) = checked_derivatives(X, y, ISOCHORIC)
+    """Return W and its derivatives by the logarithms of the invariants, from those by the invariants."""
+    (I1, I2), (W, by_1, by_2) = checked_derivatives(X, y, INVARIANTS, DERIVATIVES)
     return np.stack([W, I1 * by_1, I2 * by_2], axis=1)
 
 
 @named()
 def isochoric_derivatives_by_invariants(X, z) -> np.ndarray:
-    """The inverse of `isochoric_derivatives_by_features`."""
-    I1, I2 = checked_invariants(X, ISOCHORIC)
+    """Return W and its derivatives by the invariants, the inverse of `isochoric_derivatives_by_features`."""
+    I1, I2 = checked_invariants(X, INVARIANTS)
     return np.stack([z[:, 0], z[:, 1] / I1, z[:, 2] / I2], axis=1)
 
 
 @named()
 def isochoric_feature_names(transformer, input_features):
-    """Names of the features, as scikit-learn asks for them."""
+    """Return the names of the features, as scikit-learn requests them."""
     return np.asarray(ISOCHORIC_FEATURES, dtype=object)
 
 
-class _Isochoric(EnergyForm):
-    name = "isochoric energy"
-    invariants, targets = isochoric_derivatives_by_features.columns, isochoric_derivatives_by_features.targets
-    surrogate = IsochoricNetwork
-    stretch_range = (0.25, 4.0)
-    n_units = 8
+class _IsochoricEnergy(EnergyTarget):
+    name, columns, outputs, stretch_range, n_samples = "isochoric-energy", INVARIANTS, DERIVATIVES, (0.25, 4.0), 1_000
+    surrogate_type, n_units = IsochoricNetwork, 8
     flat = ()
     log_features = staticmethod(log_isochoric_invariants)
     feature_names = staticmethod(isochoric_feature_names)
@@ -62,16 +62,22 @@ class _Isochoric(EnergyForm):
     derivatives_by_features = staticmethod(isochoric_derivatives_by_features)
     derivatives_by_invariants = staticmethod(isochoric_derivatives_by_invariants)
 
-    @staticmethod
-    def states(law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def reached(self, law: Law, low: float, high: float) -> bool:
+        # The corners decide.
+        corners = [(a, b, -a - b) for a, b in product((low, high, -low / 2, -high / 2), repeat=2)]
+        squares = np.exp(2 * np.array([corner for corner in corners if low <= min(corner) and max(corner) <= high]).T)
+        with np.errstate(all="ignore"):
+            found = solid.isochoric_response(law, squares.sum(axis=0), (1 / squares).sum(axis=0), np.ones(squares.shape[1]))
+        return bool(np.isfinite(found).all())
+
+    def states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         squares = stretches**2
         I1, I2 = squares.sum(axis=1), (1 / squares).sum(axis=1)
         # Theory (40) at J = 1: p = 2 (W1 + I1bar W2) and r = -2 W2.
         p, _, r, W = solid.isochoric_response(law, I1, I2, np.ones_like(I1))
         return np.stack([I1, I2], axis=1), np.stack([W, (p + I1 * r) / 2, -r / 2], axis=1)
 
-    @staticmethod
-    def draw(random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
+    def draw_logs(self, random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
         low, high = np.log(low), np.log(high)
         found = np.empty((0, 3))
         while len(found) < n_samples:
@@ -87,8 +93,7 @@ class _Isochoric(EnergyForm):
         logs[:n_near] = np.minimum(size, most)[:, None] * direction
         return logs
 
-    @staticmethod
-    def of_strain(random: np.random.Generator, strains: tuple[float, float], low: float, high: float, n_samples: int) -> np.ndarray:
+    def of_strain(self, random: np.random.Generator, strains: tuple[float, float], low: float, high: float, n_samples: int) -> np.ndarray:
         direction = random.standard_normal((n_samples, 3))
         direction -= direction.mean(axis=1, keepdims=True)
         strain = np.minimum(np.exp(random.uniform(*np.log(strains), n_samples)), strains[1])
@@ -97,17 +102,14 @@ class _Isochoric(EnergyForm):
         most = np.minimum(np.log(low) / direction.min(axis=1), np.log(high) / direction.max(axis=1))
         return np.exp(np.minimum(np.minimum(up, np.where(strain < 1 - low, down, np.inf)), most)[:, None] * direction)
 
-    @staticmethod
-    def stresses(stretches: np.ndarray, first, second) -> np.ndarray:
+    def stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
         return isochoric_stresses(stretches.T**2, first, second)
 
-    @staticmethod
-    def derivatives(model: IsochoricNetwork, law: Law, X: np.ndarray) -> np.ndarray:
+    def derivatives(self, model: IsochoricNetwork, law: Law, X: np.ndarray) -> np.ndarray:
         return np.stack(model.isochoric_derivatives(*X.T), axis=1)
 
-    @staticmethod
-    def stability(model: IsochoricNetwork, law: Law, samples: EnergySamples) -> dict[str, float]:
-        rest = ISOCHORIC.derivatives(model, law, np.array([[3.0, 3.0]]))[0]
+    def stability(self, model: IsochoricNetwork, law: Law, samples: Samples) -> dict[str, float]:
+        rest = self.derivatives(model, law, np.array([[3.0, 3.0]]))[0]
         squares = samples.stretches[:STATES_OF_STABILITY].T ** 2
         return {
             "at_rest": float(abs(rest[0])),
@@ -116,31 +118,19 @@ class _Isochoric(EnergyForm):
             "least_acoustic_exact": _least_acoustic(lambda I1, I2: _exact(law, I1, I2), squares),
         }
 
-    @staticmethod
-    def shape(law: Law) -> dict[str, float]:
+    def shape(self, law: Law) -> dict[str, float]:
         return dict(law.shape)
 
-    @staticmethod
-    def bulk_range(law: Law, X: np.ndarray) -> tuple[float, float]:
+    def bulk_range(self, law: Law, X: np.ndarray) -> tuple[float, float]:
         return 1.0, 1.0
 
-    @staticmethod
-    def range_of(X: np.ndarray) -> tuple[float, float]:
+    def range_of(self, X: np.ndarray) -> tuple[float, float]:
         squares = solid.principal_stretches((*X.T, np.ones(len(X))))[3:]
         return float(np.sqrt(np.min(squares))), float(np.sqrt(np.max(squares)))
 
 
-ISOCHORIC = _Isochoric()
+ISOCHORIC_ENERGY = _IsochoricEnergy()
 """W of a law, a function of I1bar and I2bar alone."""
-
-
-def all_isochoric_states(law: Law, low: float, high: float) -> bool:
-    """Whether a law has all states of three log-stretches with sum zero within bounds; the corners decide."""
-    corners = [(a, b, -a - b) for a, b in product((low, high, -low / 2, -high / 2), repeat=2)]
-    squares = np.exp(2 * np.array([corner for corner in corners if low <= min(corner) and max(corner) <= high]).T)
-    with np.errstate(all="ignore"):
-        found = solid.isochoric_response(law, squares.sum(axis=0), (1 / squares).sum(axis=0), np.ones(squares.shape[1]))
-    return bool(np.isfinite(found).all())
 
 
 def _exact(law: Law, I1, I2):
@@ -149,7 +139,7 @@ def _exact(law: Law, I1, I2):
 
 
 def _least_acoustic(derivatives, squares) -> float:
-    """Least second derivative of W along F (a (x) n), a and n unit vectors across each other, over the square of what moves, F a.
+    """Return the least second derivative of W along F (a (x) n), a and n unit vectors across each other, over |F a|^2.
 
     These are the rank-one changes that keep the volume; a positive value means that shear waves are stable.
     """

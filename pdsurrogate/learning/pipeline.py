@@ -35,44 +35,10 @@ AT_REST = (1.0, 0.0, 1.0, 1.0, 1.0)
 
 
 def bond_force_pipeline(
-    features: str = "symmetric", regressor=None, horizon: float = 1.0, weight: str | None = None, shear_modulus: float = 1.0
-):
-    """A scikit-learn regressor from bond quantities (columns of `BondSamples.X`) to the bond force.
-
-    Parameters
-    ----------
-    features : str
-        What the regressor sees, one of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`.  With "symmetric" and "isochoric" ones the force is
-        isotropic, mirror symmetric, and zero at rest by construction.
-    regressor : estimator, optional
-        Regressor of the scaled outputs by the scaled features, any of scikit-learn's make, pipelines and searches among them; one that
-        takes a single target is fitted to each output by itself.  A Levenberg-Marquardt network of 20 units by default.
-    horizon : float
-        Unit of length of the samples' third column.
-    weight : str, optional
-        Weight function of samples with dimensional forces; None for nondimensional ones.
-    shear_modulus : float
-        Unit of stress of dimensional forces.
-
-    Returns
-    -------
-    InputAwareTargetRegressor
-        Tables (pandas) with the names of the columns, in any order, are taken, and other names refused.  With "symmetric" and "isochoric"
-        features samples without shear (rotation 0) are left out with a warning: they do not tell how the force grows with shear.
-
-    Raises
-    ------
-    ValueError
-        If the features are unknown, or the regressor is none.
-
-    Examples
-    --------
-    >>> import pdsurrogate as pds
-    >>> samples = pds.wide_design(pds.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
-    >>> model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(6)).fit(samples.X, samples.y)
-    >>> model.predict(samples.X).shape
-    (500, 2)
-    """
+    regressor=None, features: str | None = None, horizon: float = 1.0, weight: str | None = None, shear_modulus: float = 1.0
+) -> InputAwareTargetRegressor:
+    """Return a pipeline for bond forces that is not fitted; see `pdsurrogate.surrogate_pipeline`."""
+    features = "symmetric" if features is None else features
     if not isinstance(features, str) or features not in FEATURE_SETS:
         raise ValueError(f"unknown features {features!r}; there are {', '.join(FEATURE_SETS)}")
     factor = None if weight is None else partial(force_factor, horizon=horizon, weight=weight, shear_modulus=shear_modulus)

@@ -9,15 +9,15 @@ from pathlib import Path
 from ..materials import Law
 from .card_text import CardText
 from .chebyshev import ChebyshevRegressor
-from .energy import cross_validate_energy, energy_design, energy_pipeline
-from .energy_form import EnergySamples
 from .fitting import cross_validate
 from .levenberg_marquardt import LevenbergMarquardtRegressor
-from .pipeline import bond_force_pipeline, parts_of
-from .sampling import BondSamples, checked_range, reachable_stretches, wide_design
+from .pipeline import parts_of
+from .sampling import checked_range
 from .sobolev import SobolevRegressor
 from .storing import store
+from .surrogates import TARGETS, reachable_stretches, surrogate_pipeline, training_samples
 from .target import InputAwareTargetRegressor
+from .targets import Samples
 
 DEGREES = (12, 6)
 """Of a polynomial in the two isochoric features, where none are asked for."""
@@ -32,7 +32,7 @@ class FitSettings:
     energy : bool
         The isochoric energy of the law instead of its bond force: a network.
     features : str, optional
-        See `pdsurrogate.bond_force_pipeline`; "isochoric" of a polynomial, "symmetric" of a network.
+        See `pdsurrogate.surrogate_pipeline`; "isochoric" of a polynomial, "symmetric" of a network.
     degree, units : int, sequence of int or str, optional
         Degrees of a polynomial, or hidden units of a network, layer by layer; as text with commas between.
     activation : str, optional
@@ -79,17 +79,22 @@ class FitSettings:
         )
 
     @property
+    def target(self) -> str:
+        """Name of the target."""
+        return "isochoric-energy" if self.energy else "bond-force"
+
+    @property
     def n_samples(self) -> int:
-        """Training samples."""
-        return self.samples or (1000 if self.energy else 8000)
+        """Number of training samples."""
+        return self.samples or TARGETS[self.target].n_samples
 
     def asked_range(self) -> tuple[float, float]:
-        """Principal stretches to train on, before any law has been asked how far it goes."""
-        least = (0.25 if self.energy else 0.5) if self.least is None else self.least
-        return checked_range((least, 4.0 if self.greatest is None else self.greatest))
+        """Return the principal stretches to train on, before the reach of any law is known."""
+        low, high = TARGETS[self.target].stretch_range
+        return checked_range((low if self.least is None else self.least, high if self.greatest is None else self.greatest))
 
     def pipeline(self) -> tuple[InputAwareTargetRegressor, str]:
-        """The pipeline, not fitted, and what it is in words."""
+        """Return the pipeline, not fitted, and its description in words."""
         return self._energy() if self.energy else self._bond_force()
 
     def _bond_force(self) -> tuple[InputAwareTargetRegressor, str]:
@@ -106,7 +111,7 @@ class FitSettings:
             options = {"max_iter": self.iterations or 1000, "n_iter_no_change": 100, "random_state": self.seed}
             regressor = LevenbergMarquardtRegressor(hidden, self.activation or "algebraic", **options)
             chosen, what = self.features or "symmetric", f"{_words(hidden)} units"
-        pipeline = bond_force_pipeline(chosen, regressor)
+        pipeline = surrogate_pipeline(regressor, features=chosen)
         parts_of(pipeline)  # what would be resampled is an error here: another choice is exact, and known before the training
         return pipeline, f"{chosen} features, {what}"
 
@@ -118,32 +123,24 @@ class FitSettings:
         if len(hidden) != 1:
             raise ValueError(f"the network of an energy has one layer, not units {_words(hidden)}")
         options = {"max_iter": self.iterations or 500, "n_init": 2, "random_state": self.seed}
-        return energy_pipeline(SobolevRegressor(*hidden, self.activation or "algebraic", **options), isochoric=True), f"{hidden[0]} units"
+        return surrogate_pipeline(SobolevRegressor(*hidden, self.activation or "algebraic", **options), self.target), f"{hidden[0]} units"
 
-    def design(self, law: Law) -> BondSamples | EnergySamples:
-        """Training samples of a law, over the stretches asked for, or as far as the law goes."""
-        reach = reachable_stretches(law, self.asked_range(), isochoric=self.energy)
+    def design(self, law: Law) -> Samples:
+        """Return training samples of a law, over the stretches asked for, or as far as the law goes."""
+        reach = reachable_stretches(law, self.asked_range(), self.target)
         box = (reach[0] if self.least is None else self.least, reach[1] if self.greatest is None else self.greatest)
-        if self.energy:
-            return energy_design(law, self.n_samples, box, random_state=self.seed, isochoric=True)
-        return wide_design(law, self.n_samples, box, random_state=self.seed)
+        return training_samples(law, self.n_samples, box, random_state=self.seed, target=self.target)
 
     def cross_validate(
-        self,
-        pipeline: InputAwareTargetRegressor,
-        design: BondSamples | EnergySamples,
-        progress: Callable[[int], None] = lambda fold: None,
+        self, pipeline: InputAwareTargetRegressor, design: Samples, progress: Callable[[int], None] = lambda fold: None
     ) -> list[dict]:
-        """Relative errors of clones on the fold left out, fold by fold; none where no folds are asked for."""
-        if not self.folds:
-            return []
-        validate = cross_validate_energy if self.energy else cross_validate
-        return validate(pipeline, design, self.folds, self.seed, progress=progress)
+        """Return the relative errors of clones on the fold left out, fold by fold; none where no folds are asked for."""
+        return cross_validate(pipeline, design, self.folds, self.seed, progress=progress) if self.folds else []
 
     def store(
         self,
         pipeline: InputAwareTargetRegressor,
-        design: BondSamples | EnergySamples,
+        design: Samples,
         law: Law,
         folder: str | Path,
         name: str,

@@ -1,23 +1,34 @@
-"""A model into an artefact, whatever it is a model of."""
+"""Write a fitted model into an artefact with a full card."""
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Sequence
+from dataclasses import asdict
+from importlib import metadata
 from pathlib import Path
 
-from ..arguments import kind_of
-from ..artifacts import next_version, own_folder
+import numpy as np
+from sklearn.base import BaseEstimator
+
+from ..arguments import check_is, check_path, kind_of
+from ..artifacts import new_artifact, next_version, own_folder, save_artifact
 from ..materials import Law
+from ..materials.law import checked_law
 from .card_text import CardText
-from .energy import store_energy
-from .energy_form import EnergySamples
-from .fitting import store_bond_force
-from .sampling import BondSamples
+from .export import best_of, title_of
+from .fitting import MEMBER_STATES, check_worth_storing
+from .pipeline import feature_set_of
+from .surrogates import checked_surrogate
+from .targets import Samples, Target
+
+MOST_WORDS = 200
+"""Characters of a parameter on a card."""
 
 
 def store(
     model,
-    samples: BondSamples | EnergySamples,
+    samples: Samples,
     law: Law,
     folder: str | Path | None,
     name: str,
@@ -30,36 +41,35 @@ def store(
     Parameters
     ----------
     model : estimator or object
-        Fitted to `samples`: a `bond_force_pipeline`, whatever its regressor, a search over one, or any other regressor of the five bond
-        quantities; an object with a ``bond_force``, see `pdsurrogate.learning.surrogate_of`; or an `energy_pipeline`, with samples of an
-        energy.
-    samples : BondSamples or EnergySamples
-        Nondimensional; their design says where the model holds.
+        Model fitted to `samples`: a `surrogate_pipeline`, whatever its regressor, or a search over one; for bond forces also another
+        regressor of the five bond quantities, or an object with a ``bond_force``, see `pdsurrogate.surrogate_of`.
+    samples : Samples
+        Dimensionless samples; their design gives the domain in which the model holds.
     law : Law
     folder : str, path or None
-        That holds artefacts; this one becomes ``folder/NAME/VERSION``.  None for ``artifacts`` in the working folder, where artefacts are
-        found by name, or for ``own-artifacts`` where that is a checkout of this package, whose ``artifacts`` holds the shipped ones
+        Folder of artefacts; this one becomes ``folder/NAME/VERSION``. None stands for ``artifacts`` in the working folder, where artefacts
+        are found by name, or for ``own-artifacts`` where that is a checkout of this package, whose ``artifacts`` holds the shipped ones
         (`pdsurrogate.artifacts.own_folder`).
     name : str
     version : str or None
         None for the next one: versions never change once written.
     text : str or CardText
-        What the artefact is for, in a sentence; or that with tables and the identification of the law for the card.
+        Purpose of the artefact in a sentence; or that with tables and the identification of the law for the card.
     members : sequence of tuple, optional
-        Of a committee in the same artefact: of each a fitted model, the samples that it was fitted to, and its law.  What runs is `model`;
-        ``NAME#3`` is the third member, and ``NAME#all`` what runs with the members' deviation told beside it.
+        A committee in the same artefact: for each member its fitted model, the samples that it was fitted to, and its law. Runs take
+        `model`; ``NAME#3`` is the third member, and ``NAME#all`` reports the deviation of the members as well.
 
     Returns
     -------
     Path
-        Of the artefact.
+        Folder of the artefact.
 
     Raises
     ------
     TooInexact
-        If it is off by more than `pdsurrogate.learning.fitting.MOST_STORED` on the plane-stress surface; nothing is written then.
-    ValueError
-        If the model is not fitted, or no model of a bond force or an energy.
+        If the model is off by more than `pdsurrogate.artifacts.card.MOST_STORED` on the plane-stress surface; nothing is written then.
+    TypeError, ValueError
+        If the model is not fitted, or does not predict the target of the samples.
     ArtifactError
         See `pdsurrogate.artifacts.save_artifact`.
 
@@ -68,15 +78,137 @@ def store(
     >>> import pdsurrogate as pds
     >>> import tempfile
     >>> law = pds.NeoHookean()
-    >>> samples = pds.wide_design(law, n_samples=500, stretch_range=(0.7, 2.0))
-    >>> model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((8, 4))).fit(samples.X, samples.y)
+    >>> samples = pds.training_samples(law, n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pds.surrogate_pipeline(pds.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
     >>> path = pds.store(model, samples, law, tempfile.mkdtemp(), "my-rubber", None, "an example")
     >>> path.parts[-2:]
     ('my-rubber', '1')
     """
-    if not isinstance(samples, BondSamples | EnergySamples):
-        raise TypeError(f"samples must be BondSamples or EnergySamples, such as wide_design and energy_design draw, not {kind_of(samples)}")
+    check_is(samples, Samples, "samples", "training_samples draws")
+    checked_law(law)
     folder = own_folder() if folder is None else folder
+    check_path(folder, "folder")
     version = next_version(folder, name) if version is None else version
-    keep = store_energy if isinstance(samples, EnergySamples) else store_bond_force
-    return keep(model, samples, law, folder, name, version, CardText.of(text), members)
+    new_artifact(folder, name, version)
+    text, target, title = CardText.of(text), samples.target, f"{name}@{version}"
+    _check_members(members, target)
+    surrogate, resampling = checked_surrogate(model, law, samples, title)
+    low, high = samples.design["stretch_range"]
+    errors = target.report(surrogate, law, (low, high), 20_000, 1_000_003)
+    check_worth_storing(errors, title, law)
+    committee, cards = _committee(members, title, target)
+    search = search_table(model) if text.search is None and hasattr(model, "cv_results_") else text.search
+    model = best_of(model)
+    regressor = target.regressor(model)
+    card = {
+        "name": name,
+        "version": version,
+        "kind": surrogate.kind,
+        "description": text.description,
+        "material": {"law": law.name, "trained_with": law.describe(), "shape": target.shape(law)},
+        "weight_function": target.weight_function,
+        "features": {
+            "set": surrogate.feature_set,
+            "names": list(surrogate.features),
+            "from": list(target.columns),
+            "targets": list(target.outputs),
+            "units": target.units,
+        },
+        "scaling": target.scaling(model),
+        "training": {
+            "design": samples.design,
+            "regressor": title_of(regressor),
+            "parameters": _plain(regressor.get_params()) if hasattr(regressor, "get_params") else {},
+            "outcome": {
+                key.removesuffix("_"): value
+                for key in ("n_iter_", "loss_", "validation_loss_", "test_score_")
+                if np.isscalar(value := getattr(regressor, key, None)) and np.isfinite(value)
+            },
+            "cross_validation": text.cross_validation or [],
+            "search": search or [],
+            **({"identification": text.identification} if text.identification else {}),
+            **({"resampling": resampling} if resampling else {}),
+        },
+        "domain": asdict(surrogate.domain),
+        "errors": {"box": errors, **target.more_reports(surrogate, law, (low, high))},
+        "made_with": versions(),
+        "members": cards,
+    }
+    kept = model if isinstance(model, BaseEstimator) else None
+    return save_artifact(folder, card, surrogate, kept, committee)
+
+
+def _check_members(members: Sequence[tuple], target: Target) -> None:
+    """Raise TypeError or ValueError for members that a committee of a target cannot have."""
+    if not isinstance(members, list | tuple):
+        raise TypeError(f"members must be a list of tuples, each a fitted model, its samples and its law, not {kind_of(members)}")
+    if members and not target.has_committees:
+        raise ValueError(f"a surrogate of the target {target.name} has no committee; take bond-force or isochoric-energy")
+    for number, member in enumerate(members, 1):
+        if not isinstance(member, list | tuple) or len(member) != 3:
+            raise TypeError(f"member {number} must be a tuple of a fitted model, its samples and its law, not {kind_of(member)}")
+        check_is(member[1], Samples, f"the samples of member {number}", "training_samples draws")
+        if member[1].target is not target:
+            raise ValueError(f"the samples of member {number} are of the target {member[1].target.name}, not of {target.name}")
+        checked_law(member[2])
+
+
+def _committee(members: Sequence[tuple], title: str, target: Target) -> tuple[list, list[dict]]:
+    """Return the surrogates of the members of a committee and their entries on the card; raise `TooInexact` for one that is too far off."""
+    surrogates, cards = [], []
+    for number, (model, samples, law) in enumerate(members, 1):
+        which = f"{title}#{number}"
+        surrogate, _ = checked_surrogate(model, law, samples, which)
+        report = target.report(surrogate, law, tuple(samples.design["stretch_range"]), MEMBER_STATES, 1_000_003)
+        check_worth_storing(report, which, law)
+        surrogates.append(surrogate)
+        cards.append(
+            {
+                "material": {"law": law.name, "trained_with": law.describe(), "shape": target.shape(law)},
+                "domain": asdict(surrogate.domain),
+                "errors": {"box": {key: report[key] for key in ("stretch_range", "n_samples", "on_surface")}},
+            }
+        )
+    return surrogates, cards
+
+
+def search_table(search) -> list[dict]:
+    """Return the rows of a fitted search over parameters for a card: what was tried, and the mean and the spread of its scores."""
+    found = search.cv_results_
+    scores = "mean_test_score" if "mean_test_score" in found else f"mean_test_{search.refit}"
+    rows = zip(found["params"], found[scores], found[scores.replace("mean", "std")], strict=True)
+    return [{**_plain(parameters), "score": float(mean), "spread": float(spread)} for parameters, mean, spread in rows]
+
+
+def _in_words(value) -> str:
+    """Return a bond-force pipeline by its features and its regressor, and all else as Python shows it."""
+    try:
+        features = feature_set_of(value)
+    except ValueError:
+        return repr(value)
+    last = value.regressor.steps[-1][1]
+    return f"{features} features, {getattr(last, 'regressor', last)!r}"
+
+
+def _plain(parameters: dict) -> dict:
+    """Return parameters of an estimator as a card keeps them: numbers and names as they are, and all else in words."""
+
+    def plain(value):
+        if isinstance(value, tuple | list):
+            return [plain(inner) for inner in value]
+        if value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and np.isfinite(value)):
+            return value
+        return value.item() if isinstance(value, np.integer) else _in_words(value)[:MOST_WORDS]
+
+    return {key: plain(value) for key, value in parameters.items()}
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of everything that shapes an artefact."""
+    found = {"python": platform.python_version()}
+    for package in ("pdsurrogate", "numpy", "scipy", "scikit-learn", "joblib"):
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found

@@ -85,7 +85,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pipeline = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor(4))
+    >>> pipeline = pds.surrogate_pipeline(pds.ChebyshevRegressor(4), features="isochoric")
     >>> isinstance(pipeline, pds.InputAwareTargetRegressor)
     True
     """

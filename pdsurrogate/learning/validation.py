@@ -9,7 +9,7 @@ import numpy as np
 
 from ..forces import AnalyticBondForce
 from ..materials import Law
-from .sampling import states_of_strain, wide_design
+from .sampling import states_of_strain, wide_bonds
 
 STRAIN_BINS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 3.0)
 """Bounds of the bins of greatest principal strain in error reports."""
@@ -18,23 +18,10 @@ SLOPE_STEP = 1e-4
 """Relative change of lambda_b by which the stiffness slope is read; single precision is never used here."""
 
 
-def relative_errors(force: Callable, samples) -> dict[str, float]:
-    """Errors of a bond force on samples.
-
-    Parameters
-    ----------
-    force : callable
-        ``force(stretch, rotation, length, C33, J)``, e.g. a model's `bond_force`.
-    samples : BondSamples
-        Nondimensional.
-
-    Returns
-    -------
-    dict
-        ``rms``: root mean square of the error over that of the force; ``max``: greatest error over the root mean square of the force.
-    """
-    error = np.linalg.norm(force(*samples.X.T) - samples.y, axis=1)
-    size = np.sqrt((samples.y**2).sum(axis=1).mean())
+def relative_errors(predicted: np.ndarray, exact: np.ndarray) -> dict[str, float]:
+    """Return the RMS (``rms``) and greatest (``max``) error of bond forces, shape (n, 2), over the RMS of the exact ones."""
+    error = np.linalg.norm(predicted - exact, axis=1)
+    size = np.sqrt((exact**2).sum(axis=1).mean())
     return {"rms": float(np.sqrt((error**2).mean()) / size), "max": float(error.max() / size)}
 
 
@@ -63,20 +50,20 @@ def force_report(
         t_n / d lambda_b at fixed dtheta, J and C33 over both sets, with ``least_slope_exact``, that of the exact
         force in the same states; the least value must be positive, or short waves are unstable.
     """
-    on = wide_design(law, n_samples, stretch_range, near_rest=0.25, off_surface=0, random_state=random_state)
-    off = wide_design(law, n_samples, stretch_range, near_rest=0, off_surface=1, random_state=random_state + 1)
+    on, on_force, _ = wide_bonds(law, n_samples, stretch_range, 0.25, 0, random_state)
+    off, off_force, _ = wide_bonds(law, n_samples, stretch_range, 0, 1, random_state + 1)
     bins = []
     for number, strains in enumerate(strain_bins(*stretch_range)):
-        samples = states_of_strain(law, strains, stretch_range, max(n_samples // 10, 100), random_state + 2 + number)
-        bins.append({"strain": list(strains), **relative_errors(force, samples)})
-    states = np.vstack([on.X, off.X])
+        X, exact = states_of_strain(law, strains, stretch_range, max(n_samples // 10, 100), random_state + 2 + number)
+        bins.append({"strain": list(strains), **relative_errors(force(*X.T), exact)})
+    states = np.vstack([on, off])
     exact = AnalyticBondForce(law).bond_force
     return {
         "stretch_range": list(stretch_range),
         "n_samples": n_samples,
         "random_state": random_state,
-        "on_surface": relative_errors(force, on),
-        "off_surface": relative_errors(force, off),
+        "on_surface": relative_errors(force(*on.T), on_force),
+        "off_surface": relative_errors(force(*off.T), off_force),
         "by_strain": bins,
         "at_rest": float(np.linalg.norm(force([1.0], [0.0], [1.0], [1.0], [1.0]))),
         "least_slope": float(stiffness_slopes(force, states).min()),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numba
+import numpy as np
 
 from ..artifacts import load_surrogate
 from ..engine.threads import at_most, most_threads
@@ -23,14 +24,12 @@ from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..learning import (
     ChebyshevRegressor,
     LevenbergMarquardtRegressor,
-    bond_force_pipeline,
-    domain_of,
     evaluate,
     reachable_stretches,
     surrogate_of,
-    wide_design,
+    surrogate_pipeline,
+    training_samples,
 )
-from ..learning.energy import energy_design, energy_errors, energy_pipeline, energy_surrogate_of
 from ..learning.listening import listening
 from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
@@ -75,20 +74,20 @@ def plans(law: Law, quick: bool) -> list[Plan]:
 
     For the default Neo-Hookean law the shipped networks are used as they are.
     """
-    samples = wide_design(law, 3000 if quick else 8000, reachable_stretches(law), random_state=0)
+    samples = training_samples(law, 3000 if quick else 8000, reachable_stretches(law), random_state=0)
 
     def fitted(features, regressor) -> ForceSurrogate:
-        model = bond_force_pipeline(features, regressor).fit(samples.X, samples.y)
-        return surrogate_of(model, law, domain_of(samples))
+        model = surrogate_pipeline(regressor, features=features).fit(samples.X, samples.y)
+        return surrogate_of(model, law, samples)
 
     def network(units) -> LevenbergMarquardtRegressor:
         iterations = 150 if quick else 600
         return LevenbergMarquardtRegressor((units,), "algebraic", max_iter=iterations, n_iter_no_change=100, random_state=0)
 
     def fitted_energy() -> EnergySurrogate:
-        energies = energy_design(law, 1000 if quick else 2000, reachable_stretches(law, (0.5, 5.0)))
+        energies = training_samples(law, 1000 if quick else 2000, reachable_stretches(law, (0.5, 5.0)), target="sheet-energy")
         regressor = SobolevRegressor(12, max_iter=200 if quick else 1000, random_state=0)
-        return energy_surrogate_of(energy_pipeline(regressor).fit(energies.X, energies.y), law, energies)
+        return surrogate_of(surrogate_pipeline(regressor, "sheet-energy").fit(energies.X, energies.y), law, energies)
 
     shipped, double = isinstance(law, NeoHookean), ("float64",)
     found = [
@@ -140,8 +139,8 @@ def measure_error(entry: Candidate, law: Law, n_samples: int) -> dict:
     """
     if isinstance(entry.model, EnergySurrogate):
         # An energy gives the stress on the surface only, since C33 is not among its inputs.
-        samples = energy_design(law, n_samples, reachable_stretches(law), 0.25, 1_000_003)
-        errors = energy_errors(kernel_energy(entry.model, law, entry.precision, *samples.X.T), samples)
+        samples = training_samples(law, n_samples, reachable_stretches(law), 0.25, 1_000_003, target="sheet-energy")
+        errors = samples.target.errors(np.stack(kernel_energy(entry.model, law, entry.precision, *samples.X.T), axis=1), samples)
         return {"rms_on_surface": errors["rms"], "max_on_surface": errors["max"]}
     if not isinstance(entry.model, ForceSurrogate):
         return {}

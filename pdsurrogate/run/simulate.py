@@ -136,7 +136,7 @@ def simulate(
         A scene, or the name or file of one, see `pdsurrogate.load_scene`.
     force : str, path, ForceModel, fitted pipeline or object, optional
         A force model, the name of one ("analytic", "nosb"), an artefact: NAME, NAME@VERSION or a path; or a fitted
-        `pdsurrogate.bond_force_pipeline` or `pdsurrogate.energy_pipeline`, or a search over one, or an object with a
+        `pdsurrogate.surrogate_pipeline` or `pdsurrogate.surrogate_pipeline`, or a search over one, or an object with a
         ``bond_force`` or an ``energy`` (`pdsurrogate.forces.OwnBondForce`), taken to describe the scene's material.
         An artefact brings the material of its card into a built-in scene, see `pdsurrogate.artifacts.with_material`.  By default the one
         for the scene, see `pdsurrogate.artifacts.default_force`.
@@ -296,7 +296,8 @@ def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
 
     if isinstance(force, BaseEstimator):
         from ..learning.export import best_of
-        from ..learning.force_model import force_model_of, stated_against
+        from ..learning.fitting import stated_against
+        from ..learning.surrogates import force_model_of
 
         law = scene.law()
         model = force_model_of(force, law)
@@ -305,8 +306,8 @@ def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
         except ValueError as error:
             raise SceneError(f"scene {scene.name}: {error}") from None
     raise TypeError(
-        "force must be a force model, the name of one, an artefact (NAME, NAME@VERSION or a path), a fitted bond_force_pipeline or "
-        f"energy_pipeline, or an object with a bond_force or an energy, not {force!r}"
+        "force must be a force model, the name of one, an artefact (NAME, NAME@VERSION or a path), a fitted "
+        f"surrogate_pipeline, or an object with a bond_force or an energy, not {force!r}"
     )
 
 

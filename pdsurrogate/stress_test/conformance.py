@@ -37,7 +37,7 @@ from ..forces import (
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..forces.settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, WHERE
 from ..kernels.reference_state import CORRECTIONS
-from ..learning import wide_design
+from ..learning import training_samples
 from ..materials import PLANES, Law, dimension_of
 from ..run.run import Silent
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
@@ -382,7 +382,7 @@ def kernel_and_numpy(subject: Subject) -> Outcome:
     if subject.plane != "stress":
         return Outcome(INAPPLICABLE, "its face in NumPy is that of a sheet")
     if isinstance(model, ForceSurrogate):
-        X = wide_design(law, 1000, (0.8, 3.5), random_state=11).X.T
+        X = training_samples(law, 1000, (0.8, 3.5), random_state=11).X.T
         found, expected = kernel_bond_force(model, law, np.float64)(*X), model.bond_force(*X)
     elif isinstance(model, EnergySurrogate):
         stretches = np.random.default_rng(11).uniform(0.6, 4.5, (1000, 2))

@@ -14,8 +14,8 @@ for name in ("neo-hookean", "gent", "mooney-rivlin"):
 
 # %% A polynomial in the two isochoric features, cross-validated.
 law = laws["gent"].law_
-samples = pds.wide_design(law, n_samples=2000, stretch_range=(0.6, 2.5), random_state=0)
-model = pds.bond_force_pipeline("isochoric", pds.ChebyshevRegressor((10, 5)))
+samples = pds.training_samples(law, n_samples=2000, stretch_range=(0.6, 2.5), random_state=0)
+model = pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric")
 folds = pds.cross_validate(model, samples, folds=3)
 print("relative errors left out:", [f"{fold['rms']:.1e}" for fold in folds])
 

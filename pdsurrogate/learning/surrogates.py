@@ -1,0 +1,308 @@
+"""Samples, pipelines and surrogates of a target that the user names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from sklearn.utils.validation import check_is_fitted
+
+from ..arguments import check_is, check_seed, check_share, check_text, check_whole_number
+from ..forces import LearntBondForce, LearntEnergy
+from ..materials import Law
+from ..materials.law import checked_law
+from .bond_force import BOND_FORCE
+from .energy import SHEET_ENERGY
+from .export import best_of
+from .isochoric import ISOCHORIC_ENERGY
+from .sampling import checked_range, random_order
+from .target import InputAwareTargetRegressor
+from .targets import Samples, Target
+
+TARGETS = {target.name: target for target in (BOND_FORCE, SHEET_ENERGY, ISOCHORIC_ENERGY)}
+"""Targets by the names that users give."""
+
+
+def target_called(name: str) -> Target:
+    """Return the target of a name; raise ValueError if there is none."""
+    if not isinstance(name, str) or name not in TARGETS:
+        raise ValueError(f"target must be one of {', '.join(TARGETS)}, not {name!r}")
+    return TARGETS[name]
+
+
+def target_of(model) -> Target | None:
+    """Return the target that a pipeline predicts, fitted or not; None for other estimators."""
+    return next((target for target in TARGETS.values() if target.predicted_by(model)), None)
+
+
+def training_samples(
+    law: Law,
+    n_samples: int | None = None,
+    stretch_range: tuple[float, float] | None = None,
+    near_rest: float = 0.25,
+    random_state: int = 0,
+    target: str = "bond-force",
+    off_surface: float | None = None,
+) -> Samples:
+    """Draw training samples of a law, even in log-stretch and in random order, a share of them near rest (theory, section 5).
+
+    Parameters
+    ----------
+    law : Law
+    n_samples : int, optional
+        By default 8,000 of a bond force, 2,000 of the energy of a sheet and 1,000 of an isochoric energy.
+    stretch_range : tuple of float, optional
+        Least and greatest principal stretch; by default 0.5 to 4, of the energy of a sheet 0.5 to 5, and of an isochoric energy 0.25 to 4
+        for three stretches of product 1.
+    near_rest : float
+        Share of states with strains from 0.1 % to 30 % or as far as the range goes, even in the logarithm of the strain.
+    random_state : int
+        Seed.
+    target : {"bond-force", "sheet-energy", "isochoric-energy"}
+        What is learnt: the bond force of a sheet, the energy of a sheet under plane stress, or the energy W(I1bar, I2bar) for plane strain,
+        three dimensions and every bulk modulus.
+    off_surface : float, optional
+        For bond forces, the share of states off the plane-stress surface, two thirds by default: stretch, rotation and C33 are perturbed
+        independently there, by amounts that shrink with the strain, and the force is the exact one of the perturbed values.
+
+    Returns
+    -------
+    Samples
+        Dimensionless, lengths in units of the horizon.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is not as described, or the law does not have all states of the range.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> samples = pds.training_samples(pds.NeoHookean(), n_samples=300, stretch_range=(0.7, 2.0), target="sheet-energy")
+    >>> samples.X.shape, samples.design["stretch_range"]
+    ((300, 2), [0.7, 2.0])
+    """
+    checked_law(law)
+    chosen = target_called(target)
+    n_samples = chosen.n_samples if n_samples is None else n_samples
+    check_whole_number(n_samples, "n_samples", 1)
+    check_share(near_rest, "near_rest")
+    check_seed(random_state)
+    if off_surface is not None and chosen is not BOND_FORCE:
+        raise ValueError(f"off_surface is for the target bond-force; samples of {target} are all on the plane-stress surface")
+    box = checked_range(chosen.stretch_range if stretch_range is None else stretch_range)
+    options = {} if off_surface is None else {"off_surface": off_surface}
+    samples = chosen.draw(law, n_samples, box, near_rest, random_state, **options)
+    if not np.isfinite(samples.y).all():
+        least, greatest = reachable_stretches(law, box, target)
+        raise ValueError(
+            f"{law.name} ends before all states of stretches from {box[0]:g} to {box[1]:g}; it has those from {least:.4g} to {greatest:.4g}"
+            " (reachable_stretches)"
+        )
+    return samples.take(random_order(n_samples, near_rest, random_state))
+
+
+def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0), target: str = "bond-force") -> tuple[float, float]:
+    """Return the part of a range of principal stretches in which a law has every state of `training_samples`.
+
+    A law that locks ends within any range. Both bounds are then drawn in, evenly in their logarithms, until the perturbed corners of the
+    box are short of the limit.
+
+    Parameters
+    ----------
+    law : Law
+    stretch_range : tuple of float
+        Least and greatest principal stretch.
+    target : {"bond-force", "sheet-energy", "isochoric-energy"}
+        Target of the samples.
+
+    Returns
+    -------
+    tuple of float
+
+    Raises
+    ------
+    ValueError
+        If the law locks too near the undeformed state for a surrogate.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> low, high = pds.reachable_stretches(pds.Gent(chain_limit=20.0))
+    >>> low >= 0.5, high < 4.0
+    (True, True)
+    """
+    checked_law(law)
+    chosen = target_called(target)
+    low, high = np.log(checked_range(stretch_range))
+    share = _reachable_share(law, lambda share: chosen.reached(law, share * low, share * high))
+    return tuple(float(value) for value in (stretch_range if share == 1 else np.exp([share * low, share * high])))
+
+
+def _reachable_share(law: Law, reached: Callable[[float], bool]) -> float:
+    """Return the share of a range of log-stretches of which a law has all states; `reached` says whether it has those of a share."""
+    if reached(1.0):
+        return 1.0
+    inside, outside = 0.0, 1.0
+    while outside - inside > 1e-3:
+        middle = (inside + outside) / 2
+        inside, outside = (middle, outside) if reached(middle) else (inside, middle)
+    if inside == 0:
+        raise ValueError(f"{law.name}: it locks too near the undeformed state for a surrogate")
+    # The energy grows without bound towards the limit; a twentieth short of it a smooth model can still follow.
+    return 0.95 * inside
+
+
+def surrogate_pipeline(
+    regressor=None,
+    target: str = "bond-force",
+    features: str | None = None,
+    horizon: float = 1.0,
+    weight: str | None = None,
+    shear_modulus: float = 1.0,
+) -> InputAwareTargetRegressor:
+    """Make a scikit-learn pipeline (features, scaling, dimensionless target, regressor) that predicts a target from ``Samples.X``.
+
+    Energies are zero at rest by construction, and so is the stress; residuals of their training are divided by the size of a rubber's
+    energy.
+
+    Parameters
+    ----------
+    regressor : estimator, optional
+        For bond forces, any regressor of scikit-learn's make, pipelines and searches among them: one that takes a single target is fitted
+        to each output by itself; by default a Levenberg-Marquardt network of 20 units. For energies, a `SobolevRegressor`, whose `anchor`,
+        `flat` and `size` are set here; by default one of 12 units, of 8 for an isochoric energy.
+    target : {"bond-force", "sheet-energy", "isochoric-energy"}
+        What the pipeline predicts, see `training_samples`.
+    features : str, optional
+        For bond forces, the features that the regressor sees, one of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`; "symmetric" by
+        default. With "symmetric" and "isochoric" ones the force is isotropic, mirror symmetric, and zero at rest by construction.
+    horizon : float
+        For bond forces, the unit of length of the samples' third column.
+    weight : str, optional
+        For bond forces, the weight function of samples with dimensional forces; None for dimensionless ones.
+    shear_modulus : float
+        For bond forces, the unit of stress of dimensional forces.
+
+    Returns
+    -------
+    InputAwareTargetRegressor
+        The pipeline takes tables (pandas) with the names of the columns, in any order, and refuses other names. With "symmetric" and
+        "isochoric" features it leaves samples without shear (rotation 0) out with a warning: they do not determine how the force grows
+        with shear.
+
+    Raises
+    ------
+    ValueError
+        If the target or the features are unknown, the regressor is none, or an option does not belong to the target.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> samples = pds.training_samples(pds.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pds.surrogate_pipeline(pds.ChebyshevRegressor(6), features="isochoric").fit(samples.X, samples.y)
+    >>> model.predict(samples.X).shape
+    (500, 2)
+    """
+    chosen = target_called(target)
+    options = {"features": features, "horizon": horizon, "weight": weight, "shear_modulus": shear_modulus}
+    if chosen is BOND_FORCE:
+        return chosen.pipeline(regressor, **options)
+    defaults = {"features": None, "horizon": 1.0, "weight": None, "shear_modulus": 1.0}
+    given = [key for key, value in options.items() if value != defaults[key]]
+    if given:
+        raise ValueError(f"{given[0]} is for the target bond-force; {target} has none")
+    return chosen.pipeline(regressor)
+
+
+def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> LearntBondForce | LearntEnergy:
+    """Return the surrogate of a fitted model, as plain arrays that the solver evaluates.
+
+    Parameters
+    ----------
+    model : estimator or object
+        A fitted `surrogate_pipeline`, whatever its regressor, or a search over one. For bond forces also another fitted regressor of the
+        five bond quantities (columns of ``Samples.X``), or an object with a ``bond_force(stretch, rotation, length, C33, J)`` or an
+        ``energy(I1bar, I2bar)``.
+    law : Law
+        Law of the training data.
+    samples : Samples
+        Samples that the model was fitted to; their design gives the domain in which it holds.
+    name : str
+
+    Returns
+    -------
+    NetworkForce, PolynomialForce, SplineForce, EnergyNetwork or IsochoricNetwork
+        Networks of one to three hidden layers and `ChebyshevRegressor` are taken over as they are, scalings folded into their constants;
+        every other regressor of a bond force is resampled onto a spline.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the model does not predict the samples' target, is not fitted, or has no finite value somewhere in the domain.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> law, target = pds.NeoHookean(), "isochoric-energy"
+    >>> samples = pds.training_samples(law, n_samples=300, stretch_range=(0.7, 2.0), target=target)
+    >>> model = pds.surrogate_pipeline(pds.SobolevRegressor(4, "algebraic", max_iter=30, random_state=0), target)
+    >>> pds.surrogate_of(model.fit(samples.X, samples.y), law, samples)
+    <IsochoricNetwork unsaved of neo-hookean>
+    """
+    check_text(name, "name")
+    check_is(samples, Samples, "samples", "training_samples draws")
+    checked_law(law)
+    return checked_surrogate(model, law, samples, name)[0]
+
+
+def checked_surrogate(model, law: Law, samples: Samples, name: str) -> tuple[LearntBondForce | LearntEnergy, dict]:
+    """Return `surrogate_of` of checked arguments with the report of its resampling; refuse a pipeline of another target."""
+    model, target = best_of(model), samples.target
+    found = target_of(model)
+    if found is not None and found is not target:
+        raise ValueError(f"the pipeline predicts the target {found.name}, and the samples are of {target.name}")
+    return target.surrogate(model, law, target.domain(law, samples), name, samples.X)
+
+
+def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearntBondForce | LearntEnergy:
+    """Return the force model of a fitted `surrogate_pipeline`, or of a search over one; its domain is that of its training states.
+
+    Parameters
+    ----------
+    model : estimator
+    law : Law
+        Law that the pipeline is taken to be fitted to: a pipeline does not know its material.
+    name : str
+
+    Returns
+    -------
+    LearntBondForce or LearntEnergy
+
+    Raises
+    ------
+    ValueError
+        If the model is no such pipeline, is not fitted, or was read from a file, which does not hold the training states.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> from pdsurrogate.learning import force_model_of
+    >>> samples = pds.training_samples(pds.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pds.surrogate_pipeline(pds.ChebyshevRegressor(6), features="isochoric").fit(samples.X, samples.y)
+    >>> force_model_of(model, pds.NeoHookean()).name
+    'fitted pipeline'
+    """
+    model = best_of(model)
+    target = target_of(model)
+    if target is None:
+        raise ValueError(
+            f"a {type(model).__name__} by itself does not say which stretches it was fitted to: fit it within a surrogate_pipeline, "
+            "which takes any regressor, or give pds.store the samples that it was fitted to, and simulate the artefact"
+        )
+    check_is_fitted(model)
+    if model.training_inputs_ is None:
+        raise ValueError(
+            "a pipeline read from a file does not say which stretches it was fitted to: give the artefact instead, or fit it here"
+        )
+    return target.surrogate(model, law, target.domain_of_states(law, model.training_inputs_), name)[0]

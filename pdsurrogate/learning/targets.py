@@ -1,0 +1,142 @@
+"""What a surrogate learns: the base of the bond force, the energy of a sheet and the isochoric energy, and samples of them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..forces import Domain, LearntBondForce, LearntEnergy
+from ..materials import Law
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples of what a surrogate learns, as `pdsurrogate.training_samples` draws them.
+
+    Attributes
+    ----------
+    X : ndarray, shape (n, n_columns)
+        Inputs: five quantities of a bond (stretch, rotation, length, C33, J), or two invariants of a deformation.
+    y : ndarray, shape (n, n_outputs)
+        Dimensionless targets: the bond force along and across the bond, or the energy and its derivatives by the invariants.
+    design : dict
+        Everything that is needed to draw the samples again.
+    target : Target
+        What is learnt from them.
+    stretches : ndarray, shape (n, 2) or (n, 3), optional
+        Principal stretches of the states, for energies.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> samples = pds.training_samples(pds.NeoHookean(), n_samples=300)
+    >>> samples.X.shape, samples.y.shape, samples.target.name
+    ((300, 5), (300, 2), 'bond-force')
+    """
+
+    X: np.ndarray
+    y: np.ndarray
+    design: dict
+    target: Target
+    stretches: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.X)
+
+    def take(self, rows: np.ndarray) -> Samples:
+        """Return the samples of the given rows."""
+        stretches = None if self.stretches is None else self.stretches[rows]
+        return Samples(self.X[rows], self.y[rows], self.design, self.target, stretches)
+
+
+class Target(ABC):
+    """A quantity that surrogates learn; the instances are `BOND_FORCE`, `SHEET_ENERGY` and `ISOCHORIC_ENERGY`.
+
+    Attributes
+    ----------
+    name : str
+        Name by which users ask for it.
+    columns, outputs : tuple of str
+        Columns of X and y of its samples.
+    stretch_range : tuple of float
+        Least and greatest principal stretch of samples, where the user gives no range.
+    n_samples : int
+        Number of samples, where the user gives none.
+    units : str
+        Units of features and targets, for cards.
+    weight_function : str
+        What the card says of weight functions.
+    has_committees : bool
+        Whether an artefact may hold a committee.
+    """
+
+    name: ClassVar[str]
+    columns: ClassVar[tuple[str, ...]]
+    outputs: ClassVar[tuple[str, ...]]
+    stretch_range: ClassVar[tuple[float, float]]
+    n_samples: ClassVar[int]
+    units: ClassVar[str]
+    weight_function: ClassVar[str]
+    has_committees: ClassVar[bool] = True
+
+    @abstractmethod
+    def reached(self, law: Law, low: float, high: float) -> bool:
+        """Return whether a law has all states of samples whose principal stretches have logarithms from `low` to `high`."""
+
+    @abstractmethod
+    def draw(self, law: Law, n_samples: int, stretch_range: tuple[float, float], near_rest: float, random_state: int, **options) -> Samples:
+        """Return samples in the order in which they are drawn; `options` are those of `pdsurrogate.training_samples`."""
+
+    @abstractmethod
+    def pipeline(self, regressor, **options):
+        """Return a pipeline that is not fitted; `options` are those of `pdsurrogate.surrogate_pipeline`."""
+
+    @abstractmethod
+    def predicted_by(self, model) -> bool:
+        """Return whether a pipeline predicts this target."""
+
+    @abstractmethod
+    def errors(self, predicted: np.ndarray, samples: Samples) -> dict[str, float]:
+        """Return the relative errors (``rms``, ``max``) of predictions, of the shape of ``samples.y``."""
+
+    @abstractmethod
+    def domain(self, law: Law, samples: Samples) -> Domain:
+        """Return the domain of a surrogate that is fitted to samples of a design."""
+
+    @abstractmethod
+    def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
+        """Return the domain of a surrogate that is fitted to states (columns `columns`) of an unknown design."""
+
+    @abstractmethod
+    def surrogate(
+        self, model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None
+    ) -> tuple[LearntBondForce | LearntEnergy, dict]:
+        """Return the surrogate of a fitted model and a report of its resampling, empty where the surrogate is the model's own function."""
+
+    @abstractmethod
+    def report(self, model, law: Law, stretch_range: tuple[float, float], n_samples: int, random_state: int) -> dict:
+        """Return the report of `pdsurrogate.evaluate`."""
+
+    @abstractmethod
+    def more_reports(self, surrogate, law: Law, stretch_range: tuple[float, float]) -> dict[str, dict]:
+        """Return reports over further ranges of stretches for the card, by title."""
+
+    @abstractmethod
+    def shape(self, law: Law) -> dict[str, float]:
+        """Return the dimensionless parameters of a law that the target depends on."""
+
+    @abstractmethod
+    def regressor(self, model):
+        """Return the regressor inside a fitted model, below features and scalings."""
+
+    @abstractmethod
+    def scaling(self, model) -> dict:
+        """Return what the card says of the scalings of a fitted model."""
+
+
+def hull_of(design: dict) -> tuple[tuple[float, float, float], ...] | None:
+    """Return the hull of the test data (`Domain.hull`) of an energy without a law, for a design that has one."""
+    return None if design.get("hull") is None else tuple(tuple(map(float, plane)) for plane in design["hull"])
