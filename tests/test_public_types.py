@@ -1,0 +1,52 @@
+"""The stub that type checkers read of the package declares the names that the package loads on first use."""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import pdsurrogate as pds
+
+SCRIPTS = Path(__file__).parent / "typing"
+
+
+def test_stub_declares_every_public_name_from_its_home():
+    stub = ast.parse(Path(pds.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+    declared = {
+        name.asname: statement.module
+        for statement in stub.body
+        if isinstance(statement, ast.ImportFrom)
+        for name in statement.names
+        if name.asname == name.name
+    }
+    rooms = {name for name, home in declared.items() if home is None}
+    assert rooms == pds._ROOMS
+    assert {name: home for name, home in declared.items() if home is not None} == pds._HOMES
+
+
+OPTIONS = {"mypy": ["--config-file=", "--follow-imports=silent", "--ignore-missing-imports"], "pyright": ["--pythonpath", sys.executable]}
+
+
+def lines_with_errors(checker, script):
+    """Return the lines of a script in which a type checker finds errors."""
+    pytest.importorskip(checker)
+    command = [sys.executable, "-m", checker, *OPTIONS[checker], str(script)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=script.parents[2])
+    found = {int(number) for number in re.findall(rf"{script.name}:(\d+):(?:\d+ -)? error", done.stdout)}
+    assert done.returncode == (1 if found else 0), done.stdout + done.stderr
+    return found
+
+
+@pytest.mark.parametrize("checker", OPTIONS)
+def test_right_calls_pass(checker):
+    assert lines_with_errors(checker, SCRIPTS / "right.py") == set()
+
+
+@pytest.mark.parametrize("checker", OPTIONS)
+def test_each_wrong_call_is_an_error(checker):
+    script = SCRIPTS / "wrong.py"
+    lines = script.read_text(encoding="utf-8").splitlines()
+    assert lines_with_errors(checker, script) == {number for number, line in enumerate(lines, 1) if line.startswith("pds.")}
