@@ -37,7 +37,7 @@ def parts_of(body, bounds, reach):
         numbers = np.flatnonzero((x > low - reach) & (x < high + reach))
         part = Body(body.points[numbers], body.volumes[numbers], body.horizon, body.spacing)
         own = (x[numbers] > low) & (x[numbers] < high)
-        object.__setattr__(part, "part", SomePoints(rank, len(bounds) - 1, numbers, own))
+        object.__setattr__(part, "share", SomePoints(rank, len(bounds) - 1, numbers, own))
         yield numbers, part
 
 
