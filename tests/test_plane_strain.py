@@ -8,7 +8,7 @@ from conftest import SHIPPED
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_card, load_surrogate
 from pdsurrogate.body import Ghosts, ReflectionPlane
-from pdsurrogate.forces import FORCES, ForceSettings, PlainBondEnergyForce
+from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.forces.selective_energy import Smoothing
 from pdsurrogate.materials import LAWS, NeoHookean, homogeneous, plane_strain, plane_stress, solid
 from pdsurrogate.results.measures import PointState, strain_energy
@@ -16,7 +16,7 @@ from pdsurrogate.scenes import MaterialSpec, SceneError
 from pdsurrogate.stress_test.deformations import turn, wavy
 
 LAW = NeoHookean(2.0, 2000.0)
-EXACT = {name: FORCES[name]() for name in ("analytic", "nosb", "bond-energy")} | {"bond-energy-plain": PlainBondEnergyForce()}
+EXACT = {name: FORCES[name]() for name in ("analytic", "nosb", "bond-energy")}
 STRAIN = ForceSettings(plane="strain")
 F = turn(40) @ np.array([[1.4, 0.25], [-0.1, 0.74]])
 """A turned state of 5 per cent more volume."""

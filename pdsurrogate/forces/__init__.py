@@ -3,7 +3,7 @@
 from ..engine.compile import CompilerSwitchedOff
 from .analytic import AnalyticBondForce
 from .ba_nosb import BANOSBForce
-from .bond_energy import BondEnergyForce, EnergySurrogate, PlainBondEnergyForce
+from .bond_energy import BondEnergyForce, EnergySurrogate
 from .bond_force import ForceSurrogate
 from .learnt import LearntBondForce
 from .learnt_energy import EnergyNetwork, IsochoricNetwork, LearntEnergy
@@ -44,7 +44,6 @@ __all__ = [
     "OwnBondForce",
     "OwnForceFailed",
     "OwnForceInvalid",
-    "PlainBondEnergyForce",
     "PolynomialForce",
     "Portion",
     "SplineForce",

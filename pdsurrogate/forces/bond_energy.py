@@ -19,7 +19,7 @@ from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import add_node_forces, point_forces, sum_moments, weigh_moments
-from ..materials import PLANES, SHEETS, Law, plane_stress
+from ..materials import PLANES, Law, plane_stress
 from .energy_density import BLEND, EnergyDerivatives, blended, domain_constants
 from .evaluation import DomainWatch, Evaluation, usual_precision
 from .kinematics import Kinematics, at_point, locate, matrices
@@ -129,25 +129,6 @@ class BondEnergyForce(EnergySurrogate):
     def compiled(self, dtype) -> CompiledBondForce:
         """Block function of the exact energy, whose law the pass supplies."""
         return CompiledBondForce(analytic_energy_density(dtype).address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0)
-
-
-class PlainBondEnergyForce(BondEnergyForce):
-    """All of the energy at the bonds in plane strain too, where it locks: to be compared with `BondEnergyForce`."""
-
-    name = "bond-energy-plain"
-
-    @property
-    def honours(self) -> Mapping[str, tuple]:
-        return {**super().honours, "plane": SHEETS}
-
-    def honoured(self, plane: str) -> Mapping[str, tuple]:
-        return self.honours
-
-    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondEnergyEvaluation:
-        return BondEnergyEvaluation(self, body, law, settings)
-
-    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> EnergyOfPortions:
-        return EnergySurrogate.evaluation_of_portions(self, body, portions, settings)
 
 
 def pair_geometry(body: Body, pairs: np.ndarray | slice, weights: np.ndarray, precision: str) -> np.ndarray:

@@ -31,20 +31,12 @@ INVARIANTS = ([3.2, 3.6, 4.5, 6.0], [3.25, 3.4, 5.0, 4.5])
 REST = np.array([[1.0, 0.0, 1.0, 1.0, 1.0, 1.0]]).T
 """A bond at rest, as a block has it: U_nn, U_nm, U_mm, J, C33, length."""
 
-BEYOND, PLACES = 1.1, np.linspace(0, 1, 5)
-"""A run that takes an invariant farther than it was tried tries the energy there, at so many places on the way, and again when it has
-grown by this factor more."""
-
 DIFFERENCE = 1e-3
 """Relative step of the difference quotients there: their own error is some 1e-6 of a derivative, in single precision 1e-3."""
-
-ALONG = 4e-3
-"""The same along a deformation, of its logarithmic strain: a little less of it, where the energy is known to be defined."""
 
 MOST_OFF, NOTED = 1e-2, 1e-4
 """Of the greatest derivative or force that a trial gives (at rest of the shear modulus): by more than the first a derivative is not one,
 and a force is none of isotropic rubber, and is refused; by more than the second it is said."""
-
 
 NOTED_OF_QUOTIENTS = 2e-3
 """The same of derivatives: what a difference quotient in single precision may be off by itself is half of it."""
@@ -52,16 +44,13 @@ NOTED_OF_QUOTIENTS = 2e-3
 NEAR_REST = 3.0001
 """Invariants at which the shear modulus of an energy is taken: at 3 itself its derivatives may not be defined."""
 
-LEAST_SLOPE = 5e-3
-"""Derivatives by the invariants, in units of the shear modulus, that are taken for 0: a hundredth of those at rest."""
-
 
 class OwnForceFailed(RuntimeError):
-    """A user's own force raised an error, or returned something else than forces."""
+    """An error raised by a user's own force, or a result of it that is no force."""
 
 
 class OwnForceInvalid(InvalidState):
-    """A state in which a user's own force is not finite, or the derivatives of an energy are not those of its values."""
+    """A state in which a user's own force is not finite."""
 
 
 def is_own_force(thing) -> bool:
@@ -114,7 +103,6 @@ class OwnBondForce(ForceSurrogate):
             )
         self.thing, self.name = thing, type(thing).__name__
         self.failure: Exception | None = None
-        self._tried, self._noted = np.max(INVARIANTS, axis=1), False
         self._callback = _CALLED(self._evaluate_block)  # kept: its address is handed around
 
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
@@ -189,8 +177,6 @@ class OwnBondForce(ForceSurrogate):
             # that fill the last block, which have no length.
             has_state = np.isfinite(rows).all(axis=0) & (rows[3] > 0) & (rows[4] > 0)
             rows = np.where(has_state & (rows[5] > 0), rows, REST)
-            if not self._gives_force:
-                self._try_beyond(*_invariants(*rows[:5]))
             result[:] = np.where(has_state, self._tractions(*rows), np.nan)
         except Exception as error:  # it cannot pass through compiled code; the evaluation raises it
             self.failure = error
@@ -202,7 +188,7 @@ class OwnBondForce(ForceSurrogate):
         return CompiledBondForce(address, np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype), 0, needs_length=True)
 
     def check_material(self, law: Law) -> None:
-        """Try the force on a few bonds, and an energy at a few invariants; farther ones are tried when a run comes there.
+        """Try the force on a few bonds, and the derivatives of an energy at a few invariants.
 
         Raises
         ------
@@ -270,62 +256,6 @@ class OwnBondForce(ForceSurrogate):
                 f"{modulus:.4g} of it at rest, where 1 was expected: the material will be {modulus:.4g} times as stiff as the scene says",
                 stacklevel=4,
             )
-
-    def _try_beyond(self, I1: np.ndarray, I2: np.ndarray) -> None:
-        """Try an energy where the bonds of a run take an invariant farther than it was tried.
-
-        There it may be defined on states of bonds alone, so W is compared along a deformation, on which all logarithmic strains grow
-        alike: with the work of both derivatives, from the bond that goes farthest back to where it was tried.
-
-        Raises
-        ------
-        OwnForceInvalid
-            If derivatives or values are wrong there.
-        """
-        for number, invariant in enumerate((I1, I2)):
-            worst = invariant.argmax()
-            if invariant[worst] <= self._tried[number]:
-                continue
-            logs = _log_stretches(I1[worst], I2[worst])
-            shares = np.log(self._tried[number]) / np.log(invariant[worst])
-            self._check_along(logs, shares + (1 - shares) * PLACES)
-            self._tried[number] = BEYOND * invariant[worst]
-
-    def _check_along(self, logs: np.ndarray, shares: np.ndarray) -> None:
-        """Derivatives along a deformation, at these shares of its logarithmic strains, against difference quotients backwards there."""
-
-        def at(shares):
-            return np.exp(2 * np.outer(logs, shares)), np.exp(-2 * np.outer(logs, shares))
-
-        squares, inverses = at(shares)
-        I1, I2 = squares.sum(axis=0), inverses.sum(axis=0)
-        W, W1, W2 = self.energy(I1, I2)
-        by_share = 2 * (logs @ squares), -2 * (logs @ inverses)
-        slope = W1 * by_share[0] + W2 * by_share[1]
-        before = []
-        for steps in (0.5, 1, 2):
-            squares, inverses = at((1 - steps * ALONG) * shares)
-            before.append(self.energy(squares.sum(axis=0), inverses.sum(axis=0))[0])
-        coarse, fine = (
-            (3 * W - 4 * near + far) / (2 * step * ALONG * shares) for near, far, step in ((*before[1:], 1), (*before[:2], 0.5))
-        )
-        quotient = (4 * fine - coarse) / 3
-        # What the two differ by they do not know: close to a limit, or in single precision.
-        size = np.maximum(np.maximum(np.abs(slope), np.abs(quotient)), LEAST_SLOPE * np.abs(by_share).sum(axis=0))
-        off = np.maximum(np.abs(slope - quotient) - np.abs(fine - coarse), 0) / size
-        off[~np.isfinite(off)] = np.inf
-        worst = off.argmax()
-        where = f"at I1bar = {I1[worst]:.6g}, I2bar = {I2[worst]:.6g}"
-        if not np.isfinite([W, W1, W2]).all():
-            bad = np.flatnonzero(~np.isfinite([W, W1, W2]).all(axis=0))[0]
-            raise OwnForceInvalid(self._energy_not_finite(I1[bad], I2[bad], W[bad], W1[bad], W2[bad]))
-        self._judge(
-            off[worst],
-            f"{self.name}: dW/dI1bar and dW/dI2bar are not the derivatives of its W {where}: along the deformation they are "
-            f"{slope[worst]:.6g}, and a difference quotient of W is {quotient[worst]:.6g}",
-            np.inf if self._noted else NOTED_OF_QUOTIENTS,
-        )
-        self._noted |= bool(off[worst] > NOTED_OF_QUOTIENTS)  # said once in a run
 
     def _check_rest(self) -> None:
         lengths = np.array(TRIAL[2])
@@ -422,13 +352,6 @@ class _LawOf(InvariantLaw):
 def _invariants(a, b, U_mm, J, C33) -> tuple:
     """I1bar and I2bar of bonds."""
     return plane_stress.isochoric_invariants((a * a + 2 * b * b + U_mm * U_mm, J, J * np.sqrt(C33)))
-
-
-def _log_stretches(I1: float, I2: float) -> np.ndarray:
-    """Logarithms of the isochoric principal stretches, shape (3,), of invariants."""
-    squares = np.maximum(np.roots([1, -I1, I2, -1]).real, 1 / (I1 * I1))  # a double root may come out as a pair
-    logs = np.log(squares) / 2
-    return logs - logs.mean()
 
 
 def _rows_at(address: int, rows: int) -> np.ndarray:
