@@ -1,7 +1,5 @@
 """Fields on the points against tensors of homogeneous states, and the cells that pictures and files show."""
 
-import sys
-
 import meshio
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ import pdsurrogate as pds
 from pdsurrogate.body import CellMesh
 from pdsurrogate.cli import app
 from pdsurrogate.materials import plane_strain, plane_stress, solid
-from pdsurrogate.results import measures, rendering, vtk
+from pdsurrogate.results import measures, vtk
 from pdsurrogate.results.deformed import deformed_cells
 from pdsurrogate.results.views import section
 
@@ -192,18 +190,3 @@ def test_a_scene_in_space_has_files_pictures_and_tables(tmp_path):
     assert mesh.cell_data["stress"][0].shape == (135, 9)
     picture = image.imread(tmp_path / "out" / "pulled.png")
     assert picture.std() > 0.05
-
-
-def test_a_state_in_space_is_rendered_with_pyvista_or_without(tmp_path, monkeypatch):
-    body = cube(4)
-    fields = fields_of("nosb", body, body.points @ F3.T, "space")
-    values = fields["displacement"][:, 0]
-    for name in ("with", "without"):
-        if name == "without":
-            monkeypatch.setitem(sys.modules, "pyvista", None)
-            with pytest.warns(UserWarning, match=r"pip install 'pdsurrogate\[results\]'"):
-                rendering.save(*deformed_cells(body, fields), values, "u1", name, tmp_path / f"{name}.png")
-        else:
-            pytest.importorskip("pyvista")
-            rendering.save(*deformed_cells(body, fields), values, "u1", name, tmp_path / f"{name}.png")
-        assert image.imread(tmp_path / f"{name}.png").std() > 0.05

@@ -47,13 +47,11 @@ def test_pictures_of_a_saved_run(folder, tmp_path):
     assert set(json.loads(invoke("show", folder, "--out", tmp_path, "--json").stdout)) == {"fields", "history"}
 
 
-def test_a_state_in_space_is_drawn_from_its_files(tmp_path, capfd):
-    pytest.importorskip("pyvista")
+def test_a_state_in_space_is_drawn_from_its_files(tmp_path):
     pds.simulate(pds.load_scene("bonded-block", spacing=0.25, stretches=1.1), "bond-energy").save(tmp_path / "out")
     done = invoke("show", tmp_path / "out", "--field", "von_mises", "--out", tmp_path)
     assert done.exit_code == 0, done.output
     picture_of(tmp_path / "bonded-block-von_mises.png")
-    assert "DISPLAY" not in capfd.readouterr().err  # VTK's own word where there is none
 
 
 @pytest.mark.parametrize(

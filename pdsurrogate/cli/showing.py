@@ -60,23 +60,16 @@ def show_result(
         why = "its summary lists none yet; --resume goes on with the run" if result.status == RUNNING else "the run came to no output"
         err.print(f"[yellow]pdsurrogate:[/] {escape(str(folder))} holds no state to draw: {why}", soft_wrap=True)
         return
+    from ..results import figures
+
     name = result.summary["scene"]
     chosen = field or (["damage"] if "damage" in result.field_names() else ["displacement"])
     with bad_input(ValueError, IndexError):
         for one in chosen:
             path = pictures / f"{name}-{one}.png"
             with writing(pictures):
-                _draw(result, path, one, level)
+                figures.save(result.plot(one, level), path)
             note(f"Wrote {path}")
-
-
-def _draw(result, path: Path, field: str, level: int) -> None:
-    from ..results import figures
-
-    if result.scene.dimension == 3:
-        result.render(path, field, level)
-    else:
-        figures.save(result.plot(field, level), path)
 
 
 def _print_history(result) -> None:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import base64
 import io
 import json
-import tempfile
 from collections.abc import Callable, Sequence
 from html import escape
-from pathlib import Path
 
 import numpy as np
 
@@ -98,11 +96,6 @@ def _picture(result: Result, field: str, number: int, limits: tuple[float, float
         result.field(field, number)
     except ValueError:
         return ""
-    if result.scene.dimension == 3:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "picture.png"
-            result.render(path, field, number, limits)
-            return _uri(path.read_bytes())
     return _uri(_png(result.plot(field, number, limits)))
 
 

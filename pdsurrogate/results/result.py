@@ -273,34 +273,6 @@ class Result:
         rows = [[f"{row[column]:.6g}" if column in row else "" for column in columns] for row in shown]
         return html_facts(f"Result of {summary['scene']}", facts) + (html_table(header, rows) if rows else "")
 
-    def render(self, path: str | Path, field: str = "von_mises", level: int = -1, limits: tuple[float, float] | None = None) -> None:
-        """Write a picture of a state in space, coloured by a field: by pyvista where it is installed, else by matplotlib with a warning.
-
-        Parameters
-        ----------
-        path : str or path
-            Of the PNG.
-        field : str
-            As for `plot`.
-        level : int
-            Number of the state.
-        limits : tuple of float, optional
-            As for `plot`.
-
-        Raises
-        ------
-        ValueError
-            If the body is in the plane, or the state has no such field or component.
-        IndexError
-            If there is no such state.
-        """
-        from . import rendering
-
-        if self.scene.dimension == 2:
-            raise ValueError("render draws bodies in space; plot draws those in the plane")
-        values, number = scalars_of(self._fields(level), field), range(len(self.states))[level]
-        rendering.save(*self.cells(number), values, self.label(field), self.title(number), Path(path), limits)
-
     def in_dynamics(self) -> list[int]:
         """Numbers of the states that were recorded in dynamics."""
         if self.scene.stretched:
