@@ -16,8 +16,8 @@ from ..scenes import Box, Mesh, Rectangle, Scene, SceneError
 from ..scenes.model import EDGES
 from ..scenes.regions import edge_names
 from ..scenes.solids import Solid
-from ..solvers.planes import reflected_edges, reflection_planes
 from .meshes import centroids, mesh_of, section_area
+from .planes import reflected_edges, reflection_planes
 
 RASTER = 16
 """Places along either side of a cell in the plane at which it is asked whether there is material: an area to some 1/1000 of a cell."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..body import Body
+from ..discretisation.planes import prescribed_components, reflected_edges
 from ..forces import InternalForce, InvalidState
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.loading import Prescribed
@@ -19,7 +20,6 @@ from .conditions import HeldPlane, HeldPoints, Loading, Reactions, displaced, pl
 from .equilibrium import TooFar
 from .extension import Samples, affine_extension, greatest_bond_strain
 from .motion import Motion
-from .planes import prescribed_components, reflected_edges
 from .preconditioner import Extension, extension_of
 from .regions import along_edge
 from .supports import SupportAtPlace

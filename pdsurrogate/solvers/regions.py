@@ -13,11 +13,11 @@ from scipy.spatial import cKDTree
 
 from ..body import Body, Surface
 from ..body.local_fit import too_few
+from ..discretisation.planes import whole_edge
 from ..scenes import Region, Scene
 from ..scenes.model import EDGES
 from ..scenes.problems import suggestion
 from ..scenes.regions import edge_names
-from .planes import whole_edge
 
 LAYER = 0.99
 """Cells from an edge, or from the boundary, within which points are those of it: the outermost, half a cell inside, and of a boundary that
