@@ -1,4 +1,4 @@
-"""Ranks: the processes that share one run, and all that they say to each other."""
+"""Ranks: the processes that share one run, and the messages between them."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ from collections.abc import Sequence
 import numpy as np
 
 LAUNCHED = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "PMIX_SIZE")
-"""Variables by which launchers of MPI say how many processes they have started."""
+"""Environment variables in which launchers of MPI state how many processes they have started."""
 
 
 _LEAVES, _ALL_LEAVE = 5, 6
-"""Tags of messages about the end of a rank, and of all."""
+"""Tags of the messages that announce the end of one rank, and of all ranks."""
 
 _PAUSE = 0.01
-"""Seconds between looks for them."""
+"""Seconds between two checks for such a message."""
 
 
 class NotUnderMPI(RuntimeError):
-    """Several processes were started, and none of them knows of the others."""
+    """Several processes were started, but MPI is not in use, so that none of them can reach the others."""
 
 
 class Alone:
-    """One process with nobody to talk to; nothing of MPI is loaded."""
+    """The communicator of a run of one process, which loads nothing of MPI."""
 
     rank, size = 0, 1
 
     def here(self) -> int:
-        """How many of all ranks are on this machine."""
+        """Return the number of ranks on this machine."""
         return 1
 
     def barrier(self) -> None:
         """Wait for all ranks."""
 
     def to_all(self, value):
-        """What the first rank has, on every rank."""
+        """Return the value of the first rank, on every rank."""
         return value
 
     def leave(self, seconds: float) -> bool:
-        """Whether all ranks have come to their end."""
+        """Return whether all ranks have ended."""
         return True
 
 
@@ -65,7 +65,7 @@ class Communicator:
         self.rank, self.size = self._world.rank, self._world.size
 
     def here(self) -> int:
-        """How many of all ranks are on this machine."""
+        """Return the number of ranks on this machine."""
         return self.everywhere(socket.gethostname()).count(socket.gethostname())
 
     def barrier(self) -> None:
@@ -73,11 +73,11 @@ class Communicator:
         self._world.Barrier()
 
     def to_all(self, value):
-        """What the first rank has, on every rank."""
+        """Return the value of the first rank, on every rank."""
         return self._world.bcast(value, root=0)
 
     def total(self, part):
-        """Sum of what every rank has formed: a number, a few of them, or an array of doubles."""
+        """Return the sum over all ranks of a number, of each of a few numbers, or of an array of doubles."""
         values = np.asarray(part)
         sums = np.empty_like(values)
         self._world.Allreduce(np.ascontiguousarray(values), sums)
@@ -86,31 +86,31 @@ class Communicator:
         return tuple(sums.tolist()) if isinstance(part, tuple) else sums.item()
 
     def greatest(self, part: float) -> float:
-        """Greatest of what every rank has; NaN if there is one."""
-        # What MPI makes of the maximum of a NaN is not said anywhere.
+        """Return the greatest number of all ranks; NaN if one rank has NaN."""
+        # The MPI standard does not define the maximum of a NaN.
         found = np.array([-np.inf if np.isnan(part) else part, float(np.isnan(part))])
         self._world.Allreduce(self._mpi.IN_PLACE, found, op=self._mpi.MAX)
         return float(np.nan if found[1] else found[0])
 
     def everywhere(self, value) -> list:
-        """What every rank has, on every rank."""
+        """Return the values of all ranks in a list, on every rank."""
         return self._world.allgather(value)
 
     def agree(self, error: Exception | None) -> None:
-        """Raise on every rank an error that has been found on any; `error` is the one that has been found here."""
+        """Raise, on every rank, an error that any rank has found; `error` is the one found on this rank."""
         if not self.total(int(error is not None)):
             return
-        # That of the first rank which has one, the same on all.
+        # All ranks raise the error of the first rank that has one.
         found = [other for other in self.everywhere(None if error is None else (type(error), str(error))) if other is not None]
         kind, message = found[0]
         raise kind(message) from error
 
     def to_each(self, values: Sequence) -> list:
-        """Hand one value to every rank; returns those of all ranks for this one."""
+        """Send one value to every rank, and return the values that all ranks send to this one."""
         return self._world.alltoall(list(values))
 
     def gather(self, rows: np.ndarray) -> list[np.ndarray] | None:
-        """Arrays of all ranks on the first; None on the others."""
+        """Return the arrays of all ranks on the first rank; None on the others."""
         if self.rank:
             # In slices: a message has fewer than 2^31 elements.
             self._world.send((rows.shape, rows.dtype.str), dest=0, tag=1)
@@ -125,7 +125,7 @@ class Communicator:
         return found
 
     def hand_out(self, parts: Sequence[np.ndarray] | None) -> np.ndarray:
-        """The array that the first rank has for this one."""
+        """Return the array that the first rank sends to this one."""
         if self.rank:
             shape, kind = self._world.recv(source=0, tag=3)
             buffer = np.empty(shape, dtype=kind)
@@ -137,17 +137,16 @@ class Communicator:
         return parts[0]
 
     def exchange(self, outgoing: dict[int, np.ndarray], incoming: dict[int, np.ndarray]) -> None:
-        """Send arrays to ranks, and receive into others, all at the same time."""
+        """Send arrays to some ranks and receive arrays from others, all at the same time."""
         byte = self._mpi.BYTE
         requests = [self._world.Irecv([array.reshape(-1).view(np.uint8), byte], source=rank) for rank, array in incoming.items()]
         requests += [self._world.Isend([array.reshape(-1).view(np.uint8), byte], dest=rank) for rank, array in outgoing.items()]
         self._mpi.Request.Waitall(requests)
 
     def leave(self, seconds: float) -> bool:
-        """Whether all ranks have come to their end, each within some seconds of the first.
+        """Return whether all ranks have ended, each within some seconds of the first, and finalise MPI if so.
 
-        If so MPI is at an end as well, and the exit status of each is its own; else one that ends with a status other than 0 aborts the
-        others, of which MPI speaks.
+        If not, a rank that exits with a status other than 0 aborts the others, and MPI reports that.
         """
         others, arrived = range(1, self.size), 0
         until = time.monotonic() + seconds
@@ -158,7 +157,7 @@ class Communicator:
                     return False
                 time.sleep(_PAUSE)
             self._world.recv(source=0, tag=_LEAVES)
-            self._world.recv(source=0, tag=_ALL_LEAVE)  # which the first ends as well if it has waited in vain
+            self._world.recv(source=0, tag=_ALL_LEAVE)  # the first rank exits without sending it where a rank is missing
         else:
             for rank in others:
                 self._world.send(None, dest=rank, tag=_LEAVES)
@@ -175,7 +174,7 @@ class Communicator:
         return True
 
     def abort(self, status: int) -> None:
-        """End all ranks at once."""
+        """End all ranks at once, with a status."""
         self._world.Abort(status)
 
 
@@ -184,7 +183,9 @@ _world: Communicator | None = None
 
 
 def communicator() -> Alone | Communicator:
-    """The ranks of this run: several only under a launcher of MPI, and where mpi4py is in use, as under ``python -m mpi4py``.
+    """Return the communicator of this run.
+
+    A run has several ranks only under a launcher of MPI and where mpi4py is in use, as under ``python -m mpi4py``.
 
     Raises
     ------

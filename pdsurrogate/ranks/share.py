@@ -1,4 +1,4 @@
-"""The part of a body that one rank works on: points of its own, and a halo of points that others own."""
+"""The share of a body that one rank works on: points of its own, and a halo of points that other ranks own."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from .communicator import Communicator
 from .partition import bisected, bond_counts
 
 HALO = 1.0
-"""Horizons around a rank's own points within which it has those of others.
+"""Width of the halo in horizons.
 
-One is enough for the bonds of its own points; what the ends in the halo need all of their bonds for (deformation gradients, moments) comes
-from their owners.  The alternative is two horizons for force maps, three for bond energies and five with smoothed dilatations: in space a
-part of 60 points a side would then have 2.1 times its own.
+One horizon holds the bonds of a rank's own points. Quantities of halo points that need all of their bonds (deformation gradients, moments)
+come from their owners. The alternative is a halo of two horizons for force maps, three for bond energies and five with smoothed
+dilatations: a share of 60 points a side of a solid would then hold 2.1 times its own points.
 """
 
 
 class RankShare(Share):
-    """The points of one rank.
+    """The points of one rank and its halo.
 
-    They are numbered in the order of the whole body, points of the halo between its own, so that sums over bonds are taken in the same
+    Points are numbered in the order of the whole body, points of the halo between its own, so that sums over bonds are taken in the same
     order on any number of ranks, to the same bits.
 
     Parameters
@@ -65,7 +65,7 @@ class RankShare(Share):
         self._exchange(values, self._send, self._receive)
 
     def _exchange(self, values: np.ndarray, send: dict[int, np.ndarray], receive: dict[int, np.ndarray]) -> None:
-        """Rows of values to and from others."""
+        """Send rows of values to other ranks and receive the rows of the halo."""
         incoming = {rank: np.empty((len(rows), *values.shape[1:]), dtype=values.dtype) for rank, rows in receive.items()}
         self.ranks.exchange({rank: values[rows] for rank, rows in send.items()}, incoming)
         for rank, rows in receive.items():
@@ -84,10 +84,10 @@ class RankShare(Share):
         self._exchange(values, *self._bonds)
 
     def _find_bonds(self, body: Body) -> tuple[dict[int, np.ndarray], dict[int, np.ndarray]]:
-        """Directed bonds of own points that others have in their halo, and those of the halo here, in the same order, by rank."""
+        """Return, by rank, the directed bonds of own points in the halos of others, and those of the halo here, in matching order."""
         bonds, ghosts = body.bonds, body.ghosts
         starts = bonds.pointers.astype(np.int64)
-        # What a neighbour is called everywhere: its number in the whole body, and the reflections that it is an image under.
+        # A neighbour has one name on all ranks: its number in the whole body, and the reflections that it is an image under.
         names = np.concatenate([self.numbers, self.numbers[ghosts.source] + ghosts.image * self._total])[bonds.neighbours]
         receive, asked = {}, []
         for rank in range(self.ranks.size):
@@ -215,7 +215,7 @@ class RankShare(Share):
 
     @staticmethod
     def _counts(body: Body, rows: str) -> np.ndarray:
-        """How many directed bonds, or pairs as the first of them, every point has."""
+        """Return the number of directed bonds, or of pairs as their first point, of every point."""
         pointers = body.bonds.pointers if rows == "bonds" else body.bonds.pair_pointers
         return np.diff(pointers).astype(np.int64)
 
@@ -226,7 +226,7 @@ class RankShare(Share):
         return numbers
 
     def _image_names(self, body: Body) -> np.ndarray:
-        """What images are called everywhere; in the whole body they stand in the order of these names."""
+        """Return the names of images on all ranks; the whole body holds them in the order of these names."""
         return body.ghosts.image * self._total + self.numbers[body.ghosts.source]
 
     def _own_images(self, body: Body) -> np.ndarray:
@@ -237,12 +237,12 @@ class RankShare(Share):
         return None if names is None else np.concatenate(names)
 
     def _hand_out(self, values: np.ndarray | None) -> np.ndarray:
-        """Of values of all points, which the first rank has, those of the points here."""
+        """Return the values of the points here, from values of all points on the first rank."""
         numbers = self.ranks.gather(self.numbers)
         return self.ranks.hand_out(None if numbers is None else [values[places] for places in numbers])
 
     def _gather_each(self, values: np.ndarray, counts: np.ndarray) -> np.ndarray | None:
-        """As `gather`, of values of which every point has some, counts of shape (n,): those of the whole body, point by point."""
+        """Return `gather` of values of which every point has several, counts of shape (n,), point by point."""
         rows, places = self.ranks.gather(values[np.repeat(self.own, counts)]), self._places_of_each(counts)
         if rows is None:
             return None
@@ -252,7 +252,7 @@ class RankShare(Share):
         return whole
 
     def _hand_out_each(self, values: np.ndarray | None, counts: np.ndarray) -> np.ndarray:
-        """The way back; those of the halo are zero."""
+        """Return the values of this rank, the inverse of `_gather_each`; those of the halo are zero."""
         places = self._places_of_each(counts)
         own = self.ranks.hand_out(None if places is None else [values[entries] for entries in places])
         found = np.zeros((int(counts.sum()), *own.shape[1:]), dtype=own.dtype)
@@ -260,12 +260,12 @@ class RankShare(Share):
         return found
 
     def _starts(self, counts: np.ndarray) -> np.ndarray:
-        """Where the values of every point here begin among those of the whole body."""
+        """Return the places at which the values of every point here begin in those of the whole body."""
         all_counts = self.gather(counts)
         return self._hand_out(None if all_counts is None else np.cumsum(all_counts) - all_counts)
 
     def _places_of_each(self, counts: np.ndarray) -> list[np.ndarray] | None:
-        """On the first rank, where what every rank's own points have some of stands in the whole."""
+        """Return, on the first rank, the places in the whole body of the values of every rank's own points; None on others."""
         begins, own = self.ranks.gather(self._starts(counts)[self.own]), self.ranks.gather(counts[self.own])
         if begins is None:
             return None
@@ -340,7 +340,7 @@ class RankShare(Share):
 
 
 def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
-    """The part of a body, of which no bonds have been asked for, that falls to this rank.
+    """Return the share of a body that falls to this rank; bonds of the body must not have been used yet.
 
     Parameters
     ----------
