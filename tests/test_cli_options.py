@@ -214,7 +214,7 @@ def test_a_scene_to_start_from(tmp_path, monkeypatch):
     assert (tmp_path / "my_scene.toml").read_text().count("#") > 15
     done = invoke("run", "my_scene.toml", "--set", "spacing=0.2", "--set", "steps=0.2", "--set", "probes=[]")
     assert done.exit_code == 0, done.output
-    for name, message in (("my_scene.toml", "there is such a file already"), ("my_scene", "ends in .toml")):
+    for name, message in (("my_scene.toml", "choose another name"), ("my_scene", "ends in .toml")):
         again = invoke("new", name)
         assert again.exit_code == 2
         assert message in again.stderr

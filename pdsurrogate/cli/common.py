@@ -1,4 +1,4 @@
-"""Options that every command has, and what they set: how much is said, and modules with laws of the user's own."""
+"""Options shared by all commands: verbosity, imported modules with laws, output format and time limit."""
 
 from __future__ import annotations
 
@@ -15,20 +15,22 @@ import typer
 
 from .application import app, bad_input, err, out, said_aloud, settings
 
-Verbose = Annotated[int, typer.Option("-v", "--verbose", count=True, show_default=False, help="Say what is done; -vv in detail.")]
-Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="No progress and no remarks: tables, warnings and errors alone.")]
-Imports = Annotated[list[Path] | None, typer.Option("--import", metavar="FILE.py", help="A module with laws of your own; may be repeated.")]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what is in DIR and answers something else.")]
-MaxTime = Annotated[
-    float | None, typer.Option(metavar="SECONDS", help="End a run after so long, with a checkpoint from which the same goes on later.")
+Verbose = Annotated[
+    int, typer.Option("-v", "--verbose", count=True, show_default=False, help="Print log messages; -vv for debug messages.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON in the place of tables.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print only result tables, warnings and errors.")]
+Imports = Annotated[
+    list[Path] | None, typer.Option("--import", metavar="FILE.py", help="Python module that defines material laws; may be repeated.")
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Overwrite existing results in DIR even if they come from a different run.")]
+MaxTime = Annotated[float | None, typer.Option(metavar="SECONDS", help="Stop a run after this time and write a checkpoint to resume from.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 
 _SHARED = {"verbose": (Verbose, 0), "quiet": (Quiet, False), "imports": (Imports, None)}
 
 
 def command(name: str | None = None) -> Callable[[Callable], Callable]:
-    """Register a function as a command, with the options that all have behind its own."""
+    """Register a function as a command and append the shared options to its own."""
 
     def register(function: Callable) -> Callable:
         signature = inspect.signature(function)
@@ -59,7 +61,7 @@ def command(name: str | None = None) -> Callable[[Callable], Callable]:
 
 
 def _listen(verbose: int) -> None:
-    """Print what the package logs on standard error: from `-v` on what is done, from `-vv` on in detail."""
+    """Print the package's log on standard error: information with `-v`, debug messages with `-vv`."""
     logger = logging.getLogger("pdsurrogate")
     for handler in [handler for handler in logger.handlers if isinstance(handler, _OnStandardError)]:
         logger.removeHandler(handler)
@@ -69,7 +71,7 @@ def _listen(verbose: int) -> None:
 
 
 class _OnStandardError(logging.Handler):
-    """Lines above a bar of progress."""
+    """Logging handler that prints records above the progress bar."""
 
     def emit(self, record: logging.LogRecord) -> None:
         err.print(f"{record.name}: {record.getMessage()}", markup=False, highlight=False, soft_wrap=True)

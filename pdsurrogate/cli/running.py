@@ -29,7 +29,7 @@ CAUTION = 0.01
 
 
 def how_to_resume(folder: Path | None) -> str:
-    """What to do after an interrupt."""
+    """Return how the user can resume after an interrupt."""
     from ..results.checkpoint import NAME
 
     if folder is None:
@@ -41,27 +41,27 @@ def how_to_resume(folder: Path | None) -> str:
 
 @command()
 def run(
-    scene: Annotated[str, typer.Argument(metavar="SCENE", help="A built-in scene, or the path of a scene file (.toml).")],
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help="Name of a built-in scene, or path of a scene file (.toml).")],
     force: Annotated[
         str | None,
         typer.Option(
             metavar="REF",
-            help="analytic, bond-energy, nosb, ba-nosb, or an artefact (NAME, NAME@VERSION, path); by default what suits the scene.",
+            help="analytic, bond-energy, nosb, ba-nosb, or an artefact (NAME, NAME@VERSION, path); default: chosen for the scene.",
         ),
     ] = None,
-    change: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a parameter of the scene; may be repeated.")
-    ] = None,
+    change: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a scene key; may be repeated.")] = None,
     out_folder: Annotated[
         str | None, typer.Option("--out", metavar="DIR", help="Write summary, history, VTU/PVD files and a figure here.")
     ] = None,
     threads: Annotated[
-        int | None, typer.Option(help="Threads of the kernels (by default as many as pay); the result does not depend on it.")
+        int | None, typer.Option(help="Number of threads (default: as many as speed it up); the result does not depend on it.")
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in DIR, to the same result.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what other runs left in DIR, or this one, interrupted.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Resume from the checkpoint in DIR; the result is the same.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Overwrite results of other runs, or of this run if interrupted, in DIR.")
+    ] = False,
     max_time: MaxTime = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON in the place of tables.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON instead of tables.")] = False,
 ) -> None:
     """Run a scene and compare it with its reference."""
     from ..artifacts import ArtifactError, default_force, with_material
@@ -145,7 +145,7 @@ def run(
 
 
 def _print_beyond_data(summary: dict) -> None:
-    """Say at which output most of the body was beyond the test data that its energy was fitted to."""
+    """Warn of the output at which the largest share of bonds was beyond the fitted test data."""
     rows = summary.get("beyond_data", [])
     worst = max(rows, key=lambda row: row["share"], default=None)
     if worst is None or worst["share"] == 0:
@@ -179,11 +179,11 @@ class _Bar:
         self._progress.stop()
 
     def compiling(self) -> None:
-        """Say that kernels are compiled."""
+        """Print that kernels are being compiled."""
         note("Compiling kernels, once on this machine; later runs load them from the cache.")
 
     def level(self, number: int, parameter: float) -> None:
-        """Begin the way to an output."""
+        """Start the progress bar of the next output."""
         if self._scene.stretched:
             self._begin(f"{self._scene.name}: stretch {parameter:g} ({number + 1}/{len(self._scene.stretches)})")
         else:
@@ -197,14 +197,14 @@ class _Bar:
         self._rate = None
 
     def _rate_of(self, what: str, count: int) -> str:
-        """How many evaluations or steps a second this part of the way has taken, which begins when it is first asked."""
+        """Return the rate of evaluations or steps since the first call for this output."""
         if self._rate is None:
             self._rate = Rate(what)
             self._rate.begin(count)
         return self._rate.after(count)
 
     def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
-        """Show how far the residual has come down to its tolerance."""
+        """Show the progress of the residual towards its tolerance."""
         if self._first is None or residual > self._first:
             self._first = residual
         span = math.log10(max(self._first, 1e-300) / tolerance)
@@ -213,7 +213,7 @@ class _Bar:
         self._progress.update(self._task, completed=min(max(done, 0.0), 1.0), state=state)
 
     def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
-        """Show how far the dynamics have come."""
+        """Show the progress of a dynamic stage."""
         if not self._moving:
             self._begin(f"{self._scene.name}: dynamics")
             self._moving = True
@@ -222,7 +222,7 @@ class _Bar:
         self._progress.update(self._task, completed=done, state=state)
 
     def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
-        """Take the energies, to show them with what comes next."""
+        """Store the energies that the next progress line shows."""
         rate = self._rate_of("steps", steps)
         self._account = f", energies {strain_energy:.3g} strain, {kinetic_energy:.2g} kinetic{rate}"
 
@@ -248,7 +248,7 @@ def _print_crack(result) -> None:
 
 
 def print_cells(result) -> None:
-    """Say which cells were taken where squares of the spacing do not fill the body."""
+    """Print the cell size where it differs from the requested spacing."""
     summary, asked, units = result.summary, result.scene.spacing, result.scene.units
     horizon = units.amount(summary["horizon"], "length", ".6g")
     if result.scene.body.shape == "mesh":
@@ -263,7 +263,7 @@ def print_cells(result) -> None:
 
 
 def print_levels(result) -> None:
-    """Print a table of the levels of a run between grips, with the exact solution where there is one."""
+    """Print a table of the levels of a stretched body, with the exact solution where there is one."""
     summary, units = result.summary, result.scene.units
     compared = any("nominal_stress_reference" in level for level in summary["levels"])
     # The mean narrowing where the exact solution is homogeneous, the greatest where it is not.
@@ -308,7 +308,7 @@ def _figures(values: list[float | None], greatest: float) -> list[str]:
 
 
 def _print_outputs(result) -> None:
-    """Forces on the body at every output of a general programme, those components that are not zero throughout."""
+    """Print the forces on the body at every output, without components that are always zero."""
     summary = result.summary
     units, moving, columns = result.scene.units, any("time" in level for level in summary["levels"]), {}
     title = f"{summary['scene']}, force {summary['force']}, {summary['n_points']} points: forces on the body"
@@ -349,7 +349,7 @@ def _print_outputs(result) -> None:
 
 
 def _print_probes(summary, units) -> None:
-    """Displacements of the probes at every output."""
+    """Print the displacements of the probes at every output."""
     table = Table(title="displacements of the probes", title_justify="left")
     table.add_column("t", justify="right")
     names = list(summary["levels"][0]["probes"])
@@ -365,7 +365,7 @@ def _print_probes(summary, units) -> None:
 
 
 def _print_accounts(result) -> None:
-    """The account of energy of every stage in dynamics."""
+    """Print the energy balance of every dynamic stage."""
     for told in result.summary.get("dynamics", ()):
         if told["energy_gap"] is None:
             out.print(f"No account of energy: {told['remark']}", soft_wrap=True)
@@ -389,7 +389,7 @@ def _print_end(result) -> None:
 
 
 def print_grip(result) -> None:
-    """Say which of two unlike cross-sections the stress belongs to."""
+    """Print which of two unequal cross-sections the nominal stress refers to."""
     summary, units = result.summary, result.scene.units
     level, areas = summary["levels"][-1], summary["grip_areas"]
     used = level["nominal_stress_grip"]
@@ -404,13 +404,17 @@ def print_grip(result) -> None:
 
 @command()
 def scenes(
-    name: Annotated[str | None, typer.Argument(metavar="[SCENE]", help="Tell of this one: a name, or the path of a scene file.")] = None,
-    plot: Annotated[bool, typer.Option("--plot", help="Draw it with its regions, grips, loads and probes, without running it.")] = False,
-    change: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="As of run.")] = None,
-    pictures: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the picture goes.")] = Path(),
+    name: Annotated[str | None, typer.Argument(metavar="[SCENE]", help="Scene to show: a name, or the path of a scene file.")] = None,
+    plot: Annotated[
+        bool, typer.Option("--plot", help="Plot the scene with its regions, grips, loads and probes, without running it.")
+    ] = False,
+    change: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a scene key (same as in `run`); may be repeated.")
+    ] = None,
+    pictures: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the picture.")] = Path(),
     as_json: AsJson = False,
 ) -> None:
-    """List the built-in scenes, or tell of one scene and draw it before it is run."""
+    """List the built-in scenes, or show (and plot) one of them."""
     from ..scenes import SceneError, load_scene, scene_names
 
     if name is None:
@@ -456,7 +460,7 @@ def scenes(
 
 @command()
 def new(
-    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Of the new scene.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="Path of the scene file to create.")],
 ) -> None:
     """Write a commented scene to start from."""
     from importlib import resources
@@ -468,7 +472,7 @@ def new(
         if file.suffix != ".toml":
             raise ValueError(f"{file}: the file of a scene ends in .toml")
         if file.exists():
-            raise ValueError(f"{file}: there is such a file already; take another name")
+            raise ValueError(f"{file}: the file already exists; choose another name")
         name = re.sub(r"[^A-Za-z0-9 ._-]", "-", file.stem).lstrip(" ._-")[:64] or "scene"
     text = (resources.files(__package__) / "template.toml").read_text("utf-8")
     with writing(file):

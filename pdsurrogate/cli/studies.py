@@ -13,25 +13,27 @@ from .common import AsJson, MaxTime, command
 from .interrupts import INTERRUPTED
 
 MOST_FAILURES = 5
-"""Told one by one; the table has them all."""
+"""Number of failures printed one by one; the table lists them all."""
 
 
 @command()
 def study(
-    description: Annotated[Path, typer.Argument(metavar="STUDY", help="A study file (.toml): a scene or a fit, and its parameters.")],
+    description: Annotated[
+        Path, typer.Argument(metavar="STUDY", help="Path of a study file (.toml): a scene or a fit, and its parameters.")
+    ],
     folder: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Runs, table and figure go here; by default named after the file.")
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder for runs, table and figure (default: named after the file).")
     ] = None,
-    jobs: Annotated[int | None, typer.Option(help="Runs at the same time; by default as many as there are cores for.", min=1)] = None,
-    threads: Annotated[int | None, typer.Option(help="Threads of each run; by default the cores divided among the jobs.", min=1)] = None,
+    jobs: Annotated[int | None, typer.Option(help="Number of parallel runs (default: as many as the cores allow).", min=1)] = None,
+    threads: Annotated[int | None, typer.Option(help="Threads of each run (default: cores divided by jobs).", min=1)] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, as tcp://host:8786, whose workers do the runs.")
+        str | None, typer.Option(metavar="ADDRESS", help="Address of a Dask scheduler that executes the runs, such as tcp://host:8786.")
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the table of another study in DIR; its runs stay.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Overwrite the table of another study in DIR; its runs are kept.")] = False,
     max_time: MaxTime = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run a scene with many parameters, or fit many surrogates, in parallel; runs that are done are not done again."""
+    """Run a scene with many parameters, or fit many surrogates, in parallel; finished runs are reused."""
     from ..artifacts import ArtifactError
     from ..results.folder import FolderTaken
     from ..scenes import SceneError
@@ -71,7 +73,7 @@ def study(
 
 
 class _StudyBar:
-    """Progress of a study on the terminal; nothing where that is a file."""
+    """Progress bar of a study."""
 
     def __init__(self, name: str) -> None:
         self._progress, self._rate = Bar(), Rate("runs")
@@ -86,7 +88,7 @@ class _StudyBar:
         self._progress.stop()
 
     def begin(self, runs: int, done: int, workers) -> None:
-        """Say what there is to do, and who does it."""
+        """Print the numbers of runs and workers and start the bar."""
         if workers.caution:
             err.print(f"[yellow]{escape(workers.caution)}.[/]", soft_wrap=True)
         by = (
@@ -100,7 +102,7 @@ class _StudyBar:
         self._task = self._progress.add_task(self._name, total=runs, completed=done, state=f"{done} of {runs} runs")
 
     def ended(self, place: str, failure: str | None) -> None:
-        """Count a run."""
+        """Count a finished run."""
         self._failed += failure is not None
         self._ended += 1
         failed = f", {self._failed} failed" if self._failed else ""

@@ -51,7 +51,7 @@ def fit(
     committee: Annotated[
         int | None,
         typer.Option(
-            help="So many members beside it in the artefact, each fitted to half of the tests, or without data from other seeds.", min=2
+            help="Ensemble members stored with the model, each fitted to half of the tests (without data: with another seed).", min=2
         ),
     ] = None,
     energy: Annotated[
@@ -319,7 +319,7 @@ def _print_errors(report: dict) -> None:
 
 @command()
 def artifacts(
-    reference: Annotated[str | None, typer.Argument(metavar="[REF]", help="Show this one's card.")] = None,
+    reference: Annotated[str | None, typer.Argument(metavar="[REF]", help="Artefact whose card is shown.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """List the artefacts that are found by name, or show one's card."""
