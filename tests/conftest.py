@@ -8,6 +8,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import importlib.util
 import json
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,10 @@ import pytest
 from hypothesis import settings
 
 from pdsurrogate.materials import ArrudaBoyce, FullNetwork, Gent, MooneyRivlin, NeoHookean, Ogden, Polyconvex, Yeoh
+
+# A shell starts commands in the background with Ctrl-C ignored, and processes of tests would inherit that.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Kernels compile in the first example of a test; no deadline, and the same examples in every run.
 settings.register_profile("project", deadline=None, derandomize=True, max_examples=50)
