@@ -79,7 +79,7 @@ class _Bin(_Errors):
 
 
 class _Report(_Part):
-    """What `pdsurrogate.evaluate` finds; other figures that it has are numbers."""
+    """Report of `pdsurrogate.evaluate`; its further figures are numbers."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Finite]
@@ -100,7 +100,7 @@ class _Features(_Part):
 
 
 class _Identification(_Part):
-    """Of it a run wants to know which data, and which law was found; the rest is for people."""
+    """Identification of the law from test data: a run reads the data and the law, the rest is for readers."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -109,7 +109,7 @@ class _Identification(_Part):
 
 
 class _Training(_Part):
-    """How it was made, for people; a run reads the identification alone."""
+    """Record of the training for readers; a run reads the identification alone."""
 
     design: dict[str, Any]
     regressor: str
@@ -128,7 +128,7 @@ Training = Annotated[_Training, *_KEPT]
 
 
 class Material(_Part):
-    """What the surrogate describes: a law, and those dimensionless parameters that its bond force depends on."""
+    """Material of the surrogate: a law, and the dimensionless parameters that the bond force depends on."""
 
     law: str
     trained_with: dict[str, Any]
@@ -144,7 +144,7 @@ class Payload(_Part):
 
 
 class DomainSpec(_Part):
-    """Where the surrogate holds; see `pdsurrogate.forces.Domain`."""
+    """Domain in which the surrogate holds; see `pdsurrogate.forces.Domain`."""
 
     least_stretch: Positive
     greatest_stretch: Positive
@@ -158,7 +158,7 @@ class DomainSpec(_Part):
 
 
 class MemberSpec(_Part):
-    """A member of a committee: a surrogate beside that which runs, of its own material."""
+    """Member of a committee: a further surrogate in the artefact, with its own material."""
 
     material: Material
     domain: DomainSpec
@@ -305,7 +305,7 @@ def law_described(material: Material) -> Law:
 
 
 def _contradictions(card: Card) -> Iterator[str]:
-    """What a card says in two ways that differ, and what no artefact is stored with."""
+    """Return the contradictions in a card, and entries with which no artefact is stored."""
     files = {SURROGATE, *([MEMBERS] if card.members else [])}
     for name in sorted(files ^ set(card.payloads) - {PIPELINE}):
         there = f"with {len(card.members)} members it has {', '.join(sorted(files))} and maybe {PIPELINE}"
@@ -330,7 +330,7 @@ def _contradictions(card: Card) -> Iterator[str]:
 
 
 def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
-    """The same of one surrogate: its material, domain and errors."""
+    """Return the contradictions between material, domain and errors of one surrogate."""
     material, domain = part.material, part.domain
     if material.trained_with.get("law") != material.law:
         yield f"material.law: must be that of material.trained_with, {_shown(material.trained_with.get('law'))}, not {_shown(material.law)}"
@@ -372,7 +372,7 @@ def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
 
 
 def same_values(one, other) -> bool:
-    """Whether plain values are the same, numbers to `SAME`; tuples are lists."""
+    """Return whether plain values are equal, numbers to within `SAME`; tuples equal lists."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return set(one) == set(other) and all(same_values(one[key], other[key]) for key in one)
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):

@@ -74,7 +74,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
 
 
 def _is_an_example(scene: Scene) -> bool:
-    """Whether it is a built-in scene whose material nobody has changed."""
+    """Return whether a scene is a built-in one with its own material."""
     return scene.name in scene_names() and scene.material == load_scene(scene.name).material
 
 
@@ -98,7 +98,7 @@ def material_on(card: Card, scene: Scene) -> Law:
 
 
 def _has_moduli(card: Card) -> bool:
-    """Whether the moduli of a card were identified or given, and are not the defaults of its law."""
+    """Return whether the moduli of a card were identified or given, rather than defaults of its law."""
     if card.training.get("identification"):
         return True
     try:

@@ -96,7 +96,7 @@ OWN, OWN_IN_CHECKOUT = "artifacts", "own-artifacts"
 
 
 def own_folder() -> Path:
-    """Where a user's artefacts go: ``PDSURROGATE_ARTIFACTS`` if set, else ``artifacts`` in the working folder.
+    """Return the folder of a user's artefacts: ``PDSURROGATE_ARTIFACTS`` if set, else ``artifacts`` in the working folder.
 
     In a checkout of this package, whose ``artifacts`` holds the shipped ones, ``own-artifacts``.
     """
@@ -196,7 +196,7 @@ def _in_folder(path: Path) -> Path | None:
 
 
 def _by_name(text: str) -> Path | None:
-    """The artefact NAME or NAME@VERSION on the search path; whether it can be read is not asked, so that no other takes its place."""
+    """Return the artefact NAME or NAME@VERSION on the search path, readable or not, so that no other one takes its place."""
     name, separator, version = text.partition("@")
     if not re.fullmatch(NAME_PATTERN, name):
         return None
@@ -237,7 +237,7 @@ def load_card(reference: str | Path) -> Card:
 
 
 def called(folder: Path, card: Card, which: str | None = None) -> str:
-    """What an artefact or a member of its committee is called: ``NAME@VERSION`` by its folder.
+    """Return the name of an artefact or of a member of its committee, ``NAME@VERSION`` by its folder.
 
     Where its card has another name, as that of a copy has, it stands behind.
     """
@@ -415,7 +415,7 @@ def _modulus(card: Card) -> float:
 
 
 def _stated(card: Card) -> dict[str, float] | None:
-    """Relative errors on the plane-stress surface of the box trained on, and K/mu there; None of a law that is not there to ask."""
+    """Return the errors on the plane-stress surface of the training box and K/mu there; None where the law is not known here."""
     errors, trained_with = card.errors["box"]["on_surface"], card.material.trained_with
     try:
         bulk_ratio = trained_with["bulk_modulus"] / trained_with["shear_modulus"]
@@ -425,7 +425,7 @@ def _stated(card: Card) -> dict[str, float] | None:
 
 
 def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
-    """What `save_artifact` wrote of a surrogate's ``payload()``, from the bytes of the file.
+    """Return the ``payload()`` of a surrogate from the bytes of the file that `save_artifact` wrote.
 
     Raises
     ------
@@ -438,7 +438,7 @@ def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
 
 @_reading()
 def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -> ForceModel:
-    """The force model to take for a material where none is asked for.
+    """Return the force model for a material, where the user gives none.
 
     The artefact that carries the law's name on the search path (of bond energies, with ``-energy`` behind it under plane stress and
     ``-isochoric`` elsewhere), if there is one and it describes this material; else the exact model of that kind, which serves every law.
@@ -470,7 +470,7 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
 
 
 def default_force(scene: Scene) -> ForceModel:
-    """The force model to run a scene with where none is asked for.
+    """Return the force model for a scene, where the user gives none.
 
     `surrogate_for` the scene's material under plane stress; in plane strain and in space the exact selective energy, which does not lock,
     and the exact energy wherever there are several materials.
@@ -510,7 +510,7 @@ def load_pipeline(reference: str | Path, *, trust: bool = False):
 
 
 def new_artifact(folder: str | Path, name: str, version: str) -> Path:
-    """Where a new artefact goes, ``folder/NAME/VERSION``.
+    """Return the folder of a new artefact, ``folder/NAME/VERSION``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What all commands share: the application, its two consoles, and how bad input ends."""
+"""The application that all commands share, its two consoles, and the exit on bad input."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ..ranks import ALONE, communicator
 
 
 class _Commands(typer.core.TyperGroup):
-    """The commands; what is wrong with the words of one that was asked for JSON is told as JSON, too."""
+    """Group of commands that reports wrong arguments as JSON where the command was to print JSON."""
 
     def invoke(self, ctx):
         settings.as_json, settings.printed = "--json" in (*getattr(ctx, "_protected_args", ()), *ctx.args), False
@@ -58,7 +58,7 @@ _ranks = ALONE
 
 @dataclass
 class Settings:
-    """What options that all commands have say; set when a command begins.
+    """Values of the options that all commands have; they are set when a command begins.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ def print_json(data) -> None:
 
 
 def _error_as_json(status: int, message: str) -> None:
-    """Tell on standard output why a command ends that was asked for JSON, unless it has printed its results, which say so themselves."""
+    """Print as JSON why a command ends, where it was to print JSON and has not printed its results, which give the reason themselves."""
     if settings.as_json and not settings.printed and not _ranks.rank:
         print_json({"error": " ".join(message.split()), "exit_status": status})
 
@@ -112,7 +112,7 @@ def note(text: str) -> None:
 
 
 class Bar(Progress):
-    """What is done, how far it is, time gone by and left; on a line below the ``state`` of a task: counts, rate, residual or energy.
+    """Progress columns: task, share done, time elapsed and left; below them the ``state`` of the task (counts, rate, residual, energy).
 
     A narrow terminal would cut all of it if it stood in one line.  Nothing is drawn where standard error is no terminal.
     """
@@ -131,7 +131,7 @@ class Bar(Progress):
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[..., None]]:
-    """A bar that is told the share that is done and what to say beside it; told another ``title``, it begins anew under that."""
+    """Return a progress bar, called with the share done and a state in words; with another ``title`` it begins again under that."""
     with Bar() as bar:
         current, task = title, bar.add_task(escape(title), total=1.0, state="")
 
@@ -150,7 +150,7 @@ SOONEST = 0.5
 
 
 class Rate:
-    """How many of something are done in a second, or in a minute where that is less than one in a second."""
+    """Rate of completed items in a second, or in a minute where less than one is done in a second."""
 
     def __init__(self, what: str) -> None:
         self._what = what
@@ -212,12 +212,12 @@ def only_the_first_speaks() -> None:
 
 
 def shared() -> bool:
-    """Whether several ranks share the command."""
+    """Return whether several ranks share the command."""
     return _ranks.size > 1
 
 
 def ended(status: int, *told: str) -> typer.Exit:
-    """What to raise to end the command on all ranks, after one of them, the first if it comes to the same end, has told why."""
+    """Return the exception that ends the command on all ranks, after one of them has printed the reason."""
     lines = [escape(text) if n else text for n, text in enumerate(told)]
     _error_as_json(status, " ".join(told[1:]))
     if not _ranks.rank:

@@ -73,7 +73,7 @@ def free_energy(data: Path, bulk: dict):
 
 
 def bulk_of(modulus: float | None, ratio: float | None) -> dict:
-    """What a regressor is told of the bulk modulus, of which one option at the most is given."""
+    """Return the arguments of a regressor for the bulk modulus, of which at most one option is given."""
     if modulus is not None and ratio is not None:
         raise ValueError("--bulk-modulus and --bulk-ratio say the same: choose one")
     given = {"bulk_modulus": modulus, "bulk_ratio": ratio}

@@ -27,7 +27,7 @@ def stress_test(
     threads: Annotated[int | None, typer.Option(help="Most threads of the kernels; by default all.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Put every force model to hard cases: what was asked, what came, pass or a named weakness."""
+    """Run hard cases with every force model, and report for each the limit, the value, and a pass or a named weakness."""
     from ..artifacts import ArtifactError
     from ..forces.settings import WHERE
     from ..results.files import check_writable, write_json

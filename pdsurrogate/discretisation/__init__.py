@@ -1,4 +1,4 @@
-"""From the description of a scene to the points of its body, and to its boundary."""
+"""Discretisation of a scene: the points of its body, and its boundary."""
 
 from .points import discretise, grip_areas
 from .size import check_size, memory_here

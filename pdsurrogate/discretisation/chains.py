@@ -48,7 +48,7 @@ def pieces(chains: list[np.ndarray], tolerance: float) -> tuple[np.ndarray, np.n
 
 
 def _meetings(starts: np.ndarray, ends: np.ndarray, chain: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where facets cross or touch others that are not the next in their chain: facet, share of its length, and place."""
+    """Return the places where facets cross or touch others that do not follow in their chain: facet, share of its length, and place."""
     along = ends - starts
     lengths = np.linalg.norm(along, axis=1)
     pairs = cKDTree((starts + ends) / 2).query_pairs(lengths.max() + tolerance, output_type="ndarray")

@@ -35,7 +35,7 @@ BESIDE_CORNERS = {4: [[1, 2, 3]], 8: [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7]
 
 @dataclass(frozen=True)
 class MeshFile:
-    """What is read of a mesh file.
+    """Contents of a mesh file.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class MeshFile:
         return [self.nodes[block] for block in self.cells]
 
     def sides(self) -> Sides:
-        """The sides of the cells: edges in the plane, faces in space."""
+        """Return the sides of the cells: edges in two dimensions, faces in three."""
         extent = np.ptp(self.nodes, axis=0).max()
         # Nodes at one place are one: a crack is said by a precut, and bonds ask for no nodes in common.
         number = same_places(self.nodes, 1e-9 * extent)
@@ -105,7 +105,7 @@ class Sides:
     number: np.ndarray
 
     def keys(self, corners: np.ndarray) -> np.ndarray:
-        """One number for all ways of going around a side, of those that are asked for together."""
+        """Return one number for all orders of the corners of a side, among sides of one call."""
         corners = np.sort(corners, axis=1)
         # Of a triangle it is the greatest that counts twice, whichever the last one was.
         corners[:, 1:-1] = np.where(corners[:, 1:-1] == corners[:, :-2], corners[:, -1:], corners[:, 1:-1])
@@ -118,7 +118,7 @@ class Sides:
         return key
 
     def among(self, members: np.ndarray) -> np.ndarray:
-        """Which sides are one of the members, whose corners are nodes of the file."""
+        """Return which sides are among the members, whose corners are nodes of the file."""
         keys = self.keys(np.concatenate([self.corners, self.number[members]]))
         return np.isin(keys[: len(self.corners)], keys[len(self.corners) :])
 
@@ -153,7 +153,7 @@ class Sides:
 
 
 def mesh_of(mesh: Mesh) -> MeshFile:
-    """The mesh of a body; a file that has not changed since it was last asked for is not read again.
+    """Return the mesh of a body; a file that has not changed since it was last read is not read again.
 
     Raises
     ------
@@ -274,7 +274,7 @@ def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _centroids_of_solids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of tetrahedra and hexahedra, divided as `tetrahedra_of` divides them."""
+    """Return volumes and centroids of tetrahedra and hexahedra, divided as `tetrahedra_of` divides them."""
     parts = tetrahedra_of(cells)
     volumes = np.linalg.det(parts[:, :, 1:] - parts[:, :, :1]) / 6
     volume = volumes.sum(axis=1)
@@ -319,7 +319,7 @@ def section_area(cells: np.ndarray, axis: int, position: float) -> float:
 
 
 def _crossed(quadrilaterals: np.ndarray) -> np.ndarray:
-    """Which quadrilaterals, shape (n, 4, 2), have sides that cross: either diagonal then cuts them into triangles of opposite senses."""
+    """Return which quadrilaterals, shape (n, 4, 2), have sides that cross: either diagonal cuts them into triangles of opposite senses."""
     a, b, c, d = quadrilaterals.transpose(1, 0, 2)
 
     def sense(start, middle, end):

@@ -1,4 +1,4 @@
-"""Which edges of a scene hold its body by reflection: known from names, before there is a body."""
+"""Edges of a scene that hold its body by reflection, known from their names before the body is made."""
 
 from __future__ import annotations
 

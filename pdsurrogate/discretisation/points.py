@@ -1,4 +1,4 @@
-"""From the description of a scene to the points of its body, and their bonds."""
+"""Points of the body of a scene, and the separation of their bonds."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def grip_areas(scene: Scene, lower: np.ndarray, upper: np.ndarray) -> dict[str, 
 
 
 def _section_inside(scene: Scene, axis: int, position: float, lower: np.ndarray, upper: np.ndarray) -> float:
-    """Length, or in space area, of the cut on which a coordinate has the given value that lies in material."""
+    """Return the length (in three dimensions the area) of material on the section on which a coordinate has a given value."""
     others = [other for other in range(scene.dimension) if other != axis]
     if isinstance(scene.body, Rectangle | Box) and not scene.holes:
         return float(np.prod((upper - lower)[others]))
@@ -176,7 +176,7 @@ def _lengths_inside(inside, low: float, high: float, count: int, lines: int) -> 
 
 
 def _integral(values, low: float, high: float) -> float:
-    """Of a function with kinks and steps: intervals are halved until Lobatto's four places, with their ends, tell no more, to `STRIPS`."""
+    """Integrate a function with kinks and steps: intervals are halved until Lobatto's rule of four places agrees, at most to `STRIPS`."""
     places, weights = np.array([-1, -(0.2**0.5), 0.2**0.5, 1]), np.array([1, 5, 5, 1]) / 6
 
     def sums(starts: np.ndarray, widths: np.ndarray) -> np.ndarray:
@@ -274,7 +274,7 @@ def _mesh_cells(scene: Scene) -> CellMesh | None:
 
 
 def _within_outline(scene: Scene, places: np.ndarray) -> np.ndarray:
-    """Which places lie within the outline of a body that is no mesh; of one that its grid fills, all that are asked for."""
+    """Return which places lie within the outline of a body that is no mesh; all of them for a body that its grid fills."""
     return np.ones(len(places), dtype=bool) if isinstance(scene.body, Rectangle | Box) else scene.body.contains(places)
 
 
@@ -286,12 +286,12 @@ def _outside_holes(scene: Scene, places: np.ndarray) -> np.ndarray:
 
 
 def material_at(scene: Scene, places: np.ndarray) -> np.ndarray:
-    """Which places there is material at."""
+    """Return which places lie in material."""
     return _within_outline(scene, places) & _outside_holes(scene, places)
 
 
 def _in_material(scene: Scene, points: np.ndarray, within: np.ndarray) -> np.ndarray:
-    """Which of the points are left of those within the outline, the holes taken away; an error where a hole or the body holds none."""
+    """Return which points within the outline remain without the holes; raise SceneError where a hole or the body holds no point."""
     kept = within.copy()
     for number, hole in enumerate(scene.holes):
         inside = hole.contains(points)
@@ -344,7 +344,7 @@ def _material_of_cells(centres: np.ndarray, kept: np.ndarray, cells: Cells, mate
 
 
 def _places_in_a_cell(dimension: int) -> tuple[np.ndarray, np.ndarray]:
-    """Places that tell whether a boundary cuts a cell, and those of which its share of material is taken, in sides from its middle."""
+    """Return places that decide whether a boundary cuts a cell, and those that sample its share of material, in sides from its middle."""
     if dimension == 2:
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]]) / 2
         places = (np.arange(RASTER) + 0.5) / RASTER - 0.5
@@ -357,7 +357,7 @@ def _places_in_a_cell(dimension: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _cuts(scene: Scene, horizon: float, cell: Sequence[float], lower: np.ndarray, upper: np.ndarray):
-    """Which bonds precuts and empty space separate; None where there is nothing of either."""
+    """Return a function that finds the bonds that precuts and empty space separate; None where there are neither."""
     tests = [precut.crosses for precut in scene.precuts]
     if not isinstance(scene.body, Mesh) and (scene.holes or not _surely_convex(scene)):
         tests.append(_across_empty_space(scene, horizon, np.array(cell), lower, upper))
@@ -374,12 +374,12 @@ def _cuts(scene: Scene, horizon: float, cell: Sequence[float], lower: np.ndarray
 
 
 def _surely_convex(scene: Scene) -> bool:
-    """Whether no bond can leave the outline, between images neither."""
+    """Return whether no bond, nor one between images, can leave the outline."""
     return scene.body.convex if isinstance(scene.body, Solid) else isinstance(scene.body, Rectangle)
 
 
 def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray):
-    """Which bonds cross a hole, or leave the outline: those with a place on them that has no material within `CLEARANCE` of it.
+    """Return which bonds cross a hole or leave the outline: those with a place that has no material within `CLEARANCE`.
 
     Beyond the planes of its grips the body is its own image.
     """
@@ -417,7 +417,7 @@ def _across_empty_space(scene: Scene, horizon: float, cell: np.ndarray, lower: n
 
 
 def _directions(dimension: int) -> np.ndarray:
-    """Unit vectors in every direction: 16 of them in the plane; 98 in space, those of lattice points up to two cells away."""
+    """Return unit vectors in all directions: 16 in two dimensions; 98 in three, towards lattice points up to two cells away."""
     if dimension == 2:
         angles = np.pi / 8 * np.arange(16)
         return np.stack([np.cos(angles), np.sin(angles)], axis=1)

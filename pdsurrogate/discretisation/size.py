@@ -1,4 +1,4 @@
-"""Whether the body of a scene can be held at all, before anything of it is made."""
+"""Check that memory holds the body of a scene, before anything of it is made."""
 
 from __future__ import annotations
 

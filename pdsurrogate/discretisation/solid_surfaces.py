@@ -1,4 +1,4 @@
-"""The boundary of a body in space that is made of shapes, as triangles.
+"""The boundary of a solid that is made of shapes, as triangles.
 
 Of a prism, such as a box, a cylinder or an extrusion, it is the boundary of its section, as `surfaces` has it in the plane, times its
 length, and a cap on either end.  Holes that go all the way through along its axis are part of the section.  Other holes have a closed

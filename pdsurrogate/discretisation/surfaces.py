@@ -1,4 +1,4 @@
-"""From the description of a scene to the boundary of its body.
+"""Boundary of the body of a scene.
 
 In the plane the outline and the holes become closed chains of facets, see `chains`; in space closed surfaces, see `solid_surfaces`.
 """

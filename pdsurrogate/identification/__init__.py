@@ -1,4 +1,4 @@
-"""From test data to the parameters of a law."""
+"""Identification of the parameters of a law from test data."""
 
 from .committee import committee, committee_spread
 from .data import MODES, TestData, load_test_data, test_data_names

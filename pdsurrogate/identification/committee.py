@@ -1,4 +1,4 @@
-"""How sure an identification is: the same regressor fitted to many drawings from the test data."""
+"""Uncertainty of an identification: one regressor fitted to many random halves of the test data."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .stress_regressor import StressRegressor
 def committee(
     regressor, X, y, n_members: int = 8, tests=None, random_state: int = 0, n_jobs: int = 1, sample_weight: np.ndarray | None = None
 ) -> list:
-    """Copies of a regressor, each fitted to half of the tests, drawn without replacement, with settings that no data tell drawn as well.
+    """Return copies of a regressor, each fitted to a random half of the tests; settings that the data leave open are drawn as well.
 
     What is asked of the members, a stress or the result of a run with the ``law_`` of each, differs from that of the fit to all data by as
     much as the data leave open: the root mean square of the differences is an estimate of its standard deviation (the delete-half
@@ -88,7 +88,7 @@ def committee(
 
 
 def committee_spread(found: ArrayLike, members: ArrayLike) -> np.ndarray:
-    """How far a result may be off by what the data leave open: twice the spread holds 95 % of normal deviations, however few the members.
+    """Return the spread of a result over the members: twice the spread holds 95 % of normal deviations for any number of members.
 
     Parameters
     ----------

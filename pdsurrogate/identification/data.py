@@ -67,7 +67,7 @@ class TestData:
 
     @property
     def tests(self) -> np.ndarray:
-        """Which test a row is of, shape (n,): the two stresses of a biaxial state are of one, every other row of its own."""
+        """Return the test of every row, shape (n,): both stresses of a biaxial state belong to one test, other rows to their own."""
         states = np.round(np.sort(np.log(self.stretches), axis=1), 9)
         _, tests = np.unique(states, axis=0, return_inverse=True)
         return np.where(self.mode == BIAXIAL, tests.ravel(), len(self) + np.arange(len(self)))

@@ -185,7 +185,7 @@ class EnergyRegressor(StressRegressor):
         return self
 
     def beyond(self, X) -> np.ndarray:
-        """How far states are beyond the hull of the data, in log-stretch, shape (n_samples,); 0 and less within it and its margin."""
+        """Return the distance of states beyond the hull of the data, in log-stretch, shape (n_samples,); at most 0 inside its margin."""
         check_is_fitted(self)
         logs = ordered_logs(self._stretches(np.asarray(in_order(X, self.columns, "X"), dtype=float)))
         return (logs @ self.hull_[:, :2].T + self.hull_[:, 2]).max(axis=1) - self.margin

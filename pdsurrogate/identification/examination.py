@@ -55,7 +55,7 @@ class TestDataWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Examination:
-    """What is said of a fit to test data.
+    """Remarks on a fit to test data.
 
     Attributes
     ----------
@@ -163,7 +163,7 @@ def _some(told: list[str]) -> list[str]:
 
 
 def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
-    """What looks wrong with test data, whatever law they are fitted to.
+    """Return remarks on test data that look wrong for any law.
 
     They are held against an energy that stands for all that physics allows (`TERMS`), fitted so that single rows count little.  Changes of
     a mode that make the residuals smaller by the factor `enough` are told, and rows that stand out of what the energy says once the change
@@ -330,7 +330,7 @@ def _falling(data: TestData):
 
 
 def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegressor]):
-    """Whether another law, or an energy without one, describes the data many times better."""
+    """Return a remark where another law, or an energy without a law, describes the data many times better."""
     from .energy import EnergyRegressor
 
     def off(one: StressRegressor) -> float:

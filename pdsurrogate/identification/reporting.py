@@ -13,7 +13,7 @@ from .stress_regressor import StressRegressor, nominal_stress, states
 
 
 def report(model: StressRegressor, data: TestData) -> dict:
-    """What was fitted to what, parameters with their standard errors, and how far off it is; plain values, None where not finite.
+    """Return the data, parameters with standard errors and errors of a fit as plain values, None where one is not finite.
 
     ``differences`` are those of the law with its bulk modulus, which is what a simulation of the tests gives; ``volume_ratio`` is the
     greatest that it has there, and ``residuals`` are the rows that it is farthest off.

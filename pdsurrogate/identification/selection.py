@@ -1,4 +1,4 @@
-"""Which law to choose: how well each predicts modes of loading that it was not fitted to."""
+"""Choice of a law by its prediction of modes of loading that it was not fitted to."""
 
 from __future__ import annotations
 

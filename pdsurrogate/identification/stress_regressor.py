@@ -1,4 +1,4 @@
-"""What regressors of nominal stresses by stretches have in common, whatever energy they find."""
+"""Base of the regressors of nominal stresses by stretches."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def states(law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def free_sides(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Which states are uniaxial tension or compression along the first stretch, bool, shape (n,)."""
+    """Return which states are uniaxial tension or compression along the first stretch, bool, shape (n,)."""
     return np.abs(np.log(second) + np.log(first) / 2) < FREE_SIDES
 
 
@@ -88,7 +88,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         return nominal_stress(self.law_, self._stretches(X))
 
     def redrawn(self, random: np.random.Generator) -> StressRegressor:
-        """An unfitted copy for a committee: where a setting is neither the data's nor the user's to tell, with another one, drawn."""
+        """Return an unfitted copy for a committee, with random values of settings that neither the data nor the user determine."""
         return clone(self)
 
     def forget(self) -> None:

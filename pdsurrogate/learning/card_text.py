@@ -1,4 +1,4 @@
-"""What the card of an artefact says beside what is found out of the model."""
+"""Text that a user gives for the card of an artefact, in addition to what is computed from the model."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..artifacts.card import check_plain
 
 @dataclass(frozen=True)
 class CardText:
-    """What the card of an artefact says beside what is found out of the model.
+    """Text that a user gives for the card of an artefact, in addition to what is computed from the model.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From a fitted model to the plain arrays that a simulation needs: taken over as it is, or resampled."""
+"""Conversion of a fitted model to the plain arrays that a simulation needs, exactly or by resampling."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def force_of(model) -> Callable:
 
 
 def _checked_forces(function: Callable, *bond) -> np.ndarray:
-    """What a user's function gives of bonds, if that is two numbers of each."""
+    """Return the forces that a user's function gives for bonds; raise ValueError if they are not two numbers for each bond."""
     force = np.asarray(function(*bond))
     if force.shape != (len(bond[0]), 2):
         raise ValueError(f"a function of bonds must give t_n and t_tau of each, an array of shape {(len(bond[0]), 2)}, not {force.shape}")
@@ -241,7 +241,7 @@ def regressor_of(model: InputAwareTargetRegressor):
 
 
 def title_of(regressor) -> str:
-    """What a regressor is called, with what is inside it."""
+    """Return the name of a regressor with the name of its inner estimator."""
     if hasattr(regressor, "steps"):
         inner = regressor.steps[-1][1]
     elif isinstance(regressor, MetaEstimatorMixin):
@@ -252,7 +252,7 @@ def title_of(regressor) -> str:
 
 
 def shift_and_scale(scaler: StandardScaler) -> tuple[np.ndarray, np.ndarray]:
-    """What a fitted scaler takes off and divides by: zeros and ones where it was told not to."""
+    """Return the shift and the scale of a fitted scaler: zeros and ones where it does not use them."""
     count = scaler.n_features_in_
     return scaler.mean_ if scaler.with_mean else np.zeros(count), scaler.scale_ if scaler.with_std else np.ones(count)
 

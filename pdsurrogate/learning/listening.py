@@ -1,4 +1,4 @@
-"""How far a training has come, for whoever asks: regressors are fitted within pipelines, which hand nothing of that out."""
+"""Progress of a training for a listener: pipelines do not pass on any progress of the regressors in them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """Context in which trainings tell `listener` after every iteration its number, the most there can be, and the loss."""
+    """Call `listener` after every iteration of trainings in this context with its number, the greatest number, and the loss."""
     before = _listener.set(listener)
     try:
         yield

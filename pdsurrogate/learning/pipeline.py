@@ -74,7 +74,7 @@ def _for_two_outputs(regressor):
 
 
 def _takes_two_outputs(regressor) -> bool:
-    """Whether it fits two targets at once: by its tag, or by a trial on a few numbers where that says no, as that of MLPRegressor does."""
+    """Return whether a regressor fits two targets at once: by its tag, or by a trial where the tag says no, as MLPRegressor's does."""
     if hasattr(regressor, "steps"):
         return _takes_two_outputs(regressor.steps[-1][1])
     if is_search(regressor):
@@ -187,7 +187,7 @@ def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.n
 
 @named(COLUMNS, TARGETS)
 def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
-    """What the network is trained to give: the nondimensional force as the feature set's outputs.
+    """Return the dimensionless force as the outputs of a feature set, which the regressor is trained on.
 
     An output that only rounding moves is made constant: scaled to unit variance it would be noise that a regressor spends itself on.
     A bond without shear does not say how its force grows with shear: where the outputs ask for that, they are NaN.

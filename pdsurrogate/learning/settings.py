@@ -1,4 +1,4 @@
-"""What is fitted to a law, and how: the choices of `pdsurrogate fit`, and of studies that fit."""
+"""Settings of a fit to a law: the choices of `pdsurrogate fit`, and of studies that fit."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class FitSettings:
         self.pipeline()
 
     def within(self, least: float, greatest: float) -> FitSettings:
-        """The same for a material that is known between two stretches: trained on those, where nothing else is asked for."""
+        """Return these settings for a material that is known between two stretches, which are the range where none is given."""
         return replace(
             self, least=least if self.least is None else self.least, greatest=greatest if self.greatest is None else self.greatest
         )
@@ -126,7 +126,7 @@ class FitSettings:
         return surrogate_pipeline(SobolevRegressor(*hidden, self.activation or "algebraic", **options), self.target), f"{hidden[0]} units"
 
     def design(self, law: Law) -> Samples:
-        """Return training samples of a law, over the stretches asked for, or as far as the law goes."""
+        """Return training samples of a law, over the range given, or as far as the law goes."""
         reach = reachable_stretches(law, self.asked_range(), self.target)
         box = (reach[0] if self.least is None else self.least, reach[1] if self.greatest is None else self.greatest)
         return training_samples(law, self.n_samples, box, random_state=self.seed, target=self.target)
@@ -134,7 +134,7 @@ class FitSettings:
     def cross_validate(
         self, pipeline: InputAwareTargetRegressor, design: Samples, progress: Callable[[int], None] = lambda fold: None
     ) -> list[dict]:
-        """Return the relative errors of clones on the fold left out, fold by fold; none where no folds are asked for."""
+        """Return the relative errors of clones on the fold left out, fold by fold; an empty list for 0 folds."""
         return cross_validate(pipeline, design, self.folds, self.seed, progress=progress) if self.folds else []
 
     def store(
@@ -155,7 +155,7 @@ class FitSettings:
         return store(pipeline, design, law, folder, name, version, text, members)
 
     def committee(self, laws: Sequence[Law], progress: Callable[[int], None] = lambda member: None) -> list[tuple]:
-        """Members of a committee for `store`: a fit to every law, each from a seed of its own; `progress` is told each, from 0."""
+        """Return members of a committee for `store`, a fit to every law with its own seed; call `progress` with each number, from 0."""
         members = []
         for number, law in enumerate(laws):
             progress(number)

@@ -253,7 +253,7 @@ class _Function:
 
     @property
     def output_weights(self):
-        """Where the output weights stand among the parameters."""
+        """Return the place of the output weights among the parameters."""
         return slice((self.d + 1) * self.units, (self.d + 2) * self.units)
 
     def first(self, random):

@@ -27,12 +27,12 @@ def check_targets(y, names) -> None:
 
 
 def is_search(model) -> bool:
-    """Whether an estimator is one of scikit-learn's searches over parameters."""
+    """Return whether an estimator is one of scikit-learn's searches over parameters."""
     return isinstance(model, BaseEstimator) and (hasattr(model, "param_grid") or hasattr(model, "param_distributions"))
 
 
 def weight_parameter(estimator) -> str:
-    """What ``fit`` of an estimator calls the weights of samples: of a pipeline those of its last step, as deep as they are nested."""
+    """Return the name of sample weights in ``fit`` of an estimator; for nested pipelines, with the names of their last steps."""
     if isinstance(estimator, Pipeline):
         name, last = estimator.steps[-1]
         return f"{name}__{weight_parameter(last)}"
@@ -44,7 +44,7 @@ def weight_parameter(estimator) -> str:
 
 
 def _takes_weights(estimator) -> bool:
-    """Whether the regressor that weights are for, as `weight_parameter` finds it, takes any."""
+    """Return whether the regressor to which `weight_parameter` leads takes sample weights."""
     if isinstance(estimator, Pipeline):
         return _takes_weights(estimator.steps[-1][1])
     if isinstance(estimator, TransformedTargetRegressor):
@@ -176,7 +176,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
                 regressor.fit(X, z, **{weight_parameter(regressor): weights})
 
     def _routes_weights(self) -> bool:
-        """Whether a part of the regressor requests weights by scikit-learn's metadata routing."""
+        """Return whether a part of the regressor requests weights by scikit-learn's metadata routing."""
         return self.regressor is not None and get_routing_for_object(self.regressor).consumes("fit", ["sample_weight"])
 
     def __sklearn_is_fitted__(self) -> bool:

@@ -1,4 +1,4 @@
-"""What a surrogate learns: the base of the bond force, the energy of a sheet and the isochoric energy, and samples of them."""
+"""Targets that surrogates learn (bond force, energy of a sheet, isochoric energy), and samples of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a bond force is from the exact one, on and off the plane-stress surface, by strain, and where it would be unstable."""
+"""Errors of a bond force against the exact one, on and off the plane-stress surface and by strain, and its stability."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def force_report(
 
 
 def strain_bins(low: float, high: float) -> list[tuple[float, float]]:
-    """Those bins of greatest principal strain that a range of stretches reaches into, the last one as far as it goes."""
+    """Return the bins of greatest principal strain that a range of stretches reaches; the last one ends with the range."""
     reach = max(high - 1, 1 - low)
     return [(least, min(greatest, reach)) for least, greatest in pairwise(STRAIN_BINS) if least < reach * (1 - 1e-9)]
 

@@ -1,4 +1,4 @@
-"""How what is prescribed follows the loading parameter t: a ramp, a sine, a table, or an expression of t."""
+"""Amplitudes, by which prescribed values follow the loading parameter t: a ramp, a sine, a table, or an expression of t."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a user says of the loading: what is held and moved, what pulls and presses, in which steps, and what is looked at."""
+"""Loading in a scene: grips and prescriptions, loads, steps and probes."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Prescribed(StrictModel):
         return self.x1, self.x2, self.x3
 
     def misfit(self, dimension: int) -> tuple[str, str] | None:
-        """Key, and what is wrong with it in the plane or in space; None where nothing is."""
+        """Return the key and what is wrong with it in two or three dimensions; None if nothing is."""
         if dimension == 2:
             for key in ("x3", "axis"):
                 if getattr(self, key) is not None:
@@ -120,7 +120,7 @@ class Load(StrictModel):
 
     @property
     def kind(self) -> str:
-        """Which of its kinds it is."""
+        """Return the kind of the load."""
         return next(kind for kind in ("traction", "pressure", "body_force", "force") if getattr(self, kind) is not None)
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""What a user describes: a body, its material, how it is held and pulled, and what is compared."""
+"""Scene: a body, its material, its supports and loads, and reference values."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ class MaterialSpec(StrictModel):
 
     @property
     def rigid(self) -> bool:
-        """Whether it is no law, and what is of it moves as one body."""
+        """Whether the material has no law, so that its region moves as one body."""
         return self.law == RIGID
 
     def build(self) -> Law:
@@ -253,7 +253,7 @@ class Hold(StrictModel):
 
 
 class SolverSpec(StrictModel):
-    """How equilibrium is found."""
+    """Settings of the solution for equilibrium."""
 
     method: Literal["automatic", "minimiser", "quasi-newton", "relaxation", "explicit"] = "automatic"
     tolerance: Annotated[Positive, Field(le=1e-2)] = 1e-6
@@ -324,7 +324,7 @@ AnyPrecut = Annotated[
 
 
 def _dimension_of(data: Mapping[str, Any]) -> int:
-    """Of the body of a scene under way, as far as it is told: of one that could not be read, 2."""
+    """Return the dimension of the body of a scene that is being read; 2 where the body could not be read."""
     return data["body"].dimension if "body" in data else 2
 
 
@@ -346,7 +346,7 @@ class Units(StrictModel):
         return f"{self.stress} {self.length}^3" if self.stress and self.length else None
 
     def label(self, what: str, kind: str) -> str:
-        """What a header or an axis says: a name, with the unit of its kind in brackets where that has a name."""
+        """Return a name with the unit of its kind in brackets, where the unit has a name, for headers and axes."""
         unit = getattr(self, kind)
         return f"{what} ({unit})" if unit else what
 
@@ -448,7 +448,7 @@ class Scene(StrictModel):
 
     @property
     def dimension(self) -> int:
-        """2 where the body lies in the plane, 3 in space."""
+        """Dimension of the body, 2 or 3."""
         return self.body.dimension
 
     def law(self) -> Law:
@@ -465,7 +465,7 @@ class Scene(StrictModel):
 
     @property
     def stretched(self) -> bool:
-        """Whether the loading is said in the short way: grips and stretches."""
+        """Whether the loading is given by grips and stretches."""
         return bool(self.grips)
 
     @model_validator(mode="before")
@@ -591,7 +591,7 @@ class Scene(StrictModel):
 
     @model_validator(mode="after")
     def _amplitudes_at_steps(self) -> Scene:
-        """Refuse amplitudes that have no value where a step ends; between, they are asked for when the loading comes there."""
+        """Refuse amplitudes that have no value at the end of a step; values within a step are computed during the run."""
         for key in ("prescribed", "loads"):
             for number, entry in enumerate(getattr(self, key)):
                 amplitude = amplitude_of(entry.amplitude)

@@ -1,4 +1,4 @@
-"""What is said about a description that makes no sense."""
+"""Error messages for invalid scenes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ are not (0.75)."""
 
 
 def suggestion(word: str, known: Iterable[str], otherwise: str = "there are") -> str:
-    """What was meant by a word that is none of those known: the nearest of them, or all."""
+    """Return a suggestion for an unknown word: the nearest known word, or all of them."""
     known = list(known)
     nearest = difflib.get_close_matches(word, known, 1, CLOSE)
     return f"did you mean {nearest[0]}?" if nearest else f"{otherwise} {', '.join(known)}"

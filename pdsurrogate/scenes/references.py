@@ -1,4 +1,4 @@
-"""What scenes are compared with: exact homogeneous tension, and finite element solutions, kept with the problem that each belongs to."""
+"""Reference values of scenes: exact homogeneous tension, and finite element solutions with the problem of each."""
 
 from __future__ import annotations
 

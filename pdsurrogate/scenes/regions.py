@@ -16,7 +16,7 @@ FACES = ("left", "right", "bottom", "top", "back", "front")
 
 
 def edge_names(dimension: int) -> tuple[str, ...]:
-    """Edges of the bounding box of a body in the plane, or its faces in space."""
+    """Edges of the bounding box of a sheet, or faces of that of a solid."""
     return FACES[: 2 * dimension]
 
 
@@ -55,7 +55,7 @@ class HalfPlane(StrictModel):
 
 
 class Ball(StrictModel):
-    """A ball: everything within a radius of its centre, in space."""
+    """A ball: all places within a radius of its centre, in three dimensions."""
 
     centre: SpacePoint
     radius: Positive
@@ -132,7 +132,7 @@ class Region(StrictModel):
         return self
 
     def misfit(self, dimension: int) -> str | None:
-        """What is wrong with it in the plane or in space; None where nothing is.  The number of components of vectors is not asked here."""
+        """Return what is wrong with the region in two or three dimensions, apart from numbers of components; None if nothing is."""
         for key, other, its_own in (
             ("disc", "ball", 2),
             ("half_plane", "half_space", 2),
@@ -162,7 +162,7 @@ def _name_or_table(value: Any) -> Any:
 
 
 def _way_of(value: Any) -> str:
-    """Whether a region is said by its name or on the spot."""
+    """Return whether a region is given by its name or in place."""
     return "name" if isinstance(value, str) else "region"
 
 

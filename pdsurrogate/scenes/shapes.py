@@ -26,7 +26,7 @@ class Shape(StrictModel):
 
     @abstractmethod
     def contains(self, points: np.ndarray) -> np.ndarray:
-        """Which of the points (n, d) lie inside."""
+        """Return which of the points (n, d) lie inside."""
 
     @abstractmethod
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -176,7 +176,7 @@ def _divided(corners: np.ndarray, cell: np.ndarray) -> np.ndarray:
 
 
 def _crossing(corners: np.ndarray) -> str | None:
-    """Where the outline of a polygon crosses itself or runs around twice, in words; None where its material has it on one side alone.
+    """Return in words where the outline of a polygon crosses itself or runs around twice; None where it does not.
 
     Sides may touch, and run back along each other, as those do that lead to an opening and away from it: on either side of every piece
     between two places where sides meet the outline winds around once, in one sense, or not at all.
@@ -219,7 +219,7 @@ def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _windings(places: np.ndarray, starts: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """How often a chain of sides winds counter-clockwise around places (k, 2)."""
+    """Return how often a chain of sides winds counter-clockwise around places (k, 2)."""
     windings = np.zeros(len(places), dtype=int)
     for start, side in zip(starts, along, strict=True):
         offsets = places - start
@@ -243,7 +243,7 @@ def _around(centre: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.n
 
 
 def shape_of(value: Any) -> str:
-    """Which shape a part is read as: one without is a rectangle."""
+    """Return the shape as which a part is read: a rectangle where none is given."""
     return str(value.get("shape", "rectangle") if isinstance(value, dict) else getattr(value, "shape", "rectangle"))
 
 
@@ -301,7 +301,7 @@ class Precut(StrictModel):
         return self
 
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Which of the segments from `starts` to `ends`, each of shape (k, 2), cross the cut.
+        """Return which of the segments from `starts` to `ends`, each of shape (k, 2), cross the cut.
 
         A point on the cut's line counts as lying on its left, to rounding, so that a cut through a row of points separates
         them from one side.

@@ -1,4 +1,4 @@
-"""Shapes in space, of which bodies are made and holes are cut, and flat cuts."""
+"""Three-dimensional shapes of bodies and holes, and flat cuts."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ AXES = {"x1": 0, "x2": 1, "x3": 2}
 
 
 class Solid(Shape):
-    """A closed shape in space."""
+    """A closed three-dimensional shape."""
 
     dimension: ClassVar[int] = 3
 
     @property
     @abstractmethod
     def convex(self) -> bool:
-        """Whether the straight line between any two of its points is known to lie in it."""
+        """Whether the shape is known to be convex."""
 
 
 class Prism(Solid):
@@ -74,7 +74,7 @@ class Prism(Solid):
 
 
 def in_section(places: np.ndarray, section: Outline, bores: tuple[Outline, ...]) -> np.ndarray:
-    """Which places (n, 2) lie in a section and in none of its bores."""
+    """Return which places (n, 2) lie in a section and in none of its bores."""
     inside = section.contains(places)
     for bore in bores:
         inside &= ~bore.contains(places)
@@ -246,7 +246,7 @@ class Sphere(Solid):
 
 
 class FlatCut(StrictModel):
-    """A flat cut in space: the bonds that cross it are no part of the body."""
+    """A flat cut of a solid: the body has no bonds that cross it."""
 
     dimension: ClassVar[int] = 3
 
@@ -256,10 +256,10 @@ class FlatCut(StrictModel):
 
     @abstractmethod
     def covers(self, places: np.ndarray) -> np.ndarray:
-        """Which of the places (k, 3) on its plane belong to it."""
+        """Return which of the places (k, 3) on the plane of the cut belong to the cut."""
 
     def crosses(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Which of the segments from `starts` to `ends`, each of shape (k, 3), cross the cut.
+        """Return which of the segments from `starts` to `ends`, each of shape (k, 3), cross the cut.
 
         A point on the cut's plane counts as lying on the side of the normal, to rounding, so that a cut through a layer of points
         separates them from one side.
@@ -336,7 +336,7 @@ class DiscCut(FlatCut):
 
 
 def cut_of(value: Any) -> str:
-    """Which kind of cut a part is read as, by the keys that it has: a straight one of the plane unless it has those of another."""
+    """Return the kind of cut as which a part is read, by its keys: a straight cut of a sheet unless it has those of another kind."""
     if isinstance(value, FlatCut):
         return "disc" if isinstance(value, DiscCut) else "parallelogram"
     if not isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""What all parts of a scene's description have in common."""
+"""Base of all parts of a scene's description."""
 
 from __future__ import annotations
 
