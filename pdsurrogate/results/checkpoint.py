@@ -98,7 +98,7 @@ class Checkpoint:
 
 
 def identity_in(folder: Path) -> dict | None:
-    """What the run was of that left a checkpoint in a folder, see `Checkpoint`; None where there is none, or a damaged one."""
+    """Return the identity of the run that left a checkpoint in a folder, see `Checkpoint`; None where there is none, or a damaged one."""
     try:
         with (Path(folder) / NAME).open("rb") as file:
             return json.loads(read_arrays(file, [_DESCRIPTION])[_DESCRIPTION].tobytes().decode())["identity"]

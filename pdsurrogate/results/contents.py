@@ -1,4 +1,4 @@
-"""What the results of a run are of: its scene and its force models, by which they are told from those of another run."""
+"""Contents of the results of a run: its scene and its force models, which distinguish it from other runs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_TOLD, MOST_CHARACTERS = 3, 60
 
 @dataclass(frozen=True)
 class Contents:
-    """What runs with the same come to the same results of.
+    """Contents that determine the results of a run.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Contents:
 
     @classmethod
     def of(cls, scene: Scene, models: Sequence[ForceModel]) -> Contents:
-        """Of a run that is about to begin, whose mesh's file is read for it; SceneError if it cannot be."""
+        """Return the contents of a run that is about to begin; read its mesh file, and raise SceneError if that fails."""
         digests = {model.name: digest_of_model(model) for model in models}
         if isinstance(scene.body, Mesh):
             digests[MESH] = digest_of_mesh(scene.body)
@@ -49,7 +49,7 @@ class Contents:
 
     @classmethod
     def read(cls, description: Any) -> Contents | None:
-        """From a summary or the description of a checkpoint; None where these do not say it, as earlier versions' do not."""
+        """Return the contents from a summary or the description of a checkpoint; None where it has none, as in earlier versions."""
         try:
             scene = Scene.model_validate(description["scene_as_run"])
             return cls(_dump(scene), description["force"], dict(description["digests"]))
@@ -57,11 +57,11 @@ class Contents:
             return None
 
     def describe(self) -> dict[str, Any]:
-        """What a summary and a checkpoint hold, for `read`."""
+        """Return the entries that a summary and a checkpoint hold, for `read`."""
         return {"force": self.force, "digests": self.digests, "scene_as_run": self.scene}
 
     def differences(self, now: Contents) -> str:
-        """How a run that is to take the place of this one differs from it, in words; empty where it does not."""
+        """Return in words how a run that is to replace this one differs from it; empty where it does not."""
         found = differences_of({**self.scene, "title": None}, {**now.scene, "title": None})
         if self.force != now.force:
             found.append(f"force is {self.force} there and {now.force} here")
@@ -71,7 +71,7 @@ class Contents:
 
 
 def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
-    """In words, what differs in plain values in mappings and lists, by dotted key."""
+    """Return in words the differences between plain values in mappings and lists, by dotted key."""
     before, now = dict(_leaves(there)), dict(_leaves(here))
     return [
         f"{key} is {_value(before, key)} there and {_value(now, key)} here"

@@ -21,7 +21,7 @@ HEAD = 2048
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Context that yields a temporary path beside `path`, moved into place on success and removed on failure."""
+    """Yield a temporary path in the folder of `path`; move the file into place on success and remove it on failure."""
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(prefix=f"{TEMPORARY}{path.stem}-", suffix=path.suffix, dir=path.parent)
     os.close(handle)

@@ -176,7 +176,7 @@ def make_room(folder: Path, contents: Contents, overwrite: bool = False) -> None
 
 
 def check_report(path: Path, asked: dict, overwrite: bool = False) -> None:
-    """See whether a report may be written that tells under ``asked`` what it answers: one that answers the same is replaced.
+    """Check that a report may be written; one whose entry ``asked`` states the same question is replaced.
 
     Parameters
     ----------
@@ -216,12 +216,12 @@ def _files_of(folder: Path, name: str) -> list[Path]:
 
 
 def _is_ours(path: Path) -> bool:
-    """Whether a run wrote a file that has the name of one of its own."""
+    """Return whether a run wrote a file that has the name of one of its own."""
     return _SIGNATURES[path.name](path) if path.name in _SIGNATURES else is_marked(path)
 
 
 def is_marked(path: Path) -> bool:
-    """Whether this package wrote a file of a state, an index of them, or a picture."""
+    """Return whether this package wrote a file of a state, an index of states, or a picture."""
     return MARK.encode() in head_of(path)
 
 
@@ -236,7 +236,7 @@ def _scenes_in(folder: Path) -> set[str]:
 
 
 def _is_index(path: Path) -> bool:
-    """Whether a PVD lists states of a run, called like itself."""
+    """Return whether a PVD index lists states of a run, named like the index."""
     if not is_marked(path):
         return False
     try:
@@ -265,7 +265,7 @@ def _summary(path: Path) -> dict | None:
 
 
 def _is_table(path: Path, *columns: str) -> bool:
-    """Whether a table begins with columns that only a run's begins with, or is empty."""
+    """Return whether a table begins with the columns of a run's table, or is empty."""
     head = head_of(path)
     return head == b"" or head.startswith(tuple(",".join(columns).replace("PARAMETER", name).encode() for name in ("stretch", "t")))
 

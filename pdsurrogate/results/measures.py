@@ -1,4 +1,4 @@
-"""What is read from a deformed body: its energy, displacements of its edges, fields on its points."""
+"""Measures of a deformed body: its energy, displacements of its edges, fields on its points."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
 
 
 class PointState:
-    """What the fields on the points are functions of.
+    """State of the points, from which the fields are computed.
 
     Parameters
     ----------

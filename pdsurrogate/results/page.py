@@ -25,7 +25,7 @@ USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
 
 
 def fields_to_show(result: Result) -> list[str]:
-    """Fields that are shown where none is asked for: those of `USUAL` that the last state has."""
+    """Return the fields that are shown by default: those of `USUAL` that the last state has."""
     return [name for name in USUAL if name in result.field_names()]
 
 

@@ -46,7 +46,7 @@ class Probes:
         return len(self._names)
 
     def read(self, state: PointState) -> dict[str, dict[str, list]]:
-        """What the probes read in a state.
+        """Return the values at the probes in a state.
 
         Positions, stresses and gradients of the points are continued to the place by one linear fit to those around it.
 

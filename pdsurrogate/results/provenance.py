@@ -1,4 +1,4 @@
-"""Where a result comes from: version and state of the package, time, and machine."""
+"""Provenance of a result: version and state of the package, time, and machine."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .. import __version__
 
 
 def provenance() -> dict:
-    """What tells a run from the same run elsewhere or at another time; nothing of it changes a result but versions."""
+    """Return what distinguishes a run from the same run elsewhere or at another time; of it, only versions can change a result."""
     return {
         "version": __version__,
         "git": git_state(),

@@ -29,7 +29,7 @@ ENERGIES = ("energy", "work", "kinetic_energy", "damped_energy", "strain_energy"
 
 @dataclass(repr=False)
 class Result:
-    """What a simulation gave.
+    """Result of a simulation.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Result:
 
     @property
     def status(self) -> str:
-        """How the run ended: "done", "failed" or "interrupted"; "running" of one that is under way, or was killed."""
+        """Status of the run: "done", "failed" or "interrupted"; "running" if it is under way, or was killed."""
         return self.summary.get("status", DONE if self.summary.get("converged", True) else FAILED)
 
     @property
@@ -230,7 +230,7 @@ class Result:
         return figures.contour_figure([figures.polygons_of(*pair) for pair in cells], values, label, titles, limits)
 
     def label(self, field: str) -> str:
-        """What is written beside a field or a component of one: its name and its unit."""
+        """Return the label of a field or a component: its name and its unit."""
         kind = unit_of(field)
         name = f"|{field}|" if field in ("displacement", "position") else field
         return self.scene.units.label(name, kind) if kind else name
@@ -299,7 +299,7 @@ class Result:
         return sorted(set(chosen.round().astype(int).tolist()))
 
     def title(self, number: int) -> str:
-        """What a figure says above a state: the loading parameter, and the time in dynamics."""
+        """Return the title of a state in figures: the loading parameter, and the time in dynamics."""
         moment, moving = self.states.moments[number], number in self.in_dynamics()
         if self.scene.stretched:
             at = f"stretch {moment.stretch:.3f}" if moving else f"stretch {moment.stretch:g}"
@@ -413,7 +413,7 @@ def parts_of(name: str) -> tuple[str, tuple[int, ...]]:
 
 
 def unit_of(field: str) -> str | None:
-    """Which of a scene's units a field or a component of one has; None if it has none."""
+    """Return the kind of unit (of a scene's units) of a field or component; None if it has none."""
     name = field if field in POINT_FIELDS else parts_of(field)[0]
     return POINT_FIELDS[name].unit if name in POINT_FIELDS else None
 

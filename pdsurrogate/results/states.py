@@ -1,4 +1,4 @@
-"""Where the states that a run records go: memory, or files as they are reached."""
+"""Storage of the states that a run records, in memory or in files."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def remove_later(folder: Path, name: str, count: int) -> None:
 
 
 class StatesInFiles:
-    """States written as a VTU series with its PVD index the moment they are reached, and read back when asked for.
+    """States that are written as a VTU series with a PVD index when they are reached, and read back when they are used.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ class StatesInPieces:
 
 @contextmanager
 def _for_all(part) -> Iterator[None]:
-    """What one rank cannot write, none goes on without."""
+    """Run a block that writes on every rank, and raise the error of one rank on all of them."""
     error = None
     try:
         yield
@@ -229,7 +229,7 @@ def _for_all(part) -> Iterator[None]:
 
 
 class SavedStates:
-    """States of a run that has ended, or was killed, read from its files when asked for.
+    """States of a run that has ended, or was killed, read from its files when they are used.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Pictures of bodies in space: deformed, from outside and cut through the middle."""
+"""Pictures of deformed solids, from outside and cut through the middle."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def cut_of(cells: CellMesh) -> tuple[int, float]:
 
 
 def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray) -> None:
-    """Those sides of cells that face the eye and have no cell beyond them, far ones first, in the colours of the cells (n, 4)."""
+    """Draw the outer sides of cells that face the eye, far ones first, in the colours of the cells (n, 4)."""
     axes.view_init(ELEVATION, AZIMUTH)
     axes.set_proj_type("ortho")
     axes.set_axis_off()

@@ -18,7 +18,7 @@ from ..scenes.model import TIP_DIAMETER, tip_diameter
 
 
 class Damage:
-    """Which bonds of a body have broken.
+    """Damage of a body: its broken bonds.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
 
 
 def critical_stretch_in(scene: Scene, law: Law, horizon: float, family: str) -> float:
-    """Where the bonds of a scene break: the stretch that it gives, or that of its fracture energy."""
+    """Return the critical stretch of a scene: the one that it gives, or that of its fracture energy."""
     spec = scene.fracture
     if spec.critical_stretch is not None:
         return spec.critical_stretch

@@ -13,7 +13,7 @@ SECONDS_TO_HEAR = 1.0
 
 
 class Interrupted(RuntimeError):
-    """The run was asked to stop."""
+    """Raised where a run stops because of a signal or its time limit."""
 
     def __init__(self) -> None:
         super().__init__("interrupted")
@@ -39,12 +39,12 @@ class Interruption:
 
     @property
     def out_of_time(self) -> bool:
-        """Whether the time of the run is over."""
+        """Return whether the time of the run is over."""
         return time.perf_counter() >= self._until
 
     @property
     def asked(self) -> bool:
-        """Whether the run is to stop; to be read where its state is whole, since who reads it has heard."""
+        """Whether the run is to stop; read this only where the state of the run is whole, since reading it acknowledges the signal."""
         if self.told:
             self._hear()
         return self.told or self.out_of_time

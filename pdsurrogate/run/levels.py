@@ -255,7 +255,7 @@ def _check_resolved(run: Run, target: float) -> None:
 
 
 def _is_driven(run: Run, parameter: float) -> bool:
-    """Whether the body is strained at a value of the parameter: neither at rest nor, without loads, moved as a whole."""
+    """Return whether the body is strained at a value of the parameter: neither at rest nor, without loads, moved as a whole."""
     if run.loading.at_rest(parameter):
         return False
     loads = run.loaded.applied()
@@ -344,7 +344,7 @@ def _solve(
 
 
 def _keep_or_stop(run: Run, solver: EquilibriumSolver, way: Way | None) -> None:
-    """Write a checkpoint where one is due on the way, or nothing could be resumed from, and stop a run that was asked to.
+    """Write a checkpoint where one is due, or where none exists yet, and stop a run that received a signal.
 
     A run that was interrupted goes on from its last output, to the same bits, where it has come to one and not long gone on since; one
     whose time is over goes on from here.

@@ -38,7 +38,7 @@ def settings_of(scene: Scene) -> ForceSettings:
 
 
 def warn_of_bulk_moduli(scene: Scene) -> None:
-    """Warn of materials that no rubber is, as where a bulk modulus was left out beside a shear modulus in other units."""
+    """Warn of moduli that no rubber has, as where a bulk modulus is missing and the shear modulus is in other units."""
     laws = {"material": scene.law()}
     laws |= {f"materials.{number}": part.material.build() for number, part in enumerate(scene.materials) if not part.rigid}
     for key, law in laws.items():
@@ -102,7 +102,7 @@ def warn_of_parts(scene: Scene, force: EvaluationOfPortions, model: str, rigid: 
 
 
 def checked_models(scene: Scene, model: ForceModel) -> list[ForceModel]:
-    """The models of all materials of a scene, that of the rest first, where they fit it: what can be told before a body is built.
+    """Return the models of all materials of a scene, that of the remaining body first; raise SceneError for one that does not fit.
 
     Raises
     ------

@@ -101,7 +101,7 @@ def _outline(regions: BodyRegions) -> np.ndarray:
 
 
 def _marks(scene: Scene, body: Body, lower, upper, regions: BodyRegions) -> list[_Mark]:
-    """What is said of parts of the body, the larger parts first: later ones are drawn over them."""
+    """Return the labelled parts of the body, larger ones first, since later ones are drawn over them."""
     marks = [
         _Mark(f"{regions.label(part.region, f'materials.{number}')}: {part.material.law}", regions.points(part.region))
         for number, part in enumerate(scene.materials)
@@ -220,13 +220,13 @@ def _in_space(scene: Scene, body: Body, marks: list[_Mark]) -> Figure:
 
 
 def _hidden(place: np.ndarray, points: cKDTree, cell: float, reach: float) -> bool:
-    """Whether a place lies inside the body, or on a side of it that faces away: whether points are on the way from it to the eye."""
+    """Return whether a place lies inside the body or on its far side: whether points lie between it and the eye."""
     way = np.arange(SIGHT, reach / cell, SIGHT / 2)[:, None] * cell * views.EYE
     return bool((points.query(place + way)[0] < WITHIN * cell).any())
 
 
 def _rim(cut: ParallelogramCut | DiscCut) -> np.ndarray:
-    """Corners of a cut in space, shape (k, 3)."""
+    """Return the corners of a cut of a solid, shape (k, 3)."""
     if isinstance(cut, ParallelogramCut):
         one, other = map(np.array, cut.sides)
         return np.array(cut.corner) + np.array([0 * one, one, one + other, other])

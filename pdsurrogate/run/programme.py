@@ -10,7 +10,7 @@ from ..solvers.motion import Motion
 
 @dataclass(frozen=True)
 class Inertia:
-    """What a stage in dynamics has beside its way.
+    """Settings of a stage in dynamics, in addition to its path.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Inertia:
 
     @property
     def pace(self) -> str:
-        """Key, below its own, of what tells how fast it is."""
+        """Key that sets the rate of the stage, within its own."""
         return "stretch_rate" if self.duration is None else "duration"
 
     def motion(self, begin: float, end: float) -> Motion:
@@ -67,7 +67,7 @@ class Stage:
 
 
 def stages_of(scene: Scene) -> tuple[Stage, ...]:
-    """Of grips every stretch is a stage in equilibrium, and what follows one in dynamics; of the general way, every step is one."""
+    """Return the stages of a scene: with grips, one for every stretch and one for the dynamics after them; otherwise one for every step."""
     if not scene.stretched:
         return tuple(
             Stage(step.to, step.outputs, step.largest_increment, None if step.dynamics is None else _inertia(number, step.dynamics))

@@ -1,4 +1,4 @@
-"""What a run has told so far, kept in its folder: one that is killed leaves its history, and a summary that says how far it came."""
+"""Record of a run in its folder: a run that is killed leaves its history and a summary of its progress."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SHARE = 20
 
 
 class Record:
-    """Progress that keeps the tables of a run in its folder, and passes on what it is told.
+    """Progress that keeps the tables of a run in its folder, and passes reports on.
 
     Parameters
     ----------

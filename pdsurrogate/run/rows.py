@@ -1,4 +1,4 @@
-"""What is measured at an output: the rows of ``summary["levels"]``, and the forces in the history."""
+"""Measurements at an output: the rows of ``summary["levels"]``, and the forces in the history."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def forces_by_name(run: Run, reactions: Reactions) -> dict[str, np.ndarray]:
 
 
 def moments_by_name(run: Run, reactions: Reactions) -> dict[str, list | float]:
-    """Moments of the same about the origin of the coordinates: in the plane counter-clockwise, in space three components."""
+    """Return moments of all that holds or loads the body about the origin: one number, counter-clockwise, in two dimensions, and three components in three."""
     moments = dict(zip(run.loading.names, run.loading.moments(run.loaded, reactions), strict=True))
     if run.loads is not None:
         for name, moment in run.loads.moments(run.positions, np.zeros(run.body.dimension), run.loaded.thickness()).items():
@@ -43,7 +43,7 @@ def displacements_by_name(run: Run) -> dict[str, np.ndarray]:
 
 
 def displacement_columns(run: Run) -> dict[str, float]:
-    """The same as columns of the history."""
+    """Return the displacements of `displacements_by_name` as columns of the history."""
     return {
         f"displacement_{name}_{component}": float(value)
         for name, displacement in displacements_by_name(run).items()
@@ -84,7 +84,7 @@ def moment_columns(moments: dict[str, list | float]) -> dict[str, float]:
 
 
 def output_row(run: Run, time: float | None = None, drive: float | None = None) -> dict:
-    """What is told of any output of a general programme: where it is, and all forces and moments.
+    """Return the entries of every output of a general programme: its place in the programme, and all forces and moments.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
 
 
 def probe_readings(run: Run) -> dict:
-    """What the probes read in the present state, as an entry of a row; none where there are no probes."""
+    """Return the values at the probes in the present state as an entry of a row; an empty one without probes."""
     if not len(run.probes):
         return {}
     return {"probes": run.probes.read(measures.PointState(run.force, run.positions))}
@@ -137,7 +137,7 @@ def force_balance(run: Run, reactions: Reactions, drive: float | None) -> float 
 
 
 def level_row(run: Run, drive: float | None) -> dict:
-    """What is told of an equilibrium, but how it was found; `drive` as in `force_balance`."""
+    """Return the measurements of an equilibrium, without those of its solution; `drive` as in `force_balance`."""
     if run.scene.stretched:
         return _stretched(run, drive)
     row = output_row(run, drive=drive)
@@ -172,7 +172,7 @@ def _stretched(run: Run, drive: float | None) -> dict:
 
 
 def _lateral(body: Body, displacements: np.ndarray, axis: int) -> dict[str, float]:
-    """What a rectangle's displacements (n, 2) say of its narrowing."""
+    """Return the lateral displacements of the edges of a rectangle from the displacements (n, 2) of its points."""
     _, low, high = measures.edge_displacements(body, displacements, 1 - axis)
     return {
         "lateral_displacement": float((low - high).mean() / 2),
@@ -182,7 +182,7 @@ def _lateral(body: Body, displacements: np.ndarray, axis: int) -> dict[str, floa
 
 
 def compare(run: Run, level: dict) -> None:
-    """Put the values of the scene's reference, and what a level differs from them by, beside its own."""
+    """Add the values of the scene's reference to a level, and its deviations from them."""
     if not run.scene.stretched:
         return
     for key, reference in reference_level(run.scene, level["stretch"]).items():

@@ -61,7 +61,7 @@ CHECKPOINT_SHARE = 20
 
 @runtime_checkable
 class Progress(Protocol):
-    """Where a simulation reports to."""
+    """Receiver of the progress of a simulation."""
 
     def compiling(self) -> None:
         """Kernels are being compiled, which happens once on a machine."""
@@ -70,13 +70,13 @@ class Progress(Protocol):
         """The way to an output in equilibrium begins, in a stage of the programme, at a value of the loading parameter."""
 
     def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
-        """How far the level has come."""
+        """Report the residual of a level."""
 
     def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
-        """How far a stage in dynamics has come, from 0 to 1."""
+        """Report the share of a stage in dynamics that is done, from 0 to 1."""
 
     def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
-        """What a stage in dynamics has come to, whenever it adds a row to the history."""
+        """Report the row that a stage in dynamics adds to the history."""
 
 
 class Silent:
@@ -281,7 +281,7 @@ class Run:
             self.loaded = RigidForce(self.loaded, self._rigid_regions(self._rigid))
 
     def takes_double(self) -> bool:
-        """Whether the force models may be evaluated in double precision in the place of single."""
+        """Return whether the force models can be evaluated in double instead of single precision."""
         if self.scene.precision is not None or self.force.precision == "float64":
             return False
         return all("float64" in model.honoured(self.scene.plane)["precision"] for model in self.models)
@@ -298,7 +298,7 @@ class Run:
         self.force.seconds, self.force.timed = old.seconds, old.timed
 
     def _states(self, moments: list[Moment] | None = None) -> States:
-        """Where states are recorded, with those that are there already, of a run that is resumed."""
+        """Return the storage of states, with the recorded ones where the run is resumed."""
         if self._in_pieces:
             return StatesInPieces(self.folder, self.body, self.scene.name, moments)
         if self.ranks.rank:
@@ -307,17 +307,17 @@ class Run:
 
     @property
     def _in_pieces(self) -> bool:
-        """Whether every rank writes the states of its own points: of a body so large that one would be busy, or full, with all of them."""
+        """Return whether every rank writes the states of its own points, as for bodies that are too large for one rank to write."""
         large = self.body.share.size(len(self.body)) > MOST_GATHERED
         return large and self.ranks.size > 1 and self.folder is not None and not isinstance(self.scene.body, Mesh)
 
     def _surface(self, lower, upper) -> Surface:
-        """The boundary of the body, which the points of all ranks say."""
+        """Return the boundary of the body, whose interpolation the points of all ranks share."""
         surface = surface_of(self.scene, self.whole, lower, upper)
         return surface.of_share(self.body.share) if self.body.share.divided else surface
 
     def _part_of(self, body: Body) -> Body:
-        """Of the whole body what falls to this rank."""
+        """Return this rank's share of the whole body."""
         self.whole = body
         if self.ranks.size == 1:
             return body
@@ -414,7 +414,7 @@ class Run:
         return self.body.share.total(measures.strain_energy(self.force))
 
     def unsupported_points(self) -> int:
-        """How many points have too few bonds left for a deformation gradient."""
+        """Return the number of points that have too few bonds left for a deformation gradient."""
         return self.body.share.total(len(self.body.share.own_points(np.flatnonzero(~self.force.supported))))
 
     def nominal_stress(self, forces: np.ndarray) -> float:
@@ -448,7 +448,7 @@ class Run:
 
     @property
     def identity(self) -> dict:
-        """What a checkpoint of this run must have in common with it."""
+        """Return the identity that a checkpoint of this run must have."""
         return {
             **self.contents.describe(),
             "n_points": self.body.share.size(len(self.body)),
@@ -456,7 +456,7 @@ class Run:
         }
 
     def counted_pairs(self) -> int:
-        """How many pairs are counted here; all but where several ranks share the run."""
+        """Return the number of pairs that this rank counts; all of them in one process."""
         counted = self.body.share.counted_pairs(self.body.bonds.first)
         return len(self.body.bonds.first) if counted is None else int(np.count_nonzero(counted))
 
@@ -509,7 +509,7 @@ class Run:
 
     @property
     def late(self) -> bool:
-        """Whether a checkpoint is due."""
+        """Return whether a checkpoint is due."""
         return self.folder is not None and time.monotonic() >= self._late
 
     def restore(self) -> Checkpoint:
@@ -541,7 +541,7 @@ class Run:
         return found
 
     def _read_checkpoint(self, held: dict[str, np.ndarray]) -> Checkpoint:
-        """What the first rank reads, on every rank for its points; the arrays that are held here say which there must be."""
+        """Read a checkpoint on the first rank and return every rank's rows of it; the present arrays give the names of those required."""
         body, share, identity = self.body, self.body.share, self.identity
         counts = {key: share.rows_of_whole(len(array), body, self._rows_of(key)) for key, array in held.items()}
         shapes = {key: ((counts[key], *array.shape[1:]), array.dtype) for key, array in held.items()}
@@ -559,5 +559,5 @@ class Run:
         return Checkpoint(identity, progress, arrays)
 
     def _rows_of(self, key: str) -> str:
-        """What an array of a checkpoint has a row for, see `Share.to_whole`."""
+        """Return what an array of a checkpoint has a row for, see `Share.to_whole`."""
         return "pairs" if key == "broken" else self.force.state_rows.get(key.removeprefix(ACCEPTED), "points")

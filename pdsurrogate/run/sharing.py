@@ -1,4 +1,4 @@
-"""What a run on several ranks does before it begins: that all were given the same, how many threads it takes, and who compiles."""
+"""Preparation of a run on several ranks: the check that all got the same input, the number of threads, and the compilation."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def together(ranks: Communicator, check: Callable[[], object]) -> None:
 
 
 def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
-    """Threads of this rank: as asked for, or else as many as pay for its part, at most the cores of its machine over the ranks there."""
+    """Return the threads of this rank: the number given, or else as many as are worth while, at most the cores per rank of its machine."""
     here = ranks.here()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = asked or max(1, min(paying, cores // here))

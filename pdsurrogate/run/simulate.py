@@ -402,13 +402,13 @@ def _take_up(run: Run, solver):
 
 
 def _peak(history: list[dict]) -> dict | None:
-    """Where the nominal stress is greatest: the load that a body with a crack bears."""
+    """Return the row of the greatest nominal stress, which is the load that a body with a crack bears; None without rows."""
     highest = max(history, key=lambda row: row["nominal_stress"], default=None)
     return highest and {key: highest[key] for key in ("time", "stretch", "nominal_stress") if key in highest}
 
 
 def _result(run: Run, seconds_compile: float, began: float, failure: str | None, status: str) -> Result:
-    """Everything reached so far."""
+    """Return the result that the run has reached so far."""
     force, scene = run.force, run.scene
     residuals = [level["residual"] for level in run.levels if "residual" in level]
     if failure is not None and run.residual is not None and np.isfinite(run.residual):

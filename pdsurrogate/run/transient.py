@@ -74,7 +74,7 @@ LEAST_RATIO = 0.1
 
 @dataclass
 class Account:
-    """What a checkpoint keeps of the dynamics beside arrays.
+    """State of the dynamics that a checkpoint keeps in addition to arrays.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ class Transient:
         return CRACK_VISCOSITY * self.run.body.spacing * math.sqrt(self.spec.density / self.run.law.shear_modulus)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """What a checkpoint holds of the dynamics."""
+        """Return the entries of a checkpoint for the dynamics."""
         integrator = self.integrator
         held = {"velocities": integrator.velocities, "forces": integrator.forces, "mode": integrator.frequency.vector}
         return held if self.viscosity == 0 else held | {"elastic": integrator.elastic}
@@ -257,7 +257,7 @@ class Transient:
         return self.motion.duration * ((outputs + 1) / self.most_outputs)
 
     def _due(self) -> bool:
-        """Whether the next output is to be written now."""
+        """Return whether the next output is due."""
         if self._timed:
             return self.account.time >= self._time_due(self.account.outputs)
         motion = self.motion
@@ -486,7 +486,7 @@ class Transient:
         return integrator.kept_energy(integrator.velocities_around())[1] if self._every_step else integrator.kinetic_energy()
 
     def _reactions(self) -> Reactions:
-        """Of all holders, by the forces that move the body."""
+        """Return the reactions of all supports, by the forces that move the body."""
         return self.run.loading.reactions(self.run.force, self.integrator.forces)
 
     def _take_between_rows(self) -> None:
@@ -497,7 +497,7 @@ class Transient:
             self._take_damping(evaluate=breaking or self._uneven())
 
     def _uneven(self) -> bool:
-        """Whether what is held changes its velocity within the viscosity, so that elastic forces cannot be followed."""
+        """Return whether supports change velocity faster than the viscosity allows the elastic forces to be followed."""
         if self.viscosity == 0:
             return False
         time, step = self.account.time, self.integrator.last_step
@@ -518,14 +518,14 @@ class Transient:
         account.power, account.rate_time = [*power], account.time
 
     def _power_of_holders(self, reactions: Reactions) -> Power:
-        """With what is held moving as over the step before, and over one of the same length after."""
+        """Return the power of all supports, moving as over the last step, and as over a step of that length to come."""
         loading, time, step = self.run.loading, self.account.time, self.integrator.last_step
         before = loading.power(reactions, self.motion, time, step)
         after = loading.power(reactions, self.motion, time + step, step) if self._every_step else before
         return Power(before, 0.5 * (before + after), after)
 
     def _work_over(self, elapsed: float, last: Power, power: Power) -> float:
-        """By the trapezoidal rule, over the time since a power was last taken."""
+        """Return the work by the trapezoidal rule, over the time since the power was last computed."""
         if self._every_step and elapsed < 1.5 * self.integrator.last_step:
             return 0.5 * elapsed * (last.after + power.before)
         return 0.5 * elapsed * (last.now + power.now)
@@ -565,7 +565,7 @@ class Transient:
         return found
 
     def _through(self) -> bool:
-        """Whether the body has come apart between what holds it."""
+        """Return whether the body has come apart between its supports."""
         if self.damage is None:
             return False
         ends = self.run.loading.ends()
@@ -594,13 +594,13 @@ class Transient:
         account.outputs += 1
 
     def _connected(self, some: np.ndarray, others: np.ndarray) -> bool:
-        """Whether intact bonds connect any of `some` points with any of the `others`."""
+        """Return whether intact bonds connect any of `some` points with any of the `others`."""
         _, piece = self.run.loading.pieces(~self.damage.broken)
         union = self.run.body.share.union
         return bool(np.isin(union(piece[some]), union(piece[others])).any())
 
     def _counted(self, pairs: np.ndarray) -> np.ndarray:
-        """Of some pairs those that are counted here."""
+        """Return those of the given pairs that this rank counts."""
         counted = self.run.body.share.counted_pairs(self.run.body.bonds.first[pairs])
         return pairs if counted is None else pairs[counted]
 
@@ -653,7 +653,7 @@ class Transient:
 
 
 def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
-    """Where cracks have grown: mean places of the pairs broken of late, one for each group of them within a horizon, the largest first.
+    """Return the places where cracks have grown: the mean place of each group of recently broken pairs within a horizon, largest first.
 
     Parameters
     ----------
@@ -671,7 +671,7 @@ def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
 
 
 def starts_of_cracks(places: np.ndarray, batches: np.ndarray, horizon: float) -> list[list[float]]:
-    """Where cracks began: one place for each group of broken pairs that are joined by distances of up to a horizon.
+    """Return the places where cracks began: one for each group of broken pairs that are joined by distances of up to a horizon.
 
     Parameters
     ----------
