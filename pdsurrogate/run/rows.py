@@ -26,7 +26,7 @@ def forces_by_name(run: Run, reactions: Reactions) -> dict[str, np.ndarray]:
 
 
 def moments_by_name(run: Run, reactions: Reactions) -> dict[str, list | float]:
-    """Return moments of all that holds or loads the body about the origin: one number, counter-clockwise, in two dimensions, and three components in three."""
+    """Return moments of supports and loads about the origin: one number, counter-clockwise, in two dimensions, three in three."""
     moments = dict(zip(run.loading.names, run.loading.moments(run.loaded, reactions), strict=True))
     if run.loads is not None:
         for name, moment in run.loads.moments(run.positions, np.zeros(run.body.dimension), run.loaded.thickness()).items():
