@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from pdsurrogate.engine import vector_loads as loads
-from pdsurrogate.engine.block_arrays import BLOCK, aligned_rows, block_rows, rows_of
+from pdsurrogate.engine.block_arrays import BLOCK, aligned_rows, block_rows
 from pdsurrogate.engine.compile import OPTIONS, widest_vectors
 from pdsurrogate.stress_test.bodies import regular
 
@@ -53,49 +53,27 @@ def gather(intrinsic, width, dimension):
     return fast, plain
 
 
-@compiled
-def subtract(positions, first, second, bonds):
-    """Subtract positions by the intrinsic."""
-    widest_vectors()
-    bonds = block_rows(bonds)
-    for at in range(0, first.shape[0], BLOCK):
-        for k in range(0, BLOCK, 4):
-            loads.subtract_positions(positions, first, second, at + k, bonds, k)
-
-
-@compiled
-def subtract_plain(positions, first, second, bonds):
-    """Subtract positions by a plain loop."""
-    widest_vectors()
-    bonds = block_rows(bonds)
-    for at in range(0, first.shape[0], BLOCK):
-        for k in range(BLOCK):
-            i, j = first[at + k], second[at + k]
-            bonds[0, k] = positions[j, 0] - positions[i, 0]
-            bonds[1, k] = positions[j, 1] - positions[i, 1]
-
-
-def put(length):
-    """Return the pass that writes records by the intrinsic, and its plain twin."""
-    intrinsic, as_records = loads.put_records(length), rows_of(length)
+def subtract(dimension):
+    """Return the pass that subtracts positions by the intrinsic, and its plain twin."""
+    intrinsic = loads.subtract_positions(dimension)
 
     @compiled
-    def fast(rows, records):
+    def fast(positions, first, second, bonds):
         widest_vectors()
-        rows = block_rows(rows)
-        for at in range(0, records.shape[0], BLOCK):
+        bonds = block_rows(bonds)
+        for at in range(0, first.shape[0], BLOCK):
             for k in range(0, BLOCK, 4):
-                intrinsic(rows, k, records, at + k)
+                intrinsic(positions, first, second, at + k, bonds, k)
 
     @compiled
-    def plain(rows, records):
+    def plain(positions, first, second, bonds):
         widest_vectors()
-        rows = block_rows(rows)
-        for at in range(0, records.shape[0], BLOCK):
-            part = as_records(records[at : at + BLOCK])
+        bonds = block_rows(bonds)
+        for at in range(0, first.shape[0], BLOCK):
             for k in range(BLOCK):
-                for r in range(length):
-                    part[k, r] = rows[r, k]
+                i, j = first[at + k], second[at + k]
+                for r in range(dimension):
+                    bonds[r, k] = positions[j, r] - positions[i, r]
 
     return fast, plain
 
@@ -151,11 +129,14 @@ def products(intrinsic, dimension):
     return fast, plain_2 if dimension == 2 else plain_3
 
 
+signed, summed = loads.sum_records(2, -1), loads.sum_records(4, 1)
+
+
 @compiled
 def signed_sums(records, pointers, others, indices, out):
     """Sum pair forces by the intrinsic."""
     for i in range(pointers.shape[0] - 1):
-        loads.sum_signed_records(records, pointers[i], pointers[i + 1], indices, others[i], others[i + 1], 1.0, np.uint64(i), out)
+        signed(records, pointers[i], pointers[i + 1], indices, others[i], others[i + 1], 1.0, np.uint64(i), out)
 
 
 @compiled
@@ -174,7 +155,7 @@ def signed_sums_plain(records, pointers, others, indices, out):
 def quad_sums(records, pointers, others, indices, out):
     """Sum records of four by the intrinsic."""
     for i in range(pointers.shape[0] - 1):
-        loads.sum_quad_records(records, pointers[i], pointers[i + 1], indices, others[i], others[i + 1], np.uint64(i), out)
+        summed(records, pointers[i], pointers[i + 1], indices, others[i], others[i + 1], 1.0, np.uint64(i), out)
 
 
 @compiled
@@ -314,27 +295,24 @@ def cases():
         first, second = bonds.ends_in_blocks(BLOCK)
         pairs, table, directed = len(first), (bonds.pointers, bonds.neighbours), len(bonds.neighbours)
         incidence = bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
-        gathers = loads.gather_pairs if d == 2 else loads.gather_pairs_in_space
         for dtype in (np.float32, np.float64):
             name = f"{d}D, {np.dtype(dtype).name}"
             rows = aligned_rows((m, BLOCK), dtype), aligned_rows((d, BLOCK), dtype)
-            yield f"gather_pairs, {name}", gather(gathers, m, d), (drawn(n, m, dtype=dtype), body.points, first, second, *rows)
-            for length in (d, m):
-                source = aligned_rows((length, BLOCK), dtype, 1.0)
-                yield f"put_records({length}), {name}", put(length), (source, drawn(pairs, length, dtype=dtype))
+            ends = body.points, first, second
+            yield f"gather_pairs, {name}", gather(loads.gather_pairs(d), m, d), (drawn(n, m, dtype=dtype), *ends, *rows)
             weights = drawn(directed, d, dtype=dtype)
-            matrix_products = loads.sum_matrix_products if d == 2 else loads.sum_matrix_products_in_space
-            yield f"sum_matrix_products, {name}", products(matrix_products, d), (drawn(n, m), *table, weights, np.zeros((n, d)))
+            summed_products = products(loads.sum_matrix_products(d), d)
+            yield f"sum_matrix_products, {name}", summed_products, (drawn(n, m), *table, weights, np.zeros((n, d)))
+            yield f"subtract_positions, {name}", subtract(d), (*ends, rows[1])
             if d == 2:
-                yield f"subtract_positions, {name}", (subtract, subtract_plain), (body.points, first, second, rows[1])
                 yield f"sum_outer_products, {name}", (outer_sums, outer_sums_plain), (body.points, *table, weights, np.zeros((n, 4)))
                 yield (
-                    f"sum_signed_records, {name}",
+                    f"sum_records(2), {name}",
                     (signed_sums, signed_sums_plain),
                     (drawn(pairs, 2, dtype=dtype), *incidence, np.zeros((n, 2))),
                 )
                 yield (
-                    f"sum_quad_records, {name}",
+                    f"sum_records(4), {name}",
                     (quad_sums, quad_sums_plain),
                     (drawn(pairs, 4, dtype=dtype), *incidence, np.zeros((n, 4))),
                 )

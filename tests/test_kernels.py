@@ -8,6 +8,7 @@ from pdsurrogate.engine import vector_loads
 from pdsurrogate.engine.compile import CompilationClock, compilation_clock, kernel
 from pdsurrogate.forces.kinematics import Kinematics
 from pdsurrogate.kernels import ghosts
+from pdsurrogate.kernels.algebra import algebra_of
 from pdsurrogate.kernels.steps import greatest_strain
 from pdsurrogate.materials import NeoHookean, plane_stress
 
@@ -87,42 +88,50 @@ def test_plane_stress_from_far_starts():
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_record_loads(random, dtype):
+@pytest.mark.parametrize("d", [2, 3])
+def test_record_loads(random, dtype, d):
+    """Pairs gathered into columns of rows, and columns written back as records of the other precision."""
     n, pairs = 50, 64
-    table = random.standard_normal((n, 4)).astype(dtype)
-    positions = random.standard_normal((n, 2))
+    table = random.standard_normal((n, d * d)).astype(dtype)
+    positions = random.standard_normal((n, d))
     first, second = (random.integers(0, n, pairs).astype(np.uint32) for _ in range(2))
+    gather_pairs, subtract_positions = vector_loads.gather_pairs(d), vector_loads.subtract_positions(d)
+    algebra = algebra_of(d)
 
     @kernel
-    def load(table, positions, first, second, sums, differences, alone):
+    def load(table, positions, first, second, sums, differences, alone, records):
         for k in range(0, first.shape[0], 4):
-            vector_loads.gather_pairs(table, positions, first, second, k, sums, differences, k)
-            vector_loads.subtract_positions(positions, first, second, k, alone, k)
+            gather_pairs(table, positions, first, second, k, sums, differences, k)
+            subtract_positions(positions, first, second, k, alone, k)
+        for k in range(first.shape[0]):
+            algebra.put(records, k, algebra.matrix_column_at(sums, k))
 
-    sums, differences, alone = np.zeros((4, pairs), dtype), np.zeros((2, pairs), dtype), np.zeros((2, pairs), dtype)
-    load(table, positions, first, second, sums, differences, alone)
+    sums, differences, alone = np.zeros((d * d, pairs), dtype), np.zeros((d, pairs), dtype), np.zeros((d, pairs), dtype)
+    records = np.zeros((pairs, d * d), np.float32)
+    load(table, positions, first, second, sums, differences, alone, records)
     np.testing.assert_array_equal(sums, (table[first] + table[second]).T)
     np.testing.assert_array_equal(differences, (positions[second] - positions[first]).T.astype(dtype))
     np.testing.assert_array_equal(alone, differences)
+    np.testing.assert_array_equal(records, sums.T.astype(np.float32))
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("count", [0, 1, 3, 4, 7, 29])
-def test_signed_sum(random, dtype, count):
-    """Sums of every length, so that the interleaved part and the rest are both taken."""
-    table = random.standard_normal((100, 2)).astype(dtype)
-    listed = random.integers(0, 100, count).astype(np.uint32)
+@pytest.mark.parametrize(("length", "sign"), [(2, -1), (3, -1), (4, 1), (9, 1)])
+def test_sums_of_records(random, dtype, length, sign):
+    """Sums of every count, so that the interleaved part and the rest are both taken."""
+    table = random.standard_normal((100, length)).astype(dtype)
+    algebra = algebra_of(2 if length in (2, 4) else 3)
+    add_up = algebra.sum_signed_records if sign < 0 else algebra.sum_matrices
 
     @kernel
     def total(table, count, listed, out):
-        vector_loads.sum_signed_records(
-            table, np.uint64(5), np.uint64(5 + count), listed, np.uint64(0), np.uint64(listed.shape[0]), 2.0, np.uint64(0), out
-        )
+        add_up(table, np.uint64(5), np.uint64(5 + count), listed, np.uint64(0), np.uint64(listed.shape[0]), 2.0, np.uint64(0), out)
 
-    out = np.zeros((1, 2))
-    total(table, count, listed, out)
-    expected = 2 * (table[5 : 5 + count].astype(float).sum(axis=0) - table[listed].astype(float).sum(axis=0))
-    np.testing.assert_allclose(out[0], expected, atol=1e-13)
+    for count in (0, 1, 3, 4, 7, 29):
+        listed, out = random.integers(0, 100, count).astype(np.uint32), np.zeros((1, length))
+        total(table, count, listed, out)
+        expected = 2 * (table[5 : 5 + count].astype(float).sum(axis=0) + sign * table[listed].astype(float).sum(axis=0))
+        np.testing.assert_allclose(out[0], expected, atol=1e-13)
 
 
 def test_compiled_code_is_cached_and_compilation_is_announced():

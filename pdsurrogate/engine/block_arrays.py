@@ -43,6 +43,25 @@ def aligned_rows(shape, dtype=np.float64, value=0):
     return array
 
 
+def array_over(context, builder, kind, data, shape):
+    """Return the array of a numba type, in C order, over given data; entries of `shape` that are constants are known to the compiler."""
+    size = ir.Constant(context.get_value_type(types.intp), context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+    strides = [size]
+    for extent in reversed(shape[1:]):
+        strides.insert(0, builder.mul(strides[0], extent))
+    array = context.make_array(kind)(context, builder)
+    context.populate_array(
+        array,
+        data=data,
+        shape=cgutils.pack_array(builder, shape),
+        strides=cgutils.pack_array(builder, strides),
+        itemsize=size,
+        meminfo=None,
+        parent=None,
+    )
+    return array._getvalue()
+
+
 @cache
 def rows_of(length):
     """Return an intrinsic that views a two-dimensional array as one with rows of exactly `length` values.
@@ -57,20 +76,8 @@ def rows_of(length):
 
         def codegen(context, builder, signature, arguments):
             given = context.make_array(signature.args[0])(context, builder, arguments[0])
-            result = context.make_array(result_type)(context, builder)
-            index = context.get_value_type(types.intp)
-            size = context.get_abi_sizeof(context.get_data_type(array.dtype))
             rows = builder.extract_value(given.shape, 0)
-            context.populate_array(
-                result,
-                data=given.data,
-                shape=cgutils.pack_array(builder, [rows, ir.Constant(index, length)]),
-                strides=cgutils.pack_array(builder, [ir.Constant(index, length * size), ir.Constant(index, size)]),
-                itemsize=ir.Constant(index, size),
-                meminfo=None,
-                parent=None,
-            )
-            return result._getvalue()
+            return array_over(context, builder, result_type, given.data, [rows, ir.Constant(rows.type, length)])
 
         return result_type(array), codegen
 
@@ -92,36 +99,46 @@ def rows_from(typingctx, rows, start):
 
     def codegen(context, builder, signature, arguments):
         given = context.make_array(signature.args[0])(context, builder, arguments[0])
-        result = context.make_array(signature.return_type)(context, builder)
         number, length = cgutils.unpack_tuple(builder, given.shape)
-        context.populate_array(
-            result,
-            data=builder.gep(given.data, [builder.mul(arguments[1], length)], inbounds=True),
-            shape=cgutils.pack_array(builder, [builder.sub(number, arguments[1]), length]),
-            strides=given.strides,
-            itemsize=given.itemsize,
-            meminfo=None,
-            parent=None,
-        )
-        return result._getvalue()
+        data = builder.gep(given.data, [builder.mul(arguments[1], length)], inbounds=True)
+        return array_over(context, builder, signature.return_type, data, [builder.sub(number, arguments[1]), length])
 
     return signature, codegen
 
 
-@intrinsic
-def put_column(typingctx, rows, column, values):
-    """Write ``rows[q, column] = values[q]`` for every value of a tuple.
+def _values(context, builder, kinds, arguments, place):
+    """Return the addresses of as many entries of an array as a tuple has values, at ``place(q)`` for value q."""
+    array = context.make_array(kinds[0])(context, builder, arguments[0])
+    numbers = [ir.Constant(context.get_value_type(types.intp), q) for q in range(len(kinds[2]))]
+    return [cgutils.get_item_pointer(context, builder, kinds[0], array, place(arguments[1], q)) for q in numbers]
 
-    A loop over q would make LLVM split the first columns off the enclosing loop, whose vectors then lie across cache lines.
-    """
 
-    def codegen(context, builder, signature, arguments):
-        places = _column(context, builder, signature.args, arguments)
-        for value, place in zip(cgutils.unpack_tuple(builder, arguments[2]), places, strict=True):
-            builder.store(value, place)
-        return context.get_dummy_value()
+def _put(place):
+    """Return an intrinsic that writes a tuple into an array, value q at ``place(number, q)``, converted to the type of the array."""
 
-    return types.void(rows, types.intp, values), codegen
+    @intrinsic
+    def put(typingctx, array, number, values):
+        signature = types.void(array, types.intp, values)
+
+        def codegen(context, builder, signature, arguments):
+            places = _values(context, builder, signature.args, arguments, place)
+            for value, kind, at in zip(cgutils.unpack_tuple(builder, arguments[2]), values, places, strict=True):
+                builder.store(context.cast(builder, value, kind, array.dtype), at)
+            return context.get_dummy_value()
+
+        return signature, codegen
+
+    return put
+
+
+put_column = _put(lambda column, q: [q, column])
+"""Intrinsic ``put_column(rows, column, values)``: ``rows[q, column] = values[q]`` for every value of a tuple.
+
+A loop over q would make LLVM split the first columns off the enclosing loop, whose vectors then lie across cache lines.
+"""
+
+put_row = _put(lambda row, q: [row, q])
+"""Intrinsic ``put_row(records, row, values)``: ``records[row, q] = values[q]`` for every value of a tuple."""
 
 
 @intrinsic
@@ -129,17 +146,10 @@ def column_like(typingctx, rows, column, values):
     """Return the column that `put_column` wrote, as a tuple with the length and types of `values`."""
 
     def codegen(context, builder, signature, arguments):
-        found = [builder.load(place) for place in _column(context, builder, signature.args, arguments)]
-        return context.make_tuple(builder, signature.return_type, found)
+        places = _values(context, builder, signature.args, arguments, lambda column, q: [q, column])
+        return context.make_tuple(builder, signature.return_type, [builder.load(at) for at in places])
 
     return values(rows, types.intp, values), codegen
-
-
-def _column(context, builder, kinds, arguments):
-    """Return the addresses of a column's values, as many as the accompanying tuple has."""
-    array = context.make_array(kinds[0])(context, builder, arguments[0])
-    rows = [ir.Constant(context.get_value_type(types.intp), q) for q in range(len(kinds[2]))]
-    return [cgutils.get_item_pointer(context, builder, kinds[0], array, [row, arguments[1]]) for row in rows]
 
 
 @intrinsic
@@ -154,20 +164,10 @@ def stack_rows(typingctx, count, x):
     result_type = types.Array(x, 2, "C")
 
     def codegen(context, builder, signature, arguments):
-        real = context.get_value_type(x)
-        index, size = context.get_value_type(types.intp), context.get_abi_sizeof(real)
+        real, index = context.get_value_type(x), context.get_value_type(types.intp)
         memory = cgutils.alloca_once(builder, ir.ArrayType(real, rows * BLOCK))
         memory.align = CACHE_LINE
-        result = context.make_array(result_type)(context, builder)
-        context.populate_array(
-            result,
-            data=builder.bitcast(memory, real.as_pointer()),
-            shape=cgutils.pack_array(builder, [ir.Constant(index, rows), ir.Constant(index, BLOCK)]),
-            strides=cgutils.pack_array(builder, [ir.Constant(index, BLOCK * size), ir.Constant(index, size)]),
-            itemsize=ir.Constant(index, size),
-            meminfo=None,
-            parent=None,
-        )
-        return result._getvalue()
+        data = builder.bitcast(memory, real.as_pointer())
+        return array_over(context, builder, result_type, data, [ir.Constant(index, rows), ir.Constant(index, BLOCK)])
 
     return result_type(count, x), codegen

@@ -18,7 +18,7 @@ from numba.core import cgutils
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic, overload
 
-from .block_arrays import CACHE_LINE, aligned_rows
+from .block_arrays import CACHE_LINE, aligned_rows, array_over
 from .compile import INLINE_OPTIONS, compile_block_function, compiled_digest, inlined, kernel, parallel_kernel, plain_function
 from .threads import Chunks, chunks_of, threads_are_lost
 
@@ -122,24 +122,8 @@ def _unpacker(kinds: tuple):
                     value = word()
                     found.append(value if kind == types.int64 else builder.bitcast(value, ir.DoubleType()))
                     continue
-                size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
                 data = builder.inttoptr(word(), context.get_data_type(kind.dtype).as_pointer())
-                shape = [word() for _ in range(kind.ndim)]
-                strides, stride = [], ir.Constant(ir.IntType(64), size)
-                for extent in reversed(shape):
-                    strides.insert(0, stride)
-                    stride = builder.mul(stride, extent)
-                array = context.make_array(kind)(context, builder)
-                context.populate_array(
-                    array,
-                    data=data,
-                    shape=cgutils.pack_array(builder, shape),
-                    strides=cgutils.pack_array(builder, strides),
-                    itemsize=ir.Constant(ir.IntType(64), size),
-                    meminfo=None,
-                    parent=None,
-                )
-                found.append(array._getvalue())
+                found.append(array_over(context, builder, kind, data, [word() for _ in range(kind.ndim)]))
             return context.make_tuple(builder, signature.return_type, found)
 
         return types.Tuple(kinds)(words), codegen

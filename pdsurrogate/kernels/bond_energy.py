@@ -17,7 +17,7 @@ import numpy as np
 from ..engine.block_arrays import BLOCK, block_rows, pair_records, quad_records
 from ..engine.compile import call_block, widest_vectors
 from ..engine.passes import Pass, share_of
-from ..engine.vector_loads import gather_pairs
+from ..engine.vector_loads import gather_pairs as gather_pairs_of
 from .bond_force import FALL_BACK, UNGUARDED
 from .domain import edge_distances, exact_share
 from .energy_density import ENERGY_ROWS, INVARIANT_ROWS
@@ -26,6 +26,8 @@ COUNTED = 1
 """Guard that counts bonds outside the domain and otherwise leaves them to the surrogate; `FALL_BACK` and `UNGUARDED` are those of
 `bond_force`.
 """
+
+gather_pairs = gather_pairs_of(2)
 
 RESULT = INVARIANT_ROWS
 EXACT_RESULT = RESULT + ENERGY_ROWS

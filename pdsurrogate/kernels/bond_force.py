@@ -3,7 +3,7 @@
 from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, pair_records
 from ..engine.compile import call_block, widest_vectors
 from ..engine.passes import Pass, share_of
-from ..engine.vector_loads import gather_pairs
+from ..engine.vector_loads import gather_pairs as gather_pairs_of
 from .bond_state import LEAST_NORMAL_STRETCH, lateral_stretch
 from .domain import is_outside, share_inside
 from .elementary import inverse_square_root
@@ -15,6 +15,8 @@ far that no stretch tensor exists get the exact force. FALL_BACK: they are count
 
 COUNTED_ROW = 5
 """Row of the geometry that says which pairs are counted, where a body has several materials or ranks; without that row all pairs are."""
+
+gather_pairs = gather_pairs_of(2)
 
 BOND = STATE_ROWS
 TRACTION = BOND + 2

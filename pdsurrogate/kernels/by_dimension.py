@@ -1,28 +1,21 @@
-"""Mapping from the dimension to a kernel that is written once over an algebra."""
+"""Kernels that are written once over an algebra and compiled for a dimension on first use."""
 
-from __future__ import annotations
+from collections.abc import Callable
+from functools import cache
 
-from collections.abc import Callable, Mapping
-from importlib import import_module
+from .algebra import algebra_of
 
 
-class ByDimension(Mapping):
-    """Mapping from a dimension, 2 or 3, to the kernel built for it on first use; a sheet compiles nothing for three dimensions.
+class ByDimension:
+    """Table of the kernels that ``build(algebra)`` makes, by dimension, 2 or 3; it decorates `build`.
 
-    It decorates ``build(algebra)``, which receives `pdsurrogate.kernels.algebra2` or `algebra3`.
+    The algebra is a module made by `pdsurrogate.kernels.algebra`. Each kernel is made on first use: a sheet compiles nothing for three
+    dimensions.
     """
 
     def __init__(self, build: Callable) -> None:
-        self._build, self._made = build, {}
+        self._build = cache(build)
         self.__doc__ = build.__doc__
 
     def __getitem__(self, dimension: int):
-        if dimension not in self._made:
-            self._made[dimension] = self._build(import_module(f".algebra{dimension}", __package__))
-        return self._made[dimension]
-
-    def __iter__(self):
-        return iter((2, 3))
-
-    def __len__(self) -> int:
-        return 2
+        return self._build(algebra_of(dimension))

@@ -21,6 +21,6 @@ def deformation_gradients(algebra):
             algebra.sum_outer_products(positions, neighbours, weighted_bonds, pointers[i], pointers[i + 1], np.uint64(i), gradients)
             Z = algebra.symmetric_at(inverse_shape, i)
             F = algebra.times_symmetric(algebra.matrix_at(gradients, i), Z)
-            algebra.put_matrix(gradients, i, algebra.plus_diagonal(F, unsupported if Z[0] == 0.0 else 0.0))
+            algebra.put(gradients, i, algebra.plus_diagonal(F, unsupported if Z[0] == 0.0 else 0.0))
 
     return deformation_gradients

@@ -37,7 +37,7 @@ def weighted_stresses(algebra):
                 state = states[0, k], states[1, k], states[2, k]
                 found = result[0, k], result[1, k], result[2, k]
                 P = algebra.first_piola(algebra.matrix_at(F, k), state, found, unit)
-                algebra.put_matrix(stress, k, algebra.times_symmetric(P, algebra.symmetric_at(Z, k)))
+                algebra.put(stress, k, algebra.times_symmetric(P, algebra.symmetric_at(Z, k)))
 
     return weighted_stresses
 
@@ -54,7 +54,7 @@ def nosb_forces(algebra):
         for i in range(start, stop):
             algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, pointers[i], pointers[i + 1], np.uint64(i), out)
             force = algebra.times(volumes[i], algebra.vector_at(out, i))
-            algebra.put_vector(out, i, force)
+            algebra.put(out, i, force)
             without_force += algebra.not_finite(force)
         return without_force
 

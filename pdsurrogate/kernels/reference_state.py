@@ -44,7 +44,7 @@ def shape_rows(algebra):
                 K = algebra.add_symmetric_product(K, 1.0, algebra.vector_at(weighted_bonds, b), x)
             if algebra.shape_quality(K) > LEAST_SHAPE_QUALITY:
                 supported[i] = 1
-                algebra.put_symmetric(inverse_shape, i, algebra.inverse_symmetric(K))
+                algebra.put(inverse_shape, i, algebra.inverse_symmetric(K))
             else:
                 supported[i] = 0
                 inverse_shape[i, :] = 0.0

@@ -38,7 +38,7 @@ def sum_moments(algebra):
         for i in range(start, stop):
             own = own_pointers[i], own_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
-            algebra.sum_matrices(moments, own[0], own[1], incidence, others[0], others[1], np.uint64(i), out)
+            algebra.sum_matrices(moments, own[0], own[1], incidence, others[0], others[1], 1.0, np.uint64(i), out)
 
     return sum_moments
 
@@ -52,7 +52,7 @@ def weigh_moments(algebra):
         start, stop = share_of(volumes.shape[0], chunk, chunks)
         for i in range(start, stop):
             Z = algebra.times_factor(1.0 / volumes[i], algebra.symmetric_at(inverse_shape, i))
-            algebra.put_matrix(moments, i, algebra.times_symmetric(algebra.matrix_at(moments, i), Z))
+            algebra.put(moments, i, algebra.times_symmetric(algebra.matrix_at(moments, i), Z))
 
     return weigh_moments
 
@@ -94,7 +94,7 @@ def point_forces(algebra):
             algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, pointers[r], pointers[r + 1], np.uint64(i), node_parts)
             node_part = algebra.times(unit * volumes[i], algebra.vector_at(node_parts, i))
             force = algebra.plus(algebra.vector_at(out, i), node_part)
-            algebra.put_vector(out, i, force)
+            algebra.put(out, i, force)
             without_force += algebra.not_finite(force)
         return without_force
 
@@ -113,6 +113,6 @@ def add_node_forces(algebra):
             i = first_point + r
             algebra.sum_matrix_products(moments, neighbours, weighted_bonds, pointers[r], pointers[r + 1], np.uint64(i), node_parts)
             node_part = algebra.times(volumes[i], algebra.vector_at(node_parts, i))
-            algebra.put_vector(out, i, algebra.plus(algebra.vector_at(out, i), node_part))
+            algebra.put(out, i, algebra.plus(algebra.vector_at(out, i), node_part))
 
     return add_node_forces

@@ -1,0 +1,228 @@
+"""Vector and matrix algebra in two and three dimensions, written once over the number of components.
+
+`algebra_of` builds a module of functions for a dimension d, and kernels are written over such a module. Vectors are (1, …, d), matrices are
+stored by columns, in the plane (11, 21, 12, 22), and symmetric matrices by the rows of their upper triangle, (11, 12, 22). All functions
+take tuples of reals or rows of arrays and are inlined into their callers. Most are made from one expression for each entry of their result,
+as ``v[0] + w[0]``: numba compiles the tuple of these without loops and arrays, and all entries stay in registers.
+"""
+
+from functools import cache
+from types import ModuleType
+
+import numpy as np  # noqa: F401 - read by expressions
+
+from ..engine import vector_loads
+from ..engine.block_arrays import put_row, rows_of
+from ..engine.compile import inlined
+from .feature_sets import like  # noqa: F401 - read by expressions
+
+
+def entries(arguments, expressions):
+    """Return the function that returns the tuple of some expressions of its arguments."""
+    return scalar(arguments, f"({', '.join(expressions)},)")
+
+
+def scalar(arguments, expression):
+    """Return the function that returns an expression of its arguments."""
+    return inlined(eval(f"lambda {arguments}: {expression}", globals()))
+
+
+def total(terms):
+    """Return the expression of a sum, added in order."""
+    return " + ".join(terms)
+
+
+@cache
+def algebra_of(dimension):
+    """Return the module of the algebra in 2 or 3 dimensions."""
+    found = ModuleType(f"{__name__}_{dimension}")
+    vars(found).update(_components(dimension))
+    vars(found).update(_plane(found) if dimension == 2 else _space(found))
+    return found
+
+
+def _components(d):
+    """Return all functions that follow from the number of components alone."""
+    axes = range(d)
+    upper = [(r, c) for r in axes for c in range(r, d)]
+    symmetric, matrix = range(len(upper)), range(d * d)
+    # Places of the entries (r, c) of symmetric matrices and of matrices, and which of these lie on the diagonal.
+    Z = {place: n for n, (r, c) in enumerate(upper) for place in ((r, c), (c, r))}
+    F = {(r, c): c * d + r for c in axes for r in axes}
+
+    def added_to_diagonal(name, places):
+        on_diagonal = {places[r, r] for r in axes}
+        numbers = sorted({*places.values()})
+        return entries(f"{name}, value", [f"{name}[{n}] + value" if n in on_diagonal else f"{name}[{n}]" for n in numbers])
+
+    def mixed(r, c):
+        return f"factor * (v[{r}] * w[{r}])" if r == c else f"factor * 0.5 * (v[{r}] * w[{c}] + v[{c}] * w[{r}])"
+
+    return {
+        "DIMENSION": d,
+        "MATRIX": len(matrix),
+        "SYMMETRIC": len(symmetric),
+        # Arrays of records: views with rows of a length that the compiler knows, one row, one column, and how to write a row.
+        "vector_rows": rows_of(d),
+        "symmetric_rows": rows_of(len(symmetric)),
+        "matrix_rows": rows_of(len(matrix)),
+        "vector_at": entries("array, k", [f"array[k, {r}]" for r in axes]),
+        "symmetric_at": entries("array, k", [f"array[k, {r}]" for r in symmetric]),
+        "matrix_at": entries("array, k", [f"array[k, {r}]" for r in matrix]),
+        "column_at": entries("rows, k", [f"rows[{r}, k]" for r in axes]),
+        "column_in": entries("rows, k, x", [f"like(x, rows[{r}, k])" for r in axes]),  # in the precision of x
+        "matrix_column_at": entries("rows, k", [f"rows[{r}, k]" for r in matrix]),
+        "put": put_row,
+        # Loads and sums over bonds, see `pdsurrogate.engine.vector_loads`.
+        "gather_pairs": vector_loads.gather_pairs(d),
+        "subtract_positions": vector_loads.subtract_positions(d),
+        "sum_matrix_products": vector_loads.sum_matrix_products(d),
+        # Vectors; 1 if a component is infinite or NaN, else 0: the sum of finite components must not overflow.
+        "no_vector": entries("", ["0.0" for _ in axes]),
+        "plus": entries("v, w", [f"v[{r}] + w[{r}]" for r in axes]),
+        "minus": entries("v, w", [f"v[{r}] - w[{r}]" for r in axes]),
+        "times": entries("factor, v", [f"factor * v[{r}]" for r in axes]),
+        "dot": scalar("v, w", total(f"v[{r}] * w[{r}]" for r in axes)),
+        "not_finite": scalar("v", f"0 if {total(f'abs(v[{r}])' for r in axes)} < np.inf else 1"),
+        # Symmetric matrices: K + factor sym(v (x) w), a multiple, a multiple of I added, and Z v.
+        "no_symmetric": entries("", ["0.0" for _ in symmetric]),
+        "add_symmetric_product": entries("K, factor, v, w", [f"K[{n}] + {mixed(r, c)}" for n, (r, c) in enumerate(upper)]),
+        "times_factor": entries("factor, K", [f"factor * K[{n}]" for n in symmetric]),
+        "plus_isotropic": added_to_diagonal("K", Z),
+        "symmetric_times_vector": entries("Z, v", [total(f"Z[{Z[r, c]}] * v[{c}]" for c in axes) for r in axes]),
+        # Matrices: F : F, which is the trace of F^T F, zero, a sum, a multiple, a multiple of I added, F v, F Z, and F + v (x) w.
+        "squared_norm": scalar("F", total(f"F[{n}] * F[{n}]" for n in matrix)),
+        "no_matrix": entries("", ["0.0" for _ in matrix]),
+        "plus_matrix": entries("F, G", [f"F[{n}] + G[{n}]" for n in matrix]),
+        "times_matrix": entries("factor, F", [f"factor * F[{n}]" for n in matrix]),
+        "plus_diagonal": added_to_diagonal("F", F),
+        "matrix_times_vector": entries("F, v", [total(f"F[{F[r, c]}] * v[{c}]" for c in axes) for r in axes]),
+        "times_symmetric": entries("F, Z", [total(f"F[{F[r, k]}] * Z[{Z[k, c]}]" for k in axes) for c in axes for r in axes]),
+        "add_outer_product": entries("F, v, w", [f"F[{F[r, c]}] + v[{r}] * w[{c}]" for c in axes for r in axes]),
+    }
+
+
+def _plane(algebra):
+    """Return the functions of two dimensions that have another form in three."""
+    squared_norm = algebra.squared_norm
+
+    @inlined
+    def inverse_symmetric(K):
+        determinant = K[0] * K[2] - K[1] * K[1]
+        return K[2] / determinant, -K[1] / determinant, K[0] / determinant
+
+    @inlined
+    def shape_quality(K):
+        """Return 4 det K/(tr K)^2: 1 for a multiple of I, 0 for a singular K or one with zero trace."""
+        trace = K[0] + K[2]
+        return 4.0 * (K[0] * K[2] - K[1] * K[1]) / (trace * trace) if trace > 0.0 else 0.0
+
+    determinant = scalar("F", "F[0] * F[3] - F[1] * F[2]")
+
+    @inlined
+    def response_state(F, volume_ratio):
+        """Return the arguments of a plane-stress response: tr C and det F in the plane, and J3."""
+        return squared_norm(F), determinant(F), volume_ratio
+
+    @inlined
+    def first_piola(F, state, result, unit):
+        """Return P = (p F + q F^-T) unit, from a response's result (p, q) in the state (tr C, J, J3)."""
+        p = result[0] * unit
+        q = result[1] / state[1] * unit
+        return p * F[0] + q * F[3], p * F[1] - q * F[2], p * F[2] - q * F[1], p * F[3] + q * F[0]
+
+    return {
+        "inverse_symmetric": inverse_symmetric,
+        "shape_quality": shape_quality,
+        "determinant": determinant,
+        "cofactor": entries("F", ["F[3]", "-F[2]", "-F[1]", "F[0]"]),  # det F times F^-T
+        "response_state": response_state,
+        "first_piola": first_piola,
+        "sum_outer_products": vector_loads.sum_outer_products,
+        "sum_signed_records": vector_loads.sum_records(2, -1),
+        "sum_matrices": vector_loads.sum_records(4, 1),
+    }
+
+
+def _space(algebra):
+    """Return the functions of three dimensions that have another form in two."""
+    squared_norm, times_symmetric = algebra.squared_norm, algebra.times_symmetric
+
+    def minor(r, c):
+        (a, b), (e, f) = ((r + 1) % 3, (r + 2) % 3), ((c + 1) % 3, (c + 2) % 3)
+        return f"F[{3 * e + a}] * F[{3 * f + b}] - F[{3 * f + a}] * F[{3 * e + b}]"
+
+    cofactor = entries("F", [minor(r, c) for c in range(3) for r in range(3)])  # det F times F^-T
+    determinant = scalar("F", total(f"F[{r}] * ({minor(r, 0)})" for r in range(3)))
+    right_cauchy_green = entries("F", [total(f"F[{3 * r + k}] * F[{3 * c + k}]" for k in range(3)) for r in range(3) for c in range(r, 3)])
+    combined = entries("p, F, q, G, r, H", [f"p * F[{n}] + q * G[{n}] + r * H[{n}]" for n in range(9)])
+
+    @inlined
+    def symmetric_determinant(K):
+        return K[0] * (K[3] * K[5] - K[4] * K[4]) - K[1] * (K[1] * K[5] - K[4] * K[2]) + K[2] * (K[1] * K[4] - K[3] * K[2])
+
+    @inlined
+    def inverse_symmetric(K):
+        scale = 1.0 / symmetric_determinant(K)
+        return (
+            scale * (K[3] * K[5] - K[4] * K[4]),
+            scale * (K[2] * K[4] - K[1] * K[5]),
+            scale * (K[1] * K[4] - K[2] * K[3]),
+            scale * (K[0] * K[5] - K[2] * K[2]),
+            scale * (K[1] * K[2] - K[0] * K[4]),
+            scale * (K[0] * K[3] - K[1] * K[1]),
+        )
+
+    @inlined
+    def shape_quality(K):
+        """Return 27 det K/(tr K)^3: 1 for a multiple of I, 0 for a singular K or one with zero trace."""
+        trace = K[0] + K[3] + K[5]
+        return 27.0 * symmetric_determinant(K) / (trace * trace * trace) if trace > 0.0 else 0.0
+
+    @inlined
+    def response_state(F, volume_ratio):
+        """Return the arguments of a three-dimensional response: tr C, tr cof C and det F; the volume ratio is det F itself."""
+        return squared_norm(F), squared_norm(cofactor(F)), determinant(F)
+
+    @inlined
+    def first_piola(F, state, result, unit):
+        """Return P = (p F + q cof F + r F C) unit, from a response's result (p, q, r)."""
+        p, q, r = result[0] * unit, result[1] * unit, result[2] * unit
+        return combined(p, F, q, cofactor(F), r, times_symmetric(F, right_cauchy_green(F)))
+
+    vector_at, no_matrix, minus, add_outer_product = algebra.vector_at, algebra.no_matrix, algebra.minus, algebra.add_outer_product
+
+    @inlined
+    def sum_outer_products(positions, neighbours, weights, start, stop, point, out):
+        """Write ``out[point] = sum over b in start … stop of (positions[neighbours[b]] - positions[point]) (x) weights[b]``, by columns."""
+        own = vector_at(positions, point)
+        summed = no_matrix()
+        for b in range(start, stop):
+            summed = add_outer_product(summed, minus(vector_at(positions, neighbours[b]), own), vector_at(weights, b))
+        put_row(out, point, summed)
+
+    def sum_records(at, zero, combine, times):
+        @inlined
+        def add_up(records, start, stop, indices, first, last, factor, point, out):
+            """Write the sums that `vector_loads.sum_records` defines, by plain loops."""
+            summed = zero()
+            for b in range(start, stop):
+                summed = plus(summed, at(records, b))
+            for b in range(first, last):
+                summed = combine(summed, at(records, indices[b]))
+            put_row(out, point, times(factor, summed))
+
+        plus = algebra.plus if at is vector_at else algebra.plus_matrix
+        return add_up
+
+    return {
+        "inverse_symmetric": inverse_symmetric,
+        "shape_quality": shape_quality,
+        "determinant": determinant,
+        "cofactor": cofactor,
+        "response_state": response_state,
+        "first_piola": first_piola,
+        "sum_outer_products": sum_outer_products,
+        "sum_signed_records": sum_records(vector_at, algebra.no_vector, minus, algebra.times),
+        "sum_matrices": sum_records(algebra.matrix_at, no_matrix, algebra.plus_matrix, algebra.times_matrix),
+    }
