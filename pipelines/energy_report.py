@@ -58,7 +58,7 @@ def modes() -> str:
         for F in STATES.values():
             y = body.points @ F.T
             bound = pds.load_surrogate(force).bind(body, law, DOUBLE)
-            A = bound.tangent(y).matrix().toarray() if bound.has_tangent else difference_tangent(bound, y)
+            A = bound.tangent(y) @ np.eye(y.size) if bound.has_tangent else difference_tangent(bound, y)
             n = len(y)
             rigid = np.zeros((2 * n, 3))
             rigid[0::2, 0] = rigid[1::2, 1] = 1

@@ -12,7 +12,7 @@ import numpy as np
 from pages import VALIDATION
 
 import pdsurrogate as pds
-from pdsurrogate.forces.bond_energy import BondEnergyEvaluation
+from pdsurrogate.forces.pair_energy import PairEnergy
 from pdsurrogate.results.files import write_text
 
 HEAD = """# Plane strain: the bonded block
@@ -22,13 +22,19 @@ spacing, and how rough the pressure is inside, over its spread. Made by `python 
 """
 
 
+class PlainEnergy(PairEnergy):
+    """All of the energy at the bonds, whatever holds the volume."""
+
+    selective = False
+
+
 class AllAtTheBonds(pds.BondEnergyForce):
     """The bond energy with its volumetric part at the bonds in plane strain too, where it locks: what `bond-energy` is compared with."""
 
     name = "bond-energy-plain"
 
-    def evaluation(self, body, law, settings):
-        return BondEnergyEvaluation(self, body, law, settings)
+    def terms(self, plane):
+        return (PlainEnergy,)
 
 
 MODELS = {"bond-energy": "bond-energy", "all at the bonds": AllAtTheBonds(), "analytic": "analytic", "nosb": "nosb"}

@@ -14,8 +14,8 @@ from sklearn.preprocessing import PolynomialFeatures
 
 import pdsurrogate as pds
 from pdsurrogate.forces import FORCES, ForceSettings
-from pdsurrogate.forces.bond_energy import BondEnergyEvaluation
-from pdsurrogate.forces.nosb import NOSBEvaluation, NOSBForce
+from pdsurrogate.forces.nosb import NOSBForce, PointStress
+from pdsurrogate.forces.pair_energy import PairEnergy
 from pdsurrogate.solvers import equilibrium
 from pdsurrogate.stress_test.case import INAPPLICABLE, PASS, WEAK, WEAKNESSES, Subject
 from pdsurrogate.stress_test.conformance import (
@@ -135,12 +135,15 @@ class Spoilt(NOSBForce):
     added = 1e-6
 
     def bind(self, body, law, settings):
-        return SpoiltEvaluation(body, law, ForceSettings(breakable=True))
+        return super().bind(body, law, ForceSettings(breakable=True))
+
+    def terms(self, plane):
+        return (SpoiltStress,)
 
 
-class SpoiltEvaluation(NOSBEvaluation):
-    def evaluate(self, positions, out):
-        super().evaluate(positions, out)
+class SpoiltStress(PointStress):
+    def find(self, out):
+        super().find(out)
         out += [0.0, Spoilt.added]
 
 
@@ -170,6 +173,6 @@ def test_loads_that_are_small_beside_the_tolerance_are_found(monkeypatch):
 
 def test_energy_that_is_made_is_found(monkeypatch):
     """An energy that is stated a tenth too large leaves no account within 1 %."""
-    stated = BondEnergyEvaluation.energy
-    monkeypatch.setattr(BondEnergyEvaluation, "energy", lambda force, *given: 1.1 * stated(force, *given))
+    stated = PairEnergy.energy
+    monkeypatch.setattr(PairEnergy, "energy", lambda term: 1.1 * stated(term))
     assert energy_account(Subject("bond-energy")).verdict == WEAK

@@ -7,6 +7,7 @@ from bodies import disc_with_hole, gripped_sheet, jittered, sheet
 from pdsurrogate.engine import vector_loads
 from pdsurrogate.engine.compile import CompilationClock, compilation_clock, kernel
 from pdsurrogate.forces.kinematics import Kinematics
+from pdsurrogate.forces.material_points import MaterialPoints
 from pdsurrogate.kernels import ghosts
 from pdsurrogate.kernels.algebra import algebra_of
 from pdsurrogate.kernels.steps import greatest_strain
@@ -22,9 +23,8 @@ def wavy(points, size=0.03):
 @pytest.mark.parametrize("make", [sheet, disc_with_hole, gripped_sheet])
 def test_deformation_gradients_against_the_sum(make):
     body = make()
-    kinematics = Kinematics(body, NeoHookean(), "float64")
+    kinematics = Kinematics(body, "float64")
     kinematics.place(body.points + 0.1 * (wavy(body.points) - body.points))
-    kinematics.find_states()
     bonds, x, y = body.bonds, body.all_points, kinematics.positions
     for i in range(len(body)):
         mine = slice(int(bonds.pointers[i]), int(bonds.pointers[i + 1]))
@@ -40,10 +40,10 @@ def test_gradients_of_images_equal_the_sum_over_their_own_horizon():
     """`Ghosts.fill_gradients` against a body in which the far side is really there."""
     for parity in ((-1, 1), (-1, -1)):
         half = gripped_sheet(parity)
-        kinematics = Kinematics(half, NeoHookean(), "float64")
+        kinematics = Kinematics(half, "float64")
         displacement = 0.05 * np.sin(3 * half.points) * half.points[:, ::-1]
         kinematics.place(half.points + displacement)
-        kinematics.find_states()
+        kinematics.form_gradients()
         # The whole neighbourhood of the left plane: the sheet and its full reflection.
         reflected = half.points * [-1, 1]
         both = np.vstack([half.points, reflected])
@@ -62,17 +62,18 @@ def test_gradients_of_images_equal_the_sum_over_their_own_horizon():
 
 def test_node_states_solve_plane_stress(random):
     body, law = jittered(random), NeoHookean(1, 50)
-    kinematics = Kinematics(body, law, "float64")
+    kinematics = Kinematics(body, "float64")
+    points = MaterialPoints(kinematics, law, "float64")
     kinematics.place(wavy(body.points))
-    kinematics.find_states()
+    points.find()
     F = kinematics.deformation_gradients()
     trace, J = plane_stress.invariants(F)
-    np.testing.assert_allclose(kinematics.records[:, 2], J, rtol=1e-12)
-    np.testing.assert_allclose(kinematics.records[:, 3], plane_stress.thickness_stretch_squared(law, trace, J), rtol=1e-11)
+    np.testing.assert_allclose(points.records[:, 2], J, rtol=1e-12)
+    np.testing.assert_allclose(points.records[:, 3], plane_stress.thickness_stretch_squared(law, trace, J), rtol=1e-11)
     W, _, Vt = np.linalg.svd(F)
     R = W @ Vt
-    np.testing.assert_allclose(kinematics.records[:, 0], R[:, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(kinematics.records[:, 1], R[:, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(points.records[:, 0], R[:, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(points.records[:, 1], R[:, 1, 0], atol=1e-12)
 
 
 def test_plane_stress_from_far_starts():
@@ -80,11 +81,12 @@ def test_plane_stress_from_far_starts():
     body = sheet()
     for F in (np.diag([4.0, 4.0]), np.diag([0.3, 0.4]), np.diag([6.0, 0.3]), np.array([[1, 3.0], [0, 1]])):
         for law in (NeoHookean(1, 10), NeoHookean(1, 1e4)):
-            kinematics = Kinematics(body, law, "float64")
+            kinematics = Kinematics(body, "float64")
+            points = MaterialPoints(kinematics, law, "float64")
             kinematics.place(body.points @ F.T)
-            kinematics.find_states()
+            points.find()
             expected = plane_stress.volume_ratio(law, *plane_stress.invariants(F))
-            np.testing.assert_allclose(kinematics.volume_ratios, expected, rtol=1e-11)
+            np.testing.assert_allclose(points.volume_ratios, expected, rtol=1e-11)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -137,9 +139,9 @@ def test_sums_of_records(random, dtype, length, sign):
 def test_compiled_code_is_cached_and_compilation_is_announced():
     """A kernel in a file is loaded by a second dispatcher; one that cannot be cached still works and is announced."""
     body = gripped_sheet()
-    kinematics = Kinematics(body, NeoHookean(), "float64")
+    kinematics = Kinematics(body, "float64")
     kinematics.place(body.points)
-    kinematics.find_states()
+    kinematics.form_gradients()
     again = kernel(ghosts.fill_matrices.py_func)
     announced = []
     with compilation_clock(lambda: announced.append(1)) as clock:

@@ -9,7 +9,7 @@ import pdsurrogate as pds
 from pdsurrogate.artifacts import load_card, load_surrogate
 from pdsurrogate.body import Ghosts, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings
-from pdsurrogate.forces.selective_energy import Smoothing
+from pdsurrogate.forces.smoothing import Smoothing
 from pdsurrogate.materials import LAWS, NeoHookean, homogeneous, plane_strain, plane_stress, solid
 from pdsurrogate.results.measures import PointState, strain_energy
 from pdsurrogate.scenes import MaterialSpec, SceneError

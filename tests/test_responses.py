@@ -9,6 +9,7 @@ from test_laws import Exponential
 
 import pdsurrogate as pds
 from pdsurrogate.forces.kinematics import Kinematics
+from pdsurrogate.forces.material_points import MaterialPoints
 from pdsurrogate.materials import PrincipalStretchLaw, plane_strain, plane_stress, solid
 
 # No scene uses these yet, and every law and dimension has to be compiled.
@@ -145,12 +146,13 @@ def test_plane_strain_is_the_derivative_of_its_energy(first, second, shear):
 def test_kernels_of_a_sheet_take_plane_strain_for_plane_stress(random):
     """Its condition on the thickness makes C33 = 1, whatever iteration solves it."""
     body, law = pds.Body.rectangle(1.0, 1.0, 0.2, 0.5), pds.Ogden()
-    kinematics = Kinematics(body, law, "float64")
-    kinematics.response = plane_strain.response.block(law)
+    kinematics = Kinematics(body, "float64")
+    points = MaterialPoints(kinematics, law, "float64")
+    points.response = plane_strain.response.block(law)
     kinematics.place(body.points @ np.array([[1.4, 0.2], [-0.1, 0.9]]))
-    kinematics.find_states()
-    np.testing.assert_allclose(kinematics.volume_ratios, kinematics.records[:, 2], rtol=1e-12)
-    np.testing.assert_allclose(kinematics.records[:, 3], 1.0, rtol=1e-12)
+    points.find()
+    np.testing.assert_allclose(points.volume_ratios, points.records[:, 2], rtol=1e-12)
+    np.testing.assert_allclose(points.records[:, 3], 1.0, rtol=1e-12)
 
 
 @pytest.mark.parametrize("law", [pds.Gent(), pds.ArrudaBoyce(), pds.FullNetwork(chain_links=8.0)], ids=lambda law: law.name)

@@ -9,7 +9,7 @@ from bodies import sheet
 
 from pdsurrogate.body import Body, ReflectionPlane
 from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
-from pdsurrogate.forces.selective_energy import Smoothing
+from pdsurrogate.forces.smoothing import Smoothing
 from pdsurrogate.materials import LAWS, Gent, InvariantLaw, NeoHookean, solid
 from pdsurrogate.solvers import Automatic
 
@@ -388,7 +388,7 @@ def test_broken_bonds_leave_a_body_that_never_had_them(name, random):
     np.testing.assert_allclose(force.volume_ratios(), expected.volume_ratios(), rtol=1e-12)
     assert released.energy == pytest.approx(energy - force.energy(), rel=1e-9)
     np.testing.assert_allclose(released.forces, before - found, atol=1e-12 * unit)
-    W = force.smoothing.matrix().toarray()
+    W = force.terms[0].volume.smoothing.matrix().toarray()
     above, beside = body.points[:, 2] > 0.45, body.points[:, 0] < 0.2
     assert np.abs(W[np.ix_(above & beside, ~above & beside)]).max() == 0
     assert np.abs(body.volumes[:, None] * W - (body.volumes[:, None] * W).T).max() < 1e-14 * body.volumes.max()

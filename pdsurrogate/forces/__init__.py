@@ -5,6 +5,8 @@ from .analytic import AnalyticBondForce
 from .ba_nosb import BANOSBForce
 from .bond_energy import BondEnergyForce, EnergySurrogate
 from .bond_force import ForceSurrogate
+from .errors import InvalidState, OutsideDomain, OutsideDomainWarning
+from .internal_force import InternalForce
 from .learnt import LearntBondForce
 from .learnt_energy import EnergyNetwork, IsochoricNetwork, LearntEnergy
 from .network import NetworkForce
@@ -12,7 +14,7 @@ from .nosb import NOSBForce
 from .own import OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
 from .polynomial import PolynomialForce
 from .portions import bind_portions
-from .protocol import Domain, ForceModel, InternalForce, InvalidState, Member, OutsideDomain, OutsideDomainWarning, Portion
+from .protocol import Domain, ForceModel, Member, Portion
 from .settings import ForceSettings
 from .spline import SplineForce
 

@@ -3,63 +3,44 @@
 from __future__ import annotations
 
 from functools import cached_property
-from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..body import Body
 from ..engine.block_arrays import BLOCK, SCRATCH_ROWS, aligned_rows
 from ..engine.passes import Chain
 from ..kernels import ba_nosb
-from ..materials import SHEETS, Law
-from .evaluation import Evaluation
-from .kinematics import at_point, locate
-from .protocol import ForceModel, InvalidState
-from .settings import ForceSettings
+from ..materials import SHEETS
+from .errors import InvalidState, at_point
+from .protocol import ForceModel
+from .term import Binding, StateArray, Term
 
 
-class BANOSBForce(ForceModel):
-    """BA-NOSB PD: one deformation gradient a bond, over the points that both its ends' horizons share.  No zero-energy modes.
-
-    Examples
-    --------
-    >>> import pdsurrogate as pds
-    >>> pds.BANOSBForce().honoured("stress")["precision"]
-    ('float64',)
-    """
-
-    name = family = "ba-nosb"
-    # No bonds that break: the horizons that two ends share would have to be found anew around every one of them.
-    honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "plane": SHEETS}
-
-    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BANOSBEvaluation:
-        return BANOSBEvaluation(body, law, settings)
-
-
-class BANOSBEvaluation(Evaluation):
-    """BA-NOSB bound to a body; the points' own deformation gradients are no part of it, and formed only where they are asked for.
+class BondAssociatedStress(Term):
+    """Forces from the stresses of the bonds, each with a deformation gradient of its own; those of the points are not needed.
 
     Attributes
     ----------
     bond_vectors : ndarray, shape (n_bonds, 2)
-        What the stress of every directed bond is multiplied with, those of the ghosts after the points'.
+        Vectors by which the stress of every directed bond is multiplied, those of the ghosts after the points'.
     bond_forces : ndarray, shape (n_bonds, 2)
-        The product in the state last evaluated, over the shear modulus.
+        The products in the state last evaluated, over the shear modulus.
     """
 
-    def __init__(self, body: Body, law: Law, settings: ForceSettings) -> None:
-        super().__init__(body, law, "float64", "none", settings)
+    needs_gradients = False
+
+    def __init__(self, binding: Binding) -> None:
+        super().__init__(binding)
+        self.materials = [binding.points_of(0)]
+        (material,), body, kinematics = self.materials, self.body, self.kinematics
         bonds, points, volumes = body.bonds, body.all_points, body.all_volumes
         n, total = len(body), len(points)
 
         # Directed bonds by owner: a point's own, then those of images towards points of the body.
         outer = np.flatnonzero(bonds.second >= n)
         from_image = outer[np.argsort(bonds.second[outer], kind="stable")]
-        owners = np.concatenate([np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64)), bonds.second[from_image]]).astype(
-            np.uint32
-        )
+        owners = np.concatenate([kinematics.owners(), bonds.second[from_image]]).astype(np.uint32)
         self._targets = np.concatenate([bonds.neighbours, bonds.first[from_image]])
         self._bond_pointers = np.zeros(total + 1, dtype=np.uint64)
         self._bond_pointers[1:] = np.cumsum(np.bincount(owners, minlength=total))
@@ -118,7 +99,7 @@ class BANOSBEvaluation(Evaluation):
             self._inverse_shapes,
             self.bond_vectors,
         )
-        chunks = self._kinematics.chunks
+        chunks = kinematics.chunks
         longest = int(np.diff(self._table_pointers).max())
         self._volume_ratios = np.ones(len(owners))
         self._tables = aligned_rows((chunks.threads, longest, 4))
@@ -126,7 +107,7 @@ class BANOSBEvaluation(Evaluation):
         self._scratch = aligned_rows((chunks.threads, SCRATCH_ROWS + 4, BLOCK), value=1)
         self.bond_forces = np.empty((len(owners), 2))
         find_forces = ba_nosb.ba_nosb_forces.bind(
-            self._kinematics.positions,
+            kinematics.positions,
             self._table_pointers,
             self._table,
             self._table_weights,
@@ -136,30 +117,34 @@ class BANOSBEvaluation(Evaluation):
             self._inverse_shapes,
             self.bond_vectors,
             self._volume_ratios,
-            self._kinematics.response.address,
-            self._kinematics.parameters,
+            material.response.address,
+            material.parameters,
             self._tables,
             self._sums,
             self._scratch,
             self.bond_forces,
             chunks=chunks,
         )
-        sums = self.bond_forces, self._bond_pointers, self._reverse, law.shear_modulus
+        sums = self.bond_forces, self._bond_pointers, self._reverse, material.law.shear_modulus
         self._sum_forces = ba_nosb.sum_bond_forces[2].bind(*sums, np.empty_like(body.points), chunks=chunks)
         self._find_forces = Chain(find_forces, self._sum_forces)
 
-    def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
-        self._kinematics.place(positions)
+    def find(self, out: np.ndarray) -> None:
         unsolved, without_force = self.pass_bonds(out)
         if unsolved:
             self._volume_ratios[:] = 1.0
             raise InvalidState(self._diagnose())
-        if without_force:
-            raise InvalidState(locate(self.body, out, "the force on it is not finite"))
+        self.check_finite(out, without_force)
+
+    def pass_bonds(self, out: np.ndarray) -> tuple[int, int]:
+        """Compute everything; return the number of bonds without a state and of points without a force."""
+        self._sum_forces.give("out", out)
+        unsolved, without_force = self._find_forces()
+        return unsolved, without_force
 
     def _diagnose(self) -> str:
-        """Say which bond has no state: that of the least det F, formed anew for all of them."""
-        body, positions = self.body, self._kinematics.positions
+        """Return a message that says which bond has no state: that of the least det F, formed anew for all of them."""
+        body, positions = self.body, self.kinematics.positions
         owners = np.repeat(np.arange(len(positions)), np.diff(self._bond_pointers).astype(np.int64))
         bonds = np.repeat(np.arange(len(owners)), np.diff(self._common_pointers).astype(np.int64))
         entries = self._table_pointers[owners[bonds]].astype(np.int64) + self._common
@@ -176,39 +161,49 @@ class BANOSBEvaluation(Evaluation):
         elif J[bond] <= 0:
             reason = "it is turned inside out"
         else:
-            reason = f"{self.law.name} has no plane-stress state in one of the bonds"
+            reason = f"{self.binding.portions[0].law.name} has no plane-stress state in one of the bonds"
         return at_point(body, owner, f"the deformation gradient of its bond to ({x1:.4g}, {x2:.4g}) has det F = {J[bond]:.3g}: {reason}")
 
-    def pass_bonds(self, out: np.ndarray) -> tuple[int, int]:
-        """Everything but the placing of ghosts, at the positions last given; the bonds without a state and the points without a force."""
-        self._sum_forces.give("out", out)
-        unsolved, without_force = self._find_forces()
-        return unsolved, without_force
+    @property
+    def state(self) -> list[StateArray]:
+        return [*super().state, StateArray("bond_volume_ratios", "bonds", self._volume_ratios)]
 
-    state_rows = MappingProxyType({"volume_ratios": "images", "bond_volume_ratios": "bonds"})
-
-    def state_arrays(self) -> dict[str, np.ndarray]:
-        return {**super().state_arrays(), "bond_volume_ratios": self._volume_ratios}
-
-    def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
-        forward = self._forward if pairs is None else self._forward[pairs]
-        return self.law.shear_modulus * (self.bond_forces[forward] - self.bond_forces[self._reverse[forward]])
+    def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
+        forward = self._forward[pairs]
+        return self.binding.portions[0].law.shear_modulus * (self.bond_forces[forward] - self.bond_forces[self._reverse[forward]])
 
     @cached_property
     def _forward(self) -> np.ndarray:
         """Number of the bond (i, j) of every pair (i, j)."""
         bonds = self.body.bonds
-        owners = np.repeat(np.arange(len(self.body)), np.diff(bonds.pointers).astype(np.int64))
-        numbers = np.flatnonzero(owners == bonds.first[bonds.pair_of])
+        numbers = np.flatnonzero(self.kinematics.owners() == bonds.first[bonds.pair_of])
         forward = np.empty(len(bonds.first), dtype=np.int64)
         forward[bonds.pair_of[numbers]] = numbers
         return forward
 
 
 def _reverse_bonds(owners: np.ndarray, targets: np.ndarray) -> np.ndarray:
-    """Number of the bond (j, i) for every bond (i, j)."""
+    """Return the number of the bond (j, i) for every bond (i, j)."""
     size = int(max(owners.max(), targets.max())) + 1
     forward = owners.astype(np.int64) * size + targets
     backward = targets.astype(np.int64) * size + owners
     order = np.argsort(forward)
     return order[np.searchsorted(forward[order], backward)].astype(np.uint32)
+
+
+class BANOSBForce(ForceModel):
+    """BA-NOSB PD: one deformation gradient a bond, over the points that both its ends' horizons share.  No zero-energy modes.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> pds.BANOSBForce().honoured("stress")["precision"]
+    ('float64',)
+    """
+
+    name = family = "ba-nosb"
+    # No bonds that break: the horizons that two ends share would have to be found anew around every one of them.
+    honours: ClassVar = {"precision": ("float64",), "correction": ("none",), "plane": SHEETS}
+
+    def terms(self, plane: str) -> tuple[type[Term], ...]:
+        return (BondAssociatedStress,)

@@ -1,9 +1,9 @@
-"""Evaluation of the force models that map bond quantities to a bond force."""
+"""Force models that map quantities of a bond to its force, and the term that they make."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -11,89 +11,21 @@ import numpy as np
 
 from ..body import Body
 from ..engine.block_arrays import BLOCK, aligned_rows
-from ..engine.passes import Chain
-from ..engine.threads import Chunks
 from ..kernels import bond_force, reference_state
 from ..kernels.analytic import analytic_bond_force
 from ..kernels.bond_state import LEAST_NORMAL_STRETCH, lateral_stretch
 from ..kernels.sums import sum_pair_forces
 from ..materials import SHEETS, Law
-from .evaluation import DomainWatch, Evaluation, usual_precision
-from .kinematics import Kinematics, at_point, locate
+from ..materials.stretches import principal_stretches
+from .errors import InvalidState, at_point, locate
+from .kinematics import matrices
+from .material_points import MaterialPoints, have_states
 from .plane_strain import in_plane_strain
-from .portions import EvaluationOfPortions, PointStates, common_precision, refuse_in_plane_strain
-from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel, InvalidState, Portion
-from .settings import OUTSIDE, OUTSIDE_POLICIES, PRECISIONS, ROTATIONS, ForceSettings
+from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel
+from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
+from .steps import Steps
 from .surrogate_thickness import SurrogateThickness
-
-
-class ForceSurrogate(ForceModel):
-    """A force model that maps bond quantities to the force of the bond: a surrogate, or the exact map.
-
-    Attributes
-    ----------
-    features : tuple of str
-        What the model sees of a bond.
-    domain : Domain or None
-        Where it was trained; None if it holds everywhere.
-    gives_transverse : bool
-        Whether it knows T_mm, which the tensor correction needs.
-    default_precision : str
-
-    Examples
-    --------
-    >>> import pdsurrogate as pds
-    >>> model = pds.load_surrogate("neo-hookean@1")
-    >>> isinstance(model, pds.ForceSurrogate)
-    True
-    """
-
-    family = "bond force"
-    features: tuple[str, ...]
-    domain: Domain | None
-    gives_transverse: bool
-    default_precision: str
-
-    @property
-    def honours(self) -> Mapping[str, tuple]:
-        corrections = tuple(name for name in reference_state.CORRECTIONS if self.gives_transverse or name != "tensor")
-        # The pressure of plane strain is the trace of the stress, of which T_mm is a part.
-        planes = SHEETS if self.gives_transverse else ("stress",)
-        honours = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,), "plane": planes}
-        return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
-
-    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> BondForceEvaluation:
-        return BondForceEvaluation(self, body, law, settings)
-
-    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> BondForceOfPortions:
-        refuse_in_plane_strain(self.name, settings)
-        return BondForceOfPortions(body, portions, settings)
-
-    @abstractmethod
-    def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
-        """Dimensionless bond force, theory (9), in NumPy, for checking.
-
-        Parameters
-        ----------
-        stretch : array_like, shape (n,)
-            lambda_b.
-        rotation : array_like, shape (n,)
-            dtheta in radians: turn of the bond relative to its horizon, counter-clockwise.
-        length : array_like, shape (n,)
-            l_b/delta.
-        C33 : array_like, shape (n,)
-        J : array_like, shape (n,)
-            det F in the plane.
-
-        Returns
-        -------
-        ndarray, shape (n, 2)
-            t_n and t_tau, along and across the deformed bond, times kappa/(w l mu).
-        """
-
-    @abstractmethod
-    def compiled(self, dtype) -> CompiledBondForce:
-        """The same for the bond pass, in the given precision."""
+from .term import Binding, DomainWatch, Learnt, Term
 
 
 @dataclass(frozen=True)
@@ -128,297 +60,290 @@ class BondStates:
 
 
 class PairForces:
-    """The bond pass of one model over some pairs, bound to its arrays.
+    """The bond pass of one material over its pairs, bound to its arrays.
 
     Parameters
     ----------
-    model : ForceSurrogate
-    law : Law
-    precision, outside, plane : str
-        See `ForceSettings`.
-    positions : ndarray, shape (k, 2)
-        Of the points and images that pairs are made of.
-    states : Kinematics or PointStates
-        Of the same points, by the law.
-    first, second : ndarray of uint32
-        Ends of the pairs, filled up to whole blocks.
-    chunks : Chunks
-    counted : ndarray of bool, optional
-        Which pairs are counted, of a body in parts.
+    binding : Binding
+    number : int
+        Number of the material.
+    points : MaterialPoints
 
     Attributes
     ----------
-    compiled : CompiledBondForce
     geometry : ndarray, shape (n_blocks, 4 to 6, BLOCK)
-        Reference vectors of the pairs, for `pdsurrogate.kernels.reference_state.pair_rows` to fill.
+        Reference vectors of the pairs, see `pdsurrogate.kernels.reference_state.pair_rows`.
     forces : ndarray, shape (n_blocks * BLOCK, 2)
         Dimensionless force on the first point of every pair.
     find : BoundPass
-        Which brings `forces` up to date and counts the pairs outside the model's domain.
-    learns_thickness : bool
-        Whether the points' J3 is found with the model, and not by the law.
+        Pass that finds `forces` and counts the pairs outside the model's domain.
+    unit : float
+        Shear modulus of the material.
     """
 
-    def __init__(
-        self,
-        model: ForceSurrogate,
-        law: Law,
-        precision: str,
-        outside: str,
-        plane: str,
-        positions: np.ndarray,
-        states: Kinematics | PointStates,
-        first: np.ndarray,
-        second: np.ndarray,
-        chunks: Chunks,
-        counted: np.ndarray | None = None,
-    ) -> None:
-        blocks = len(first) // BLOCK
-        compiled = model.compiled(precision)
+    def __init__(self, binding: Binding, number: int, points: MaterialPoints) -> None:
+        model, law = binding.portions[number].model, points.law
+        precision, outside, chunks = binding.precision, binding.outside, binding.kinematics.chunks
+        body, plane = binding.body, binding.settings.plane
+        self.model, self.points, self.unit, blocks = model, points, law.shear_modulus, len(points.first) // BLOCK
+        self._compiled = compiled = model.compiled(precision)
         if plane == "strain" and not compiled.asks_law:
-            compiled = in_plane_strain(compiled, law, precision)
-        self.compiled = compiled
+            self._compiled = compiled = in_plane_strain(compiled, law, precision)
+        counted = body.share.counted_pairs(body.bonds.first)
         if counted is None:
             self.geometry = aligned_rows((blocks, 5 if compiled.needs_length else 4, BLOCK), precision)
         else:
+            counted = counted[points.pairs]
             self.geometry = aligned_rows((blocks, bond_force.COUNTED_ROW + 1, BLOCK), precision)
             numbers = np.arange(len(counted))
             self.geometry[numbers // BLOCK, bond_force.COUNTED_ROW, numbers % BLOCK] = counted
         self.learns_thickness = law.costly and model.domain is not None and model.gives_transverse and plane == "stress"
         if self.learns_thickness:
-            states.surrogate_thickness = SurrogateThickness(compiled, model.domain, law, precision, chunks)
+            points.surrogate_thickness = SurrogateThickness(compiled, model.domain, law, precision, chunks)
         guard = OUTSIDE_POLICIES[outside] if model.domain is not None else bond_force.UNGUARDED
         domain = EVERYWHERE if model.domain is None or outside == "extrapolate" else model.domain
         within = domain.interior if outside == "fallback" else domain
-        self.forces = aligned_rows((len(first), 2), precision)
+        self.forces = aligned_rows((len(points.first), 2), precision)
         self._exact = analytic_bond_force(precision)
         self.find = bond_force.pair_forces.bind(
-            positions,
-            states.records,
-            first,
-            second,
+            points.positions,
+            points.records,
+            points.first,
+            points.second,
             self.geometry,
             compiled.address,
             compiled.sizes,
             compiled.weights,
             self._exact.address,
-            states.response.address,
-            states.parameters,
+            points.response.address,
+            points.parameters,
             guard,
             np.stack([domain.limits(precision), within.limits(precision)]),
             aligned_rows((chunks.threads, bond_force.BUFFER_ROWS, BLOCK), precision),
             aligned_rows((chunks.threads, max(compiled.work_rows, 1), BLOCK), precision),
-            states.scratch,
+            binding.kinematics.scratch,
             self.forces,
             chunks=chunks,
         )
 
-
-class BondForceEvaluation(Evaluation):
-    """A bond-force model bound to a body: node pass, bond pass over each pair once, and the sum to points.
-
-    Attributes
-    ----------
-    model : ForceSurrogate
-    outside : str
-        What is done about pairs outside its domain, see `ForceSettings`.
-    geometry : ndarray
-        See `PairForces`.
-    """
-
-    def __init__(self, model: ForceSurrogate, body: Body, law: Law, settings: ForceSettings) -> None:
-        correction = settings.correction or ("tensor" if model.gives_transverse else "scalar")
-        if model.members and settings.plane == "strain":
-            raise ValueError(f"{model.name} tells the deviation of its members under plane stress; fit it with --energy for other planes")
-        super().__init__(body, law, usual_precision(model, settings), correction, settings)
-        self.model, self.outside = model, settings.outside or OUTSIDE
-        bonds, kinematics = body.bonds, self._kinematics
-        first, second = bonds.ends_in_blocks(BLOCK)
-        how, arrays = (self.precision, self.outside, self.plane), (kinematics.positions, kinematics, first, second)
-        counted = body.share.counted_pairs(bonds.first)
-        self._pairs = PairForces(model, law, *how, *arrays, kinematics.chunks, counted)
-        self.learnt_thickness = self._pairs.learns_thickness
-        self._watches = [DomainWatch(model, self.pairs_evaluated, self.outside, "force", "bond force", body.share)]
-        self.geometry, self._forces = self._pairs.geometry, self._pairs.forces
-        self._strength = pair_strength(body)
-        self._find_geometry(np.arange(self._n_pairs, dtype=np.uint32))
-        if not settings.breakable:
-            self._strength = None
-        sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
-        self._sum_forces = sum_pair_forces[2].bind(*sums, law.shear_modulus, np.empty_like(body.points), chunks=kinematics.chunks)
-        self._find_forces = Chain(self._pairs.find, self._sum_forces)
-        self._find_all = Chain(*kinematics.state_passes, self._pairs.find, self._sum_forces)
-
-    def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
-        kinematics = self._kinematics
-        kinematics.place_and_form(positions)
-        self._sum_forces.give("out", out)
-        unsolved, *_, outside, without_force = self._find_all()
-        kinematics.have_states(unsolved)
-        self.pairs_outside += outside
-        self._watches[0].report(outside)
-        if without_force:
-            raise InvalidState(pair_without_force(self, self._forces, out, self.law))
-
-    def pass_bonds(self, out: np.ndarray) -> tuple[int, int]:
-        """Bond pass and sum in the kinematic state last updated; the pairs outside the domain and the points without a force."""
-        self._sum_forces.give("out", out)
-        outside, without_force = self._find_forces()
-        return outside, without_force
-
-    def _find_geometry(self, pairs: np.ndarray) -> None:
-        body, bonds = self.body, self.body.bonds
+    def find_geometry(self, binding: Binding, correction: str, pairs: np.ndarray, strength: np.ndarray) -> None:
+        """Compute the geometry of some of these pairs from the strengths of all, see `pair_strength`."""
+        kinematics, points, body = binding.kinematics, self.points, binding.body
         reference_state.pair_rows(
             pairs,
-            bonds.first,
-            bonds.second,
-            body.all_points,
-            self._strength,
-            self._kinematics.inverse_shape,
-            self._kinematics.supported,
-            reference_state.CORRECTIONS[self.correction],
+            points.first,
+            points.second,
+            body.all_points[points.numbers],
+            strength,
+            kinematics.inverse_shape[points.numbers],
+            kinematics.supported[points.numbers],
+            reference_state.CORRECTIONS[correction],
             body.kappa,
             body.horizon,
             self.geometry,
         )
 
-    def take_out(self, pairs: np.ndarray) -> None:
-        changed = self._kinematics.break_bonds(pairs)
+
+class BondForces(Term):
+    """Forces of the bonds, each a function of the states of its ends, theory (55): passes over points and pairs, and the sum to points.
+
+    A pair within a material has its bond force. Of a pair across an interface each of the two materials gives half: what its model and its
+    law make of the bond and of both ends. So the forces on the two ends are opposite.
+    """
+
+    def __init__(self, binding: Binding) -> None:
+        super().__init__(binding)
+        body, bonds, kinematics, models = self.body, self.body.bonds, self.kinematics, [portion.model for portion in binding.portions]
+        self.correction = binding.settings.correction or ("tensor" if all(model.gives_transverse for model in models) else "scalar")
+        if models[0].members and binding.settings.plane == "strain":
+            name = models[0].name
+            raise ValueError(f"{name} tells the deviation of its members under plane stress; fit it with --energy for other planes")
+        strength, self._parts = pair_strength(body), []
+        if not binding.whole:
+            strength *= np.where(binding.portion_of[bonds.first] == binding.portion_of[bonds.second], 1.0, 0.5)
+        for number, model in enumerate(models):
+            points = binding.points_of(number, binding.pairs_of(number))
+            part, own = PairForces(binding, number, points), strength[points.pairs]
+            part.find_geometry(binding, self.correction, np.arange(len(own), dtype=np.uint32), own)
+            self.materials.append(points)
+            self._parts.append(part)
+            n_pairs = binding.count(points.pairs)
+            self.watches.append(DomainWatch(model, n_pairs, binding.outside, "force", "bond force", body.share))
+        self.learnt_thickness = any(part.learns_thickness for part in self._parts)
+        self._strength = strength if binding.settings.breakable else None
+        if binding.whole:
+            self._forces, self._unit, collect = self._parts[0].forces, self._parts[0].unit, []
+            self.learnt = LearntBonds(self, models[0], self._parts[0])
+        else:
+            self._forces, self._unit, collect = aligned_rows((len(bonds.first), 2), binding.precision), 1.0, [self._collect]
+        sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
+        self._sum = sum_pair_forces[2].bind(*sums, self._unit, np.empty_like(body.points), chunks=kinematics.chunks)
+        steps = [*(part.find for part in self._parts), *collect, self._sum]
+        self._find_forces = Steps(body.share, *steps)
+        self._find_all = Steps(body.share, *(step for points in self.materials for step in points.steps), *steps)
+
+    def _collect(self) -> None:
+        """Add up the forces of all materials on the pairs."""
+        self._forces[:] = 0.0
+        for part in self._parts:
+            pairs = part.points.pairs
+            self._forces[pairs] += part.unit * part.forces[: len(pairs)]
+
+    def find(self, out: np.ndarray) -> None:
+        self._sum.give("out", out)
+        *counts, without_force = self._find_all()
+        self.report(have_states(self.materials, counts))
+        if without_force:
+            raise InvalidState(self._diagnose(out))
+
+    def pass_bonds(self, out: np.ndarray) -> None:
+        self._sum.give("out", out)
+        self._find_forces()
+
+    def _diagnose(self, out: np.ndarray) -> str:
+        """Return a message that says which pair has no finite force, or else which point."""
+        body = self.body
+        broken = np.flatnonzero(~np.isfinite(self._forces[: len(body.bonds.first)]).all(axis=1))
+        if len(broken) == 0:
+            return locate(body, out, "the force on it is not finite")
+        i, j = int(body.bonds.first[broken[0]]), int(body.bonds.second[broken[0]])
+        positions, points = self.kinematics.positions, body.all_points
+        stretch = np.linalg.norm(positions[j] - positions[i]) / np.linalg.norm(points[j] - points[i])
+        J = np.linalg.det(matrices(self.kinematics.gradients[[i, j]])).mean()
+        x1, x2 = points[j]
+        law = max((portion.law for portion in self.binding.portions), key=lambda law: law.shear_modulus)
+        what = f"its bond to ({x1:.4g}, {x2:.4g}), stretched {stretch:.3g} times in a horizon of det F = {J:.3g}, has no finite force"
+        return at_point(body, i, f"{what}: that is beyond the limit of {law.name}")
+
+    def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
         self._strength[pairs] = 0.0
-        self._find_geometry(changed)
+        self._parts[0].find_geometry(self.binding, self.correction, changed, self._strength)
+
+    def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
+        return self._unit * self._forces[pairs].astype(float)
+
+
+class LearntBonds(Learnt):
+    """How far the bonds of a body of one material are from what its model has learnt."""
+
+    def __init__(self, term: BondForces, model: ForceSurrogate, part: PairForces) -> None:
+        self._term, self._model, self._part = term, model, part
 
     def domain_deviation(self) -> np.ndarray | None:
-        return None if self.model.domain is None else self.model.domain.deviation(self.principal_stretches(), self.volume_ratios() ** 2)
+        term = self._term
+        if self._model.domain is None:
+            return None
+        return self._model.domain.deviation(principal_stretches(term.kinematics.deformation_gradients()), term.volume_ratios() ** 2)
 
-    def bonds(self) -> tuple[np.ndarray, BondStates]:
-        """Numbers of the pairs that carry a force, and their states at the positions last given, as the pass over them finds them."""
-        kinematics, bonds, points = self._kinematics, self.body.bonds, self.body.all_points
-        kinematics.find_states()
-        pairs = np.flatnonzero(self.geometry[:, 2].ravel()[: self._n_pairs] > 0)
+    def beyond_data(self) -> np.ndarray | None:
+        if self._model.domain is None or self._model.domain.hull is None:
+            return None
+        pairs, states = self._bonds()
+        counted = self._term.body.share.counted_pairs(self._term.body.bonds.first)
+        # A bond turned past a right angle has no stretch tensor, and is left out.
+        chosen = states.has_stretch_tensor if counted is None else states.has_stretch_tensor & counted[pairs]
+        return self._model.domain.beyond_data(states.stretches[chosen])
+
+    def member_deviation(self) -> np.ndarray | None:
+        if not self._model.members:
+            return None
+        law, body, (pairs, states) = self._part.points.law, self._term.body, self._bonds()
+        found, of_points = self._model.member_deviations(law, states), np.zeros(len(body))
+        for ends in (body.bonds.first[pairs], body.bonds.second[pairs]):
+            own = ends < len(body)
+            np.maximum.at(of_points, ends[own], found[own])
+        return law.shear_modulus * of_points
+
+    def _bonds(self) -> tuple[np.ndarray, BondStates]:
+        """Return the numbers of the pairs that carry a force, and their states as the bond pass finds them."""
+        kinematics, body, part = self._term.kinematics, self._term.body, self._part
+        bonds, points = body.bonds, body.all_points
+        part.points.find()
+        pairs = np.flatnonzero(part.geometry[:, 2].ravel()[: len(bonds.first)] > 0)
         first, second = bonds.first[pairs], bonds.second[pairs]
         vectors, between = points[second] - points[first], kinematics.positions[second] - kinematics.positions[first]
         length = np.linalg.norm(vectors, axis=1)
-        cos, sin, J, C33 = (kinematics.records[first].astype(float) + kinematics.records[second]).T
+        cos, sin, J, C33 = (part.points.records[first].astype(float) + part.points.records[second]).T
         turn = np.hypot(cos, sin)
         n1 = (cos * vectors[:, 0] - sin * vectors[:, 1]) / turn
         n2 = (sin * vectors[:, 0] + cos * vectors[:, 1]) / turn
         a = (n1 * between[:, 0] + n2 * between[:, 1]) / length**2
         b = (n1 * between[:, 1] - n2 * between[:, 0]) / length**2
-        return pairs, BondStates(a, b, length / self.body.horizon, C33 / 2, J / 2)
-
-    def beyond_data(self) -> np.ndarray | None:
-        if self.model.domain is None or self.model.domain.hull is None:
-            return None
-        pairs, states = self.bonds()
-        counted = self.body.share.counted_pairs(self.body.bonds.first)
-        # One turned past a right angle has no stretch tensor, and is not told.
-        chosen = states.has_stretch_tensor if counted is None else states.has_stretch_tensor & counted[pairs]
-        return self.model.domain.beyond_data(states.stretches[chosen])
-
-    def member_deviation(self) -> np.ndarray | None:
-        if not self.model.members:
-            return None
-        from .members import bond_deviations  # of which a run without a committee has no need
-
-        pairs, states = self.bonds()
-        found, of_points = bond_deviations(self.model, self.law, states), np.zeros(len(self.body))
-        for ends in (self.body.bonds.first[pairs], self.body.bonds.second[pairs]):
-            own = ends < len(self.body)
-            np.maximum.at(of_points, ends[own], found[own])
-        return self.law.shear_modulus * of_points
-
-    def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
-        return self.law.shear_modulus * self._forces[slice(self._n_pairs) if pairs is None else pairs].astype(float)
+        return pairs, BondStates(a, b, length / body.horizon, C33 / 2, J / 2)
 
 
 def pair_strength(body: Body) -> np.ndarray:
-    """2 w l V_i V_j of every pair, see `pdsurrogate.kernels.reference_state.pair_rows`."""
+    """Return 2 w l V_i V_j of every pair, see `pdsurrogate.kernels.reference_state.pair_rows`."""
     bonds, volumes = body.bonds, body.all_volumes
     length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
     return 2 * body.weigh(length) * length * volumes[bonds.first] * volumes[bonds.second]
 
 
-def pair_without_force(force: Evaluation, forces: np.ndarray, out: np.ndarray, law: Law) -> str:
-    """Say which pair of a body has no finite force, or else which point; `law` is the one that may have ended there."""
-    body = force.body
-    broken = np.flatnonzero(~np.isfinite(forces[: len(body.bonds.first)]).all(axis=1))
-    if len(broken) == 0:
-        return locate(body, out, "the force on it is not finite")
-    i, j = int(body.bonds.first[broken[0]]), int(body.bonds.second[broken[0]])
-    positions, points = force.positions, body.all_points
-    stretch = np.linalg.norm(positions[j] - positions[i]) / np.linalg.norm(points[j] - points[i])
-    J = np.linalg.det(force.gradients_at([i, j])).mean()
-    x1, x2 = points[j]
-    what = f"its bond to ({x1:.4g}, {x2:.4g}), stretched {stretch:.3g} times in a horizon of det F = {J:.3g}, has no finite force"
-    return at_point(body, i, f"{what}: that is beyond the limit of {law.name}")
+class ForceSurrogate(ForceModel):
+    """A force model that maps bond quantities to the force of the bond: a surrogate, or the exact map.
 
+    Attributes
+    ----------
+    features : tuple of str
+        What the model sees of a bond.
+    domain : Domain or None
+        Where it was trained; None if it holds everywhere.
+    gives_transverse : bool
+        Whether it knows T_mm, which the tensor correction needs.
+    default_precision : str
 
-class BondForceOfPortions(EvaluationOfPortions):
-    """Bond-force models of several materials on one body, theory (55).
-
-    A pair within a material has its bond force.  Of a pair across an interface each of the two materials gives half: what its model and its
-    law make of the bond and of both ends.  So the forces on the two ends are opposite.
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> model = pds.load_surrogate("neo-hookean@1")
+    >>> isinstance(model, pds.ForceSurrogate)
+    True
     """
 
-    def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
-        correction = settings.correction or ("tensor" if all(portion.model.gives_transverse for portion in portions) else "scalar")
-        super().__init__(body, portions, common_precision(portions, settings), correction, settings)
-        bonds, kinematics = body.bonds, self._kinematics
-        outside = settings.outside or OUTSIDE
-        ends = np.stack([bonds.first, bonds.second])
-        owners = self.portion_of[ends]
-        strength = pair_strength(body) * np.where(owners[0] == owners[1], 1.0, 0.5)
-        self._parts, self._watches = [], []
-        for number, portion in enumerate(portions):
-            pairs = np.flatnonzero((owners == number).any(axis=0))
-            states = self._add_states(pairs)
-            view = states.view
-            how = self.precision, outside, self.plane
-            arrays, counted = (view.positions, states, view.first, view.second), self._counted[pairs] if body.share.divided else None
-            part = PairForces(portion.model, portion.law, *how, *arrays, kinematics.chunks, counted)
-            self.learnt_thickness |= part.learns_thickness
-            reference_state.pair_rows(
-                np.arange(len(pairs), dtype=np.uint32),
-                view.first,
-                view.second,
-                body.all_points[view.numbers],
-                strength[pairs],
-                kinematics.inverse_shape[view.numbers],
-                kinematics.supported[view.numbers],
-                reference_state.CORRECTIONS[self.correction],
-                body.kappa,
-                body.horizon,
-                part.geometry,
-            )
-            self._watches.append(DomainWatch(portion.model, int(self._counted[pairs].sum()), outside, "force", "bond force", body.share))
-            self._parts.append((part, pairs, portion.law.shear_modulus))
-        self._forces = aligned_rows((self._n_pairs, 2), self.precision)
-        sums = self._forces, bonds.pair_pointers, bonds.incidence_pointers, bonds.incidence
-        self._sum_forces = sum_pair_forces[2].bind(*sums, 1.0, np.empty_like(body.points), chunks=kinematics.chunks)
-
-    def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
-        self._kinematics.place(positions)
-        self.find_states()
-        outside, without_force = self.pass_bonds(out)
-        self.pairs_outside += sum(outside)
-        for watch, found in zip(self._watches, outside, strict=True):
-            watch.report(found)
-        if without_force:
-            raise InvalidState(pair_without_force(self, self._forces, out, self.law))
-
-    def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int]:
-        """Bond passes and sum in the states last found; the pairs outside each model's domain, and the points without a force."""
-        self._forces[:] = 0.0
-        outside = []
-        for part, pairs, unit in self._parts:
-            outside.append(part.find())
-            self._forces[pairs] += unit * part.forces[: len(pairs)]
-        self._sum_forces.give("out", out)
-        return outside, self._sum_forces()
+    family = "bond force"
+    several_materials = ("stress",)
+    features: tuple[str, ...]
+    domain: Domain | None
+    gives_transverse: bool
+    default_precision: str
 
     @property
-    def pairs_evaluated(self) -> int:
-        return sum(int(self._counted[pairs].sum()) for _, pairs, *_ in self._parts)
+    def honours(self) -> Mapping[str, tuple]:
+        corrections = tuple(name for name in reference_state.CORRECTIONS if self.gives_transverse or name != "tensor")
+        # The pressure of plane strain is the trace of the stress, of which T_mm is a part.
+        planes = SHEETS if self.gives_transverse else ("stress",)
+        honours = {"precision": PRECISIONS, "correction": corrections, "rotation": tuple(ROTATIONS), "breakable": (True,), "plane": planes}
+        return honours | ({} if self.domain is None else {"outside": tuple(OUTSIDE_POLICIES)})
 
-    def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
-        return (self._forces if pairs is None else self._forces[pairs]).astype(float)
+    def terms(self, plane: str) -> tuple[type[Term], ...]:
+        return (BondForces,)
+
+    @abstractmethod
+    def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
+        """Dimensionless bond force, theory (9), in NumPy, for checking.
+
+        Parameters
+        ----------
+        stretch : array_like, shape (n,)
+            lambda_b.
+        rotation : array_like, shape (n,)
+            dtheta in radians: turn of the bond relative to its horizon, counter-clockwise.
+        length : array_like, shape (n,)
+            l_b/delta.
+        C33 : array_like, shape (n,)
+        J : array_like, shape (n,)
+            det F in the plane.
+
+        Returns
+        -------
+        ndarray, shape (n, 2)
+            t_n and t_tau, along and across the deformed bond, times kappa/(w l mu).
+        """
+
+    @abstractmethod
+    def compiled(self, dtype) -> CompiledBondForce:
+        """Return the block function of the same map for the bond pass, in the given precision."""
+
+    def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
+        """Return the greatest deviation of the members' bond force from this model's, in units of the shear modulus, shape (n,)."""
+        raise NotImplementedError

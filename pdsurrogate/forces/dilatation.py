@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from ..engine.block_arrays import BLOCK, aligned_rows, power_of_two
-from ..engine.passes import Chain
+from ..body import Body
+from ..engine.block_arrays import aligned_rows, power_of_two
+from ..engine.threads import Chunks
 from ..kernels import dilatation, selective_energy
 from ..kernels.ghosts import place_points
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from ..body import Body
-    from ..body.share import Share
-    from ..engine.passes import BoundPass
-    from ..engine.threads import Chunks
-    from .kinematics import Kinematics
-    from .selective_energy import SelectiveEnergyEvaluation, SelectivePairs, SinglePrecisionSmoothing, Smoothing
+from .bond_shares import BondShares
+from .pair_passes import SelectivePairs
+from .smoothing import SinglePrecisionSmoothing, Smoothing
+from .steps import Steps
+from .term import Binding
 
 
 class LinearisedDilatation:
@@ -29,9 +23,10 @@ class LinearisedDilatation:
 
     Parameters
     ----------
-    force : SelectiveEnergyEvaluation
-        Whose bonds, shares and sums it takes; what is broken there is broken here.
-    kinematics : Kinematics
+    binding : Binding
+        Body of one material.
+    shares : BondShares
+        Shares and sums; what is broken there is broken here.
     smoothing : Smoothing
     dilatations : ndarray, shape (n,)
         Smoothed, as last evaluated.
@@ -40,27 +35,20 @@ class LinearisedDilatation:
     Attributes
     ----------
     stiffness : ndarray, shape (n,)
-        C, of the points against a change of their dilatation, V_i mu U''.
+        C, the stiffness of the points against a change of their dilatation, V_i mu U''.
     """
 
-    def __init__(
-        self,
-        force: SelectiveEnergyEvaluation,
-        kinematics: Kinematics,
-        smoothing: Smoothing,
-        dilatations: np.ndarray,
-        pairs: SelectivePairs,
-    ) -> None:
-        body, bonds, ghosts, chunks = force.body, force.body.bonds, force.body.ghosts, kinematics.chunks
-        self._body, self._law, self._unit, self._dilatations = body, force.law, force.unit, dilatations
+    def __init__(self, binding: Binding, shares: BondShares, smoothing: Smoothing, dilatations: np.ndarray, pairs: SelectivePairs) -> None:
+        body, bonds, ghosts, kinematics = binding.body, binding.body.bonds, binding.body.ghosts, binding.kinematics
+        chunks, first, second = kinematics.chunks, pairs.points.first, pairs.points.second
+        self._body, self._law, self._unit, self._dilatations = body, pairs.points.law, pairs.unit, dilatations
         self._smoothing, gradient_ghosts = smoothing.in_single_precision(), kinematics.gradient_ghosts
         d, n, total = body.dimension, len(body), len(body.all_points)
-        first, second = bonds.ends_in_blocks(BLOCK)
         length = dilatation.record_length(d)
         derivatives = aligned_rows((len(first), length), np.float32)
         by_pair, means = np.zeros(len(first), dtype=np.float32), np.zeros(n, dtype=np.float32)
         self._linearise = dilatation.volume_derivatives[d].bind(
-            kinematics.positions, kinematics.gradients, first, second, force.geometry, pairs.buffers, derivatives, chunks=chunks
+            kinematics.positions, kinematics.gradients, first, second, pairs.geometry, pairs.buffers, derivatives, chunks=chunks
         )
 
         displacements, gradients = np.zeros((total, d)), aligned_rows((total, d * d))
@@ -68,14 +56,14 @@ class LinearisedDilatation:
         images = ghosts.source, ghosts.parity, np.zeros_like(ghosts.parity)
         self._place = place_points.bind(np.ascontiguousarray(body.points), *images, displacements, chunks=chunks)
         of_gradients = gradient_ghosts.source, gradient_ghosts.gradient_parity, gradient_ghosts.gradient_reflection
-        self._find_changes = _in_turn(
+        self._find_changes = Steps(
             body.share,
             self._place,
             kinematics.gradient_pass(displacements, gradients, 0.0),
             gradients[:n],
             dilatation.displacement_records.bind(displacements, gradients, *of_gradients, records, chunks=chunks),
             dilatation.volume_changes[d].bind(derivatives, records, bonds.pair_pointers, second, by_pair, chunks=chunks),
-            selective_energy.means_over_bonds.bind(bonds.pointers, bonds.pair_of, force.bond_shares, by_pair, 0.0, means, chunks=chunks),
+            selective_energy.means_over_bonds.bind(bonds.pointers, bonds.pair_of, shares.bond_shares, by_pair, 0.0, means, chunks=chunks),
             means,
             self._smoothing.bind(means, self._changes, chunks),
         )
@@ -83,15 +71,15 @@ class LinearisedDilatation:
         self._values, pressures = means, np.zeros(total, dtype=np.float32)
         self._forces = np.zeros((total, d))
         # The gradients are done with when forces are found.
-        self._find_forces = _in_turn(
+        self._find_forces = Steps(
             body.share,
             means,
             self._smoothing.bind(means, pressures, chunks),
             pressures[:n],
             dilatation.pair_pressures.bind(pressures, first, second, pairs.end_shares, by_pair, chunks=chunks),
-            dilatation.sum_pressures[d].bind(derivatives, by_pair, *force.pairs_of_points(), self._forces, gradients, chunks=chunks),
+            dilatation.sum_pressures[d].bind(derivatives, by_pair, *shares.pairs_of_points, self._forces, gradients, chunks=chunks),
         )
-        self._to_points = force.moments_to_points(gradients, self._forces)
+        self._to_points = shares.moments_to_points(gradients, self._forces)
         self._chunks = chunks
         self.stiffness = np.zeros(n)
 
@@ -150,7 +138,7 @@ class SmoothingPolynomial:
         passes += [first, smoothing.bind(first, once, chunks), once]
         ends = (-1.0, first), (coefficients[0], self._values), (-1.0, second)
         passes.append(smoothing.bind_sum(once, 2.0, ends, self._result, chunks))
-        self._run = _in_turn(self._share, *passes)
+        self._run = Steps(self._share, *passes)
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Of values (n,)."""
@@ -159,18 +147,3 @@ class SmoothingPolynomial:
         self._run()
         self._share.clear(self._result)
         return self._result.astype(float)
-
-
-def _in_turn(share: Share, *steps: BoundPass | np.ndarray) -> Callable[[], object]:
-    """What runs passes one after another, and between them brings arrays by points to the halo, which a whole body does not have."""
-    if not share.divided:
-        return Chain(*(step for step in steps if not isinstance(step, np.ndarray)))
-
-    def run() -> None:
-        for step in steps:
-            if isinstance(step, np.ndarray):
-                share.fill(step)
-            else:
-                step()
-
-    return run

@@ -82,7 +82,7 @@ def nominal_states(model: ForceModel, law: Law, stretches: Sequence[tuple[float,
             found[row] = _relaxed(stress_at, at, free)[0]
         except RuntimeError:  # past the law's limit, or turned inside out
             continue
-        if (deviation := force.domain_deviation()) is not None:
+        if (deviation := force.learnt.domain_deviation()) is not None:
             beyond[row] = deviation.max()
     return found, beyond
 

@@ -96,7 +96,7 @@ class Interfaces:
     def __init__(
         self, body: Body, kinematics: Kinematics, portion_of: np.ndarray, moduli: np.ndarray, quadratic: bool, volumes_held: bool
     ) -> None:
-        self._body, self._by_gradient = body, 2.0 * volumes_held
+        self._body, self._portion_of, self._by_gradient = body, portion_of, 2.0 * volumes_held
         n, total, bonds = len(body), len(body.all_points), body.bonds
         owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
         across = np.flatnonzero(portion_of[owners] != portion_of[bonds.neighbours])
@@ -213,17 +213,12 @@ class Interfaces:
             self._one_sided.append((matrix, matrix.T.tocsr()))
         return weights
 
-    def cells_across(self, portion_of: np.ndarray, number: int, most: int) -> float:
-        """How many cells a material is thick behind its interfaces, in the median over them; at most `most`, 0 where none is found.
+    def cells_across(self, number: int, most: int) -> float:
+        """Return how many cells a material is thick behind its interfaces, in the median over them; at most `most`, 0 if none is found.
 
-        Parameters
-        ----------
-        portion_of : ndarray of int, shape (n + m,)
-        number : int
-            Of the material.
-        most : int
+        The number of the material may be that of what is rigid.
         """
-        body = self._body
+        body, portion_of = self._body, self._portion_of
         beside = np.flatnonzero((portion_of[: len(body)] == number) & (self.depths[: len(body)] > 0))
         beside = beside[self.depths[beside] < body.spacing]
         if not len(beside):

@@ -16,7 +16,8 @@ from ..kernels.feature_sets import FEATURE_SETS
 from ..materials import Law
 from .agreement import bond_states, check_agreement
 from .analytic import bond_arrays
-from .bond_force import ForceSurrogate
+from .bond_force import BondStates, ForceSurrogate
+from .members import bond_deviations
 from .protocol import CompiledBondForce, Domain, Member
 
 N_OUTPUTS = 2
@@ -112,6 +113,10 @@ class LearntBondForce(ForceSurrogate):
             outputs = self.outputs(np.stack(features.inputs(shared, a, b, U_mm, J, C33, length), axis=1)) - self.at_rest
             T_nn, T_nm, _ = features.traction(shared, outputs[:, 0], outputs[:, 1], a, b, U_mm, J, C33)
         return along_and_across(T_nn, T_nm, a, b, stretch)
+
+    def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
+        """Return the greatest deviation of the members' bond force (`bond_deviations`), shape (n,)."""
+        return bond_deviations(self, law, states)
 
     def compiled(self, dtype) -> CompiledBondForce:
         """Block function and packed weights in the given precision."""

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
-from ..body import Body
 from ..engine.block_arrays import BLOCK
 from ..engine.compile import block_function_of, stress_response_signature
+from ..kernels import isochoric_energy as kernel
 from ..kernels.activations import ACTIVATIONS, SMOOTH
 from ..kernels.domain import distance_coefficients
 from ..kernels.energy_density import (
@@ -26,12 +26,13 @@ from ..materials import PLANES, Law
 from .agreement import check_agreement, invariant_states, isochoric_states, isochoric_stresses
 from .bond_energy import EnergySurrogate
 from .energy_density import BLEND, EnergyDerivatives
+from .isochoric import IsochoricEnergy
 from .learnt import check_described, checked_array, evaluate_block
-from .protocol import CompiledBondForce, Domain, ForceModel, InternalForce, Member, Portion
-from .settings import OUTSIDE_POLICIES, PRECISIONS, ForceSettings
-
-if TYPE_CHECKING:
-    from .selective_energy import IsochoricEnergy
+from .members import point_deviations
+from .pair_energy import PairEnergy
+from .protocol import CompiledBondForce, Domain, ForceModel, Member
+from .settings import OUTSIDE_POLICIES, PRECISIONS
+from .term import Term
 
 ENERGY_FEATURES = ("log J", "log(tr C/(2 J))")
 """What an energy network sees: the logarithms of the area ratio and of cosh(log lambda_1/lambda_2); both vanish at rest."""
@@ -230,6 +231,7 @@ class IsochoricNetwork(LearntEnergy):
 
     kind: ClassVar[str] = "isochoric-network"
     family: ClassVar[str] = "bond energy"
+    several_materials: ClassVar[tuple[str, ...]] = ("strain", "space")
     default_precision: ClassVar[str] = "float64"
     feature_set: ClassVar[str] = "isochoric invariants"
     features: ClassVar[tuple[str, ...]] = ISOCHORIC_FEATURES
@@ -249,15 +251,8 @@ class IsochoricNetwork(LearntEnergy):
         # In plane strain the stress across the plane is formed in double precision.
         return self.honours if plane == "space" else {**self.honours, "precision": ("float64",)}
 
-    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
-        from .selective_energy import SelectiveEnergyEvaluation  # of which a sheet under plane stress has no need
-
-        return SelectiveEnergyEvaluation(self, body, law, settings)
-
-    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> InternalForce:
-        from .energy_of_portions import SelectiveEnergyOfPortions
-
-        return SelectiveEnergyOfPortions(body, portions, settings)
+    def terms(self, plane: str) -> tuple[type[Term], ...]:
+        return (PairEnergy,)
 
     def isochoric_derivatives(self, I1, I2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """W and its derivatives by I1bar and I2bar, of states of one shape, in NumPy."""
@@ -275,10 +270,7 @@ class IsochoricNetwork(LearntEnergy):
         return float((ACTIVATIONS[self.activation](self.hidden_biases)[0] * self.output_weights).sum())
 
     def isochoric_energy(self, law: Law, plane: str, outside: str, precision: str) -> IsochoricEnergy:
-        """What the pass over the pairs takes at the bonds; by default the exact energy takes over towards the edge of the domain."""
-        from ..kernels import isochoric_energy as kernel
-        from .selective_energy import IsochoricEnergy
-
+        """Return the isochoric energy of the bonds; by default the exact energy takes over towards the edge of the domain."""
         response, exact = PLANES[plane].isochoric_response, IsochoricEnergy.exact(law, plane)
         parts = ACTIVATIONS[self.activation], response.invariants, response.of_invariants
         block = block_function_of(kernel.network_block, stress_response_signature(precision), *parts)
@@ -294,6 +286,10 @@ class IsochoricNetwork(LearntEnergy):
         parameters[kernel.WEIGHTS : -len(exact.parameters)] = weights
         parameters[-len(exact.parameters) :] = exact.parameters
         return IsochoricEnergy(block.address, parameters, precision, exact.outside)
+
+    def member_deviations(self, law: Law, stretches: np.ndarray) -> np.ndarray:
+        """Return the greatest deviation of the members at three principal stretches of product 1 (`point_deviations`), shape (n,)."""
+        return point_deviations(self, law, stretches)
 
     def check_material(self, law: Law) -> None:
         """Raise ValueError if the model was not trained for this material, or its stress is not that of the law as it is now."""

@@ -7,22 +7,20 @@ import numpy as np
 from ..materials import Law, solid
 from .agreement import isochoric_stresses
 from .analytic import AnalyticBondForce
-from .bond_force import BondStates
-from .learnt import LearntBondForce
-from .learnt_energy import IsochoricNetwork
+from .bond_force import BondStates, ForceSurrogate
 
 CHUNK = 65_536
 """Bonds or points evaluated at once."""
 
 
-def bond_deviations(model: LearntBondForce, law: Law, states: BondStates) -> np.ndarray:
+def bond_deviations(model: ForceSurrogate, law: Law, states: BondStates) -> np.ndarray:
     """Greatest deviation of the members' bond force from the model's, theory (9), in units of the shear modulus, shape (n,).
 
     Beyond its domain each is the exact force of its own law, as in a run by default.
 
     Parameters
     ----------
-    model : LearntBondForce
+    model : ForceSurrogate
         With its members.
     law : Law
         Of the body.
@@ -37,7 +35,7 @@ def bond_deviations(model: LearntBondForce, law: Law, states: BondStates) -> np.
     return np.concatenate(found) if found else np.empty(0)
 
 
-def _bond_force(model: LearntBondForce, law: Law, states: BondStates) -> np.ndarray:
+def _bond_force(model: ForceSurrogate, law: Law, states: BondStates) -> np.ndarray:
     inside = states.has_stretch_tensor & (model.domain.beyond_bounds(states.stretches, states.J**2 * states.C33) <= 0)
     force = np.empty((len(inside), 2))
     for which, source in ((inside, model), (~inside, AnalyticBondForce(law))):
@@ -46,12 +44,13 @@ def _bond_force(model: LearntBondForce, law: Law, states: BondStates) -> np.ndar
     return force
 
 
-def point_deviations(model: IsochoricNetwork, law: Law, stretches: np.ndarray) -> np.ndarray:
+def point_deviations(model, law: Law, stretches: np.ndarray) -> np.ndarray:
     """The same of isochoric energies: norm of the difference of the principal Kirchhoff stresses, shape (n,).
 
     Parameters
     ----------
-    model, law
+    model : IsochoricNetwork
+    law
         As for `bond_deviations`.
     stretches : ndarray, shape (n, 3)
         Principal stretches of product 1.
@@ -61,7 +60,7 @@ def point_deviations(model: IsochoricNetwork, law: Law, stretches: np.ndarray) -
     return np.max([np.linalg.norm(stress - own, axis=1) for stress in others], axis=0)
 
 
-def _stresses(model: IsochoricNetwork, law: Law, stretches: np.ndarray) -> np.ndarray:
+def _stresses(model, law: Law, stretches: np.ndarray) -> np.ndarray:
     squares = stretches.T**2
     I1, I2 = squares.sum(axis=0), (1 / squares).sum(axis=0)
     inside = model.domain.beyond_bounds(stretches) <= 0

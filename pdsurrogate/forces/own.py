@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import ClassVar
 
 import numpy as np
@@ -15,8 +16,10 @@ from ..engine.threads import thread_count
 from ..kernels.bond_state import along_and_across, lateral_stretch
 from ..materials import InvariantLaw, Law, plane_stress
 from .analytic import bond_arrays
-from .bond_force import BondForceEvaluation, ForceSurrogate
-from .protocol import CompiledBondForce, Domain, ForceModel, InternalForce, InvalidState, Portion
+from .bond_force import ForceSurrogate
+from .errors import InvalidState
+from .internal_force import InternalForce
+from .protocol import CompiledBondForce, Domain
 from .settings import ForceSettings
 
 _CALLED = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3, ctypes.c_int64, *[ctypes.c_void_p] * 4)
@@ -88,6 +91,7 @@ class OwnBondForce(ForceSurrogate):
     domain: Domain | None = None
     gives_transverse = True
     default_precision = "float64"
+    several_materials = ()
     honours: ClassVar = {
         "precision": ("float64",),
         "correction": ("tensor", "scalar", "none"),
@@ -300,33 +304,27 @@ class OwnBondForce(ForceSurrogate):
         if off > noted:
             warnings.warn(what, stacklevel=4)
 
-    def evaluation(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
+    def bind(self, body: Body, law: Law, settings: ForceSettings) -> InternalForce:
         # Python runs on one thread, that which calls.
         with thread_count(1):
-            return OwnBondForceEvaluation(self, body, law, settings)
+            return super().bind(body, law, settings)
 
-    def evaluation_of_portions(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> InternalForce:
-        return ForceModel.evaluation_of_portions(self, body, portions, settings)
+    @contextmanager
+    def guarded(self) -> Iterator[None]:
+        """Return a context that raises the error of the user's own code in place of what follows from it."""
+        self.failure = None
+        try:
+            yield
+        except Exception:
+            if self.failure is None:
+                raise
+        if isinstance(self.failure, OwnForceFailed | OwnForceInvalid):
+            raise self.failure
+        if self.failure is not None:
+            raise OwnForceFailed(f"{self.name}: {type(self.failure).__name__}: {self.failure}") from self.failure
 
     def payload(self) -> dict:
         return {"class": f"{type(self.thing).__module__}.{type(self.thing).__qualname__}"}
-
-
-class OwnBondForceEvaluation(BondForceEvaluation):
-    """The evaluation of a force that calls Python: what that raised is raised where it was asked for."""
-
-    def evaluate(self, positions: np.ndarray, out: np.ndarray) -> None:
-        self.model.failure = None
-        try:
-            super().evaluate(positions, out)
-        except Exception:
-            if self.model.failure is None:
-                raise
-        error = self.model.failure
-        if isinstance(error, OwnForceFailed | OwnForceInvalid):
-            raise error
-        if error is not None:
-            raise OwnForceFailed(f"{self.model.name}: {type(error).__name__}: {error}") from error
 
 
 class _LawOf(InvariantLaw):

@@ -97,9 +97,9 @@ class PointState:
     energy_density : ndarray, shape (n,)
         Per volume of the undeformed body.
     deviation : ndarray, shape (n,), or None
-        See `InternalForce.domain_deviation`.
+        See `InternalForce.learnt`.
     member_deviation : ndarray, shape (n,), or None
-        See `InternalForce.member_deviation`.
+        See `InternalForce.learnt`.
     """
 
     def __init__(self, force: InternalForce, positions: np.ndarray, damage: np.ndarray | None = None) -> None:
@@ -108,7 +108,7 @@ class PointState:
         self.position = force.body.points
         self.volume_ratio, self.F = force.volume_ratios(), force.deformation_gradients()
         self.stress, self.energy_density = force.stress_and_energy()
-        self.deviation, self.member_deviation = force.domain_deviation(), force.member_deviation()
+        self.deviation, self.member_deviation = force.learnt.domain_deviation(), force.learnt.member_deviation()
 
     @cached_property
     def deformation_gradient(self) -> np.ndarray:

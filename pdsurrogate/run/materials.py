@@ -8,9 +8,8 @@ import numpy as np
 
 from .. import artifacts
 from ..body import Body
-from ..forces import ForceModel, ForceSettings, Portion
+from ..forces import ForceModel, ForceSettings, InternalForce, Portion
 from ..forces.interfaces import YIELDING
-from ..forces.portions import EvaluationOfPortions
 from ..scenes import Scene, SceneError
 from ..scenes.model import tip_diameter
 from ..solvers.regions import BodyRegions
@@ -51,11 +50,11 @@ def warn_of_bulk_moduli(scene: Scene) -> None:
             )
 
 
-def warn_of_parts(scene: Scene, force: EvaluationOfPortions, model: str, rigid: list[str]) -> None:
+def warn_of_parts(scene: Scene, force: InternalForce, model: str, rigid: list[str]) -> None:
     """Warn of materials that are too thin or too stiff for the force model; refuse with ValueError a rigid region one cell thick."""
     moduli = [portion.law.shear_modulus for portion in force.portions]
     for number, modulus in enumerate([*moduli, None][: len(moduli) + bool(rigid)]):
-        cells = force.cells_across(number, LEAST_CELLS if modulus is not None else LEAST_LOADED_CELLS)
+        cells = force.interfaces.cells_across(number, LEAST_CELLS if modulus is not None else LEAST_LOADED_CELLS)
         if modulus is None and cells < 2:
             raise ValueError(f"materials: a rigid region ({', '.join(rigid)}) is one cell thick, and needs 2; take a smaller spacing")
         if modulus is None and 0 < cells < LEAST_LOADED_CELLS and {load.kind for load in scene.loads} & {"traction", "pressure"}:

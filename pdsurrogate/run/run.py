@@ -17,7 +17,6 @@ from ..discretisation import check_size, discretise, grip_areas, memory_here, su
 from ..engine.threads import threads_for
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, bind_portions
 from ..forces.interfaces import SIGHT
-from ..forces.portions import EvaluationOfPortions
 from ..materials import Law
 from ..ranks import ALONE, HALO, Communicator, communicator, divided
 from ..ranks.communicator import Alone
@@ -248,7 +247,7 @@ class Run:
 
                 compile_first(self.ranks, self.model, self.law, settings, scene.dimension)
             self._bind(settings)
-            if isinstance(self.force, EvaluationOfPortions):
+            if self.force.portion_of is not None:
                 warn_of_parts(scene, self.force, self.model.name, list(self._rigid))
             self._check_support()
             for number, probe in enumerate(scene.probes):
@@ -325,7 +324,7 @@ class Run:
 
     def _portion_of(self) -> np.ndarray | None:
         """Material of every point of the whole body; None where there is one."""
-        if not isinstance(self.force, EvaluationOfPortions):
+        if self.force.portion_of is None:
             return None
         found = self.force.portion_of[: len(self.body)]
         return self.ranks.to_all(self.body.share.gather(found))
@@ -438,7 +437,7 @@ class Run:
 
     def _tell_beyond_data(self, moment: Moment) -> None:
         """Count the bonds, or of an energy the points, that are beyond the test data that the force was learnt from."""
-        beyond = self.force.beyond_data()
+        beyond = self.force.learnt.beyond_data()
         if beyond is None:
             return
         total, outside = (self.body.share.total(int(count)) for count in (len(beyond), np.count_nonzero(beyond > 0)))

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce, InvalidState
-from ..forces.kinematics import at_point
+from ..forces.errors import at_point
 from .motion import Motion
 from .supports import SupportAtPlace, Supports
 

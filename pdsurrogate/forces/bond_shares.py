@@ -1,0 +1,256 @@
+"""Volumes that the bonds of a body stand for, and sums of what an energy says about its pairs to the points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+
+from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.passes import Chain
+from ..kernels.reference_state import bond_shares
+from ..kernels.sums import add_node_forces, point_forces, sum_moments, weigh_moments
+from .kinematics import Kinematics
+
+
+class BondShares:
+    """Shares of the volumes of the points that their bonds stand for, and sums over pairs and bonds to points and ghosts.
+
+    An energy is that of the body's own points: of a pair with a ghost, the point's share counts, and the ghost's, which lies beyond the
+    grip, does not. Ghosts are functions of the points they mirror, so what the energy says about a ghost is passed on to that point.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    precision : str
+        Precision of the weighted bonds of the kinematics.
+
+    Attributes
+    ----------
+    bond_shares : ndarray, shape (n_bonds,)
+        Volume of its point that every directed bond stands for.
+    bond_weights : ndarray, shape (n_pairs,)
+        Volume for which the energy of every pair counts; zero for those that carry nothing.
+    strength : ndarray, shape (n_pairs,)
+        w V_i V_j, zero where broken.
+    pairs_of_points : tuple of ndarray
+        First entries of the pairs of which each point and ghost is the first, and of which it is the second, and the latter pairs.
+    """
+
+    def __init__(self, kinematics: Kinematics, precision: str) -> None:
+        self._kinematics, self._body = kinematics, kinematics.body
+        body, bonds = self._body, self._body.bonds
+        n, total = len(body), len(body.all_points)
+        length = np.linalg.norm(body.all_points[bonds.second] - body.all_points[bonds.first], axis=1)
+        self.strength = body.weigh(length) * body.all_volumes[bonds.first] * body.all_volumes[bonds.second]
+        # Pairs in which a point or a ghost comes second; ghosts are first in none.
+        incidence = np.argsort(bonds.second, kind="stable").astype(np.uint32)
+        pair_pointers = np.full(total + 1, bonds.pair_pointers[-1])
+        pair_pointers[: n + 1] = bonds.pair_pointers
+        self.pairs_of_points = pair_pointers, _pointers(bonds.second, total), incidence
+        # Bonds of the ghosts, seen from them: the directed bonds that end in one, by image.
+        towards = np.flatnonzero(bonds.neighbours >= n)
+        self._ghost_bonds = towards[np.argsort(bonds.neighbours[towards], kind="stable")]
+        neighbours = kinematics.owners()[self._ghost_bonds].astype(np.uint32)
+        # In the precision of the points' own: another would have `point_forces` compiled a second time.
+        weighted_bonds = aligned_rows((len(towards), body.dimension), precision)
+        self._of_points = bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
+        self._of_ghosts = _pointers(bonds.neighbours[towards] - n, total - n), neighbours, weighted_bonds, body.all_volumes
+        self._node_parts = np.zeros((total, body.dimension))
+        self._counted, self.bond_shares, self.bond_weights = np.zeros(len(length)), np.zeros(len(bonds.neighbours)), np.zeros(len(length))
+        self.renew(np.arange(len(length)))
+
+    def renew(self, pairs: np.ndarray) -> np.ndarray:
+        """Update shares and weights after a change at given pairs; return all pairs whose weights may have changed.
+
+        They follow from the strengths and from which points have a gradient.
+        """
+        kinematics, body, bonds, n = self._kinematics, self._body, self._body.bonds, len(self._body)
+        supported = kinematics.supported.astype(bool)
+        # A point without support has no gradient; its bonds carry nothing, and so take no share of the other end's volume either.
+        carries = supported[bonds.first[pairs]] & supported[bonds.second[pairs]]
+        self._counted[pairs] = np.where(carries, self.strength[pairs], 0.0)
+        ends = np.concatenate([bonds.first[pairs], bonds.second[pairs]])
+        touched = np.unique(ends[ends < n])
+        starts, counts = bonds.pointers[touched].astype(np.int64), np.diff(bonds.pointers).astype(np.int64)[touched]
+        entries = np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+        around = np.unique(bonds.pair_of[entries])
+        self._divide_volumes(touched)
+        if body.share.divided:
+            body.share.fill_bonds(self.bond_shares, body)
+            around = np.union1d(around, body.share.beside_halo(bonds.first, bonds.second))
+        entries, starts = kinematics.pair_entries
+        one, other = entries[starts[around]], entries[starts[around + 1] - 1]
+        self.bond_weights[around] = self.bond_shares[one] + np.where(other != one, self.bond_shares[other], 0.0)
+        _, neighbours, weighted_bonds, volumes = self._of_ghosts
+        ratio = volumes[neighbours] / volumes[bonds.neighbours[self._ghost_bonds]]
+        weighted_bonds[:] = -kinematics.weighted_bonds[self._ghost_bonds] * ratio[:, None]
+        return around
+
+    def _divide_volumes(self, rows: np.ndarray) -> None:
+        """Divide the volumes of points among their directed bonds; those that an interface leaves out get nothing."""
+        body, bonds, interfaces = self._body, self._body.bonds, self._kinematics.interfaces
+        numbers, strength = bonds.pair_of, self._counted
+        if interfaces is not None:
+            strength = strength[numbers]
+            strength[interfaces.left_out] = 0.0
+            numbers = np.arange(len(numbers), dtype=numbers.dtype)
+        directed = bonds.pointers, bonds.neighbours, numbers
+        bond_shares[body.dimension](rows, *directed, body.all_points, body.volumes, strength, body.horizon, self.bond_shares)
+
+    def carrying(self, breakable: bool) -> np.ndarray:
+        """Return which pairs carry anything; a pair with a ghost only if its mirrored pair does: else V_i W_ij would not be symmetric."""
+        carries = self.bond_weights > 0
+        if breakable and len(self._body.ghosts):
+            outer, mirrored = self.mirrored_pairs
+            carries[outer] &= carries[mirrored]
+        return carries
+
+    @cached_property
+    def mirrored_pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs of a point i and the ghost of a point k, and for each that of k and the ghost of i under the same reflections."""
+        bonds, ghosts, n = self._body.bonds, self._body.ghosts, len(self._body)
+        outer = np.flatnonzero(bonds.second >= n)
+        ghost = bonds.second[outer].astype(np.int64) - n
+        number = np.full((int(ghosts.image.max()) + 1, n), -1)
+        number[ghosts.image, ghosts.source] = np.arange(len(ghosts))
+        partner = ghosts.source[ghost].astype(np.int64), n + number[ghosts.image[ghost], bonds.first[outer]]
+        total = n + len(ghosts)
+        keys = bonds.first[outer].astype(np.int64) * total + bonds.second[outer]
+        order = np.argsort(keys)
+        return outer, outer[order[np.searchsorted(keys[order], partner[0] * total + partner[1])]]
+
+    def geometry(self, pairs: np.ndarray | slice, weights: np.ndarray, precision: str) -> np.ndarray:
+        """Return reference data of pairs in blocks, shape (n_blocks, d + 2 or d + 3, BLOCK).
+
+        They are n, 1/l, the volume for which the energy of each counts, and on a rank the part of it that is counted there.
+        """
+        body = self._body
+        first, second = body.bonds.first[pairs], body.bonds.second[pairs]
+        counted = body.share.counted_pairs(first)
+        vectors = body.all_points[second] - body.all_points[first]
+        length = np.linalg.norm(vectors, axis=1)
+        blocks, size = -(-len(first) // BLOCK), body.dimension + (2 if counted is None else 3)
+        rows = np.zeros((size, blocks * BLOCK))
+        rows[:, : len(first)] = *(vectors / length[:, None]).T, 1 / length, weights, *(() if counted is None else (weights * counted,))
+        geometry = aligned_rows((blocks, size, BLOCK), precision)
+        geometry[:] = rows.reshape(size, blocks, BLOCK).transpose(1, 0, 2)
+        return geometry
+
+    def renew_geometry(self, geometry: np.ndarray, pairs: np.ndarray) -> None:
+        """Write the weights of given pairs into the geometry of all pairs."""
+        geometry[pairs // BLOCK, self._body.dimension + 1, pairs % BLOCK] = self.bond_weights[pairs]
+        counted = self._body.share.counted_pairs(self._body.bonds.first[pairs])
+        if counted is not None:
+            geometry[pairs // BLOCK, -1, pairs % BLOCK] = self.bond_weights[pairs] * counted
+
+    def fill_end_shares(self, end_shares: np.ndarray, places: np.ndarray, pairs: np.ndarray, own: np.ndarray | None = None) -> None:
+        """Write the shares that pairs have of the volumes of both their ends, shape (n_blocks, 2, BLOCK); ghosts have no volume.
+
+        Parameters
+        ----------
+        end_shares : ndarray
+        places, pairs : ndarray of int
+            Numbers of the pairs among those of the array, and in the body.
+        own : ndarray of bool, shape (n_bonds,), optional
+            Directed bonds that count.
+        """
+        entries, starts = self._kinematics.pair_entries
+        shares = self.bond_shares if own is None else self.bond_shares * own
+        end_shares[places // BLOCK, 0, places % BLOCK] = shares[entries[starts[pairs]]]
+        within = self._body.bonds.second[pairs] < len(self._body)
+        places, pairs = places[within], pairs[within]
+        end_shares[places // BLOCK, 1, places % BLOCK] = shares[entries[starts[pairs + 1] - 1]]
+
+    def sums_of(
+        self,
+        forces: np.ndarray,
+        moments: np.ndarray,
+        stresses: np.ndarray,
+        unit: float,
+        others_of: Callable[[np.ndarray], np.ndarray] | None = None,
+    ) -> Callable[..., int]:
+        """Bind the sum of forces and moments of the pairs to the body's points; what falls to a ghost goes to the point behind it.
+
+        Parameters
+        ----------
+        forces, moments : ndarray
+            Forces and moments of the pairs.
+        stresses : ndarray, shape (n + m, d d)
+            For the weighted moments of the points.
+        unit : float
+            Factor of all forces.
+        others_of : callable, optional
+            Function of the moments of the points that returns further forces on them.
+
+        Returns
+        -------
+        callable
+            Function of the array to write to, and optionally of one for the moments and one for the forces of the ghosts; it returns the
+            number of points and ghosts without a force.
+        """
+        body, ghosts, kinematics = self._body, self._body.ghosts, self._kinematics
+        n, d, chunks = len(body), body.dimension, kinematics.chunks
+        gather = sum_moments[d].bind(moments, *self.pairs_of_points, stresses, chunks=chunks)
+        total = np.zeros_like(self._node_parts) if len(ghosts) else np.empty_like(body.points)
+        common = forces, stresses, *self.pairs_of_points
+        sums = [point_forces[d].bind(*common, *self._of_points, unit, 0, self._node_parts, total, chunks=chunks)]
+        if len(ghosts):
+            sums.append(point_forces[d].bind(*common, *self._of_ghosts, unit, n, self._node_parts, total, chunks=chunks))
+        weigh_and_sum = Chain(weigh_moments[d].bind(stresses, kinematics.inverse_shape, body.volumes, chunks=chunks), *sums)
+
+        def to_points(out: np.ndarray, on_ghosts: tuple[np.ndarray, np.ndarray] | None = None) -> int:
+            gather()
+            if on_ghosts is not None:
+                on_ghosts[0][:] = stresses[n:]
+            kinematics.gradient_ghosts.fold_moments(stresses)
+            body.share.fill(stresses[:n])
+            beside = None if others_of is None else others_of(stresses[:n])
+            if not len(ghosts):
+                sums[0].give("out", out)
+            _, *without_force = weigh_and_sum()
+            if len(ghosts):
+                if on_ghosts is not None:
+                    on_ghosts[1][:] = total[n:]
+                ghosts.fold_forces(total)
+                out[:] = total[:n]
+            if beside is not None:
+                out += beside
+            return sum(without_force)
+
+        return to_points
+
+    def moments_to_points(self, moments: np.ndarray, forces: np.ndarray) -> Callable[[], None]:
+        """Bind a function that adds the forces of the points' moments to those on points and ghosts, and folds all onto the body's points.
+
+        Parameters
+        ----------
+        moments : ndarray, shape (n + m, d d)
+            Derivatives by the gradients, by columns; spoilt by the call.
+        forces : ndarray, shape (n + m, d)
+        """
+        body, ghosts, kinematics = self._body, self._body.ghosts, self._kinematics
+        n, d, chunks = len(body), body.dimension, kinematics.chunks
+        passes = [
+            weigh_moments[d].bind(moments, kinematics.inverse_shape, body.volumes, chunks=chunks),
+            add_node_forces[d].bind(moments, *self._of_points, 0, self._node_parts, forces, chunks=chunks),
+        ]
+        if len(ghosts):
+            passes.append(add_node_forces[d].bind(moments, *self._of_ghosts, n, self._node_parts, forces, chunks=chunks))
+        weigh_and_add = Chain(*passes)
+
+        def to_points() -> None:
+            kinematics.gradient_ghosts.fold_moments(moments)
+            body.share.fill(moments[:n])
+            weigh_and_add()
+            ghosts.fold_forces(forces)
+
+        return to_points
+
+
+def _pointers(numbers: np.ndarray, count: int) -> np.ndarray:
+    """Return where the entries of each number begin in a sorted list of them."""
+    pointers = np.zeros(count + 1, dtype=np.uint64)
+    pointers[1:] = np.cumsum(np.bincount(numbers, minlength=count))
+    return pointers

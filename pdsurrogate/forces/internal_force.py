@@ -1,0 +1,333 @@
+"""A body with its materials, bound to the terms of the internal force: all that solvers, measures, tests and runs may ask of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..body import Body
+from .interfaces import YIELDING, Interfaces
+from .kinematics import Kinematics
+from .settings import ForceSettings
+from .term import Binding, Release, StateArray
+
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import LinearOperator
+
+    from .dilatation import LinearisedDilatation
+    from .protocol import Portion
+
+
+class InternalForce:
+    """The internal force on the points of a body: the sum of the terms of its materials, which are one or several.
+
+    Force models make it by `ForceModel.bind`, and `bind_portions` for a body of several materials.
+
+    Parameters
+    ----------
+    body : Body
+    portions : sequence of Portion
+        Materials with models of one family; of one material alone, its points are ``slice(None)``.
+    settings : ForceSettings
+
+    Attributes
+    ----------
+    body : Body
+    portions : sequence of Portion
+    portion_of : ndarray of int, shape (n + m,), or None
+        Number of the portion of every point and image, and the number of portions for rigid ones; None if all points are of one portion.
+    interfaces : Interfaces or None
+        Where materials meet.
+    law : Law
+        Law with the greatest shear modulus, by which forces and their rounding are measured.
+    laws : list of tuple
+        Laws of the body's points, each with the points that it describes.
+    precision : {"float32", "float64"}
+        Precision of the bond pass.
+    correction : str
+        Correction of incomplete horizons, see `ForceSettings`.
+    breakable : bool
+        Whether `break_bonds` is allowed.
+    plane : {"stress", "strain", "space"}
+        Plane stress, plane strain, or three dimensions.
+    has_energy : bool
+        Whether the forces are minus the derivative of an energy, which `energy` returns.
+    has_tangent : bool
+        Whether `tangent` returns the second derivative of that energy.
+    nearly_incompressible : bool
+        Whether `linearised_dilatation` returns how the volume of the points changes with the positions, which costs the bulk modulus.
+    zero_energy_modes : bool
+        Whether there are displacements from point to point that it does not resist.
+    learnt_thickness : bool
+        Whether J3 of the points is found with a learnt force, and not by the law.
+    learnt : Learnt
+        How far the state is from what the models have learnt.
+    stiffness_moduli : float or ndarray, shape (n,)
+        Shear modulus of the stiffness around a point: of several materials the mean over the bonds of a point, each of both its ends, since
+        bonds across an interface stiffen all that they reach.
+    force_scale : float or ndarray, shape (n,)
+        Shear modulus by which the force on a point is measured: of several materials the greatest among the point and those that it is
+        bonded to, since forces and their rounding are that large.
+    state_rows : dict of str
+        What each array of `state_arrays` has a row for, see `StateArray`.
+    evaluations : int
+        Evaluations begun so far.
+    pairs_outside : int
+        Pairs outside the domains of the models, summed over all evaluations.
+    seconds : float
+        Time spent in `timed` finished evaluations; both may be set back.
+    timed : int
+    """
+
+    def __init__(self, body: Body, portions: Sequence[Portion], settings: ForceSettings) -> None:
+        settings.check_body(body)
+        self.body, self.portions, self.breakable, self.plane = body, portions, settings.breakable, settings.plane
+        self.law = max((portion.law for portion in portions), key=lambda law: law.shear_modulus)
+        self.laws = [(portion.law, portion.points) for portion in portions]
+        self.precision = max(portion.model.usual_precision(settings) for portion in portions)
+        self._kinematics = kinematics = Kinematics(body, self.precision, settings.plane)
+        kinds = portions[0].model.terms(settings.plane)
+        self.has_energy = all(kind.has_energy for kind in kinds)
+        self.portion_of = None if isinstance(portions[0].points, slice) else _numbers_of(body, portions)
+        self.stiffness_moduli = self.force_scale = self.law.shear_modulus
+        if self.portion_of is not None:
+            moduli = np.array([*(portion.law.shear_modulus for portion in portions), np.inf])[self.portion_of]
+            kinematics.interfaces = Interfaces(body, kinematics, self.portion_of, moduli, self.has_energy, settings.plane != "stress")
+            self.stiffness_moduli, self.force_scale = self._moduli(moduli)
+        self.interfaces = kinematics.interfaces
+        binding = Binding(kinematics, portions, settings, self.precision, self.portion_of)
+        self.terms = [kind(binding) for kind in kinds]
+        self._further = np.empty_like(body.points) if len(kinds) > 1 else None
+        self._forms = any(term.needs_gradients for term in self.terms)
+        first = self.terms[0]
+        self.correction, self.learnt = first.correction, first.learnt
+        self.has_tangent = all(term.has_tangent for term in self.terms)
+        self.zero_energy_modes = all(term.zero_energy_modes for term in self.terms)
+        self.nearly_incompressible, self.learnt_thickness = first.nearly_incompressible, first.learnt_thickness
+        self.state_rows = {array.name: array.rows for array in self.states}
+        self.evaluations = self.pairs_outside = self.timed = 0
+        self.seconds = 0.0
+
+    def _moduli(self, moduli: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the moduli of stiffness and of forces at the points, from those of points and images, infinite for rigid ones."""
+        body, bonds, n, owners = self.body, self.body.bonds, len(self.body), self._kinematics.owners()
+        around, length = moduli[bonds.neighbours], np.linalg.norm(body.all_points[bonds.neighbours] - body.points[owners], axis=1)
+        # A bond between very different moduli carries what the softer one does, and the stiffer one's points feel no more of it.
+        apart = self.has_energy & (np.maximum(around, moduli[owners]) > YIELDING * np.minimum(around, moduli[owners]))
+        around[apart] = moduli[owners[apart]]
+        moduli = np.minimum(moduli, self.law.shear_modulus)  # rigid points have none of their own
+        around = np.minimum(around, self.law.shear_modulus)
+        weights = body.weigh(length) * body.all_volumes[bonds.neighbours]
+        stiffness = (moduli[:n] + np.bincount(owners, weights * around, n) / np.bincount(owners, weights, n)) / 2
+        greatest = moduli[:n].copy()
+        np.maximum.at(greatest, owners, around)
+        body.share.fill(stiffness)
+        body.share.fill(greatest)
+        return stiffness, greatest
+
+    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
+        """Internal force on every point per unit thickness at positions (n, d), written to `out` (n, d).
+
+        Raises
+        ------
+        InvalidState
+            Where the state has no force; names a point.
+        OutsideDomain
+            If bonds are outside the domain of a model, and the policy is to stop.
+        """
+        self.evaluations += 1
+        began, share, error = time.perf_counter(), self.body.share, None
+        try:
+            with self.portions[0].model.guarded():
+                self._kinematics.place(positions, self._forms)
+                self._add_up([term.find for term in self.terms], out)
+        except RuntimeError as found:  # about the state, the domain, or a force of the user's own
+            if not share.divided:
+                raise
+            error = found
+        finally:
+            for term in self.terms:
+                self.pairs_outside += term.pairs_outside
+                term.pairs_outside = 0
+        share.agree(error)
+        if share.divided:
+            for watch in (watch for term in self.terms for watch in term.watches):
+                watch.settle()
+        share.clear(out)
+        self.seconds += time.perf_counter() - began
+        self.timed += 1
+
+    def _add_up(self, writers: Sequence[Callable[[np.ndarray], object]], out: np.ndarray) -> None:
+        """Write the sum of what functions write."""
+        first, *others = writers
+        first(out)
+        for write in others:
+            write(self._further)
+            out += self._further
+
+    def pass_bonds(self, out: np.ndarray) -> None:
+        """Repeat the part of an evaluation that follows the points' own states, in the states last found; to time it by itself."""
+        self._add_up([term.pass_bonds for term in self.terms], out)
+
+    def place(self, positions: np.ndarray) -> None:
+        """Set the positions (n, d) at which the points are examined, without forces; ghosts follow."""
+        self._kinematics.place(positions)
+
+    def move_plane(self, plane: int, displacement, turn: np.ndarray | None = None) -> None:
+        """Displace a reflection plane of the body by u(X) = displacement + turn X; its ghosts follow when positions are next set.
+
+        Only planes that are odd in all components are turned; once turned, a plane needs its turn every time.
+        """
+        self._kinematics.move_plane(plane, displacement, turn)
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Positions of points and ghosts as last set by `place` or a call, shape (n + m, d)."""
+        return self._kinematics.positions
+
+    def deformation_gradients(self) -> np.ndarray:
+        """Return F of the points at the positions last set, shape (n, d, d)."""
+        return self._kinematics.deformation_gradients()
+
+    @property
+    def supported(self) -> np.ndarray:
+        """Which points have bonds enough for a deformation gradient, bool, shape (n,); for others F is the identity."""
+        return self._kinematics.supported[: len(self.body)] != 0
+
+    def volume_ratios(self) -> np.ndarray:
+        """Return J3 of the points at the positions last set, where their volumetric energy is taken, shape (n,).
+
+        Raises
+        ------
+        InvalidState
+            Where there is none.
+        """
+        return self.terms[0].volume_ratios()
+
+    def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return stress and energy at the points' own deformation gradients at the positions last set.
+
+        A model that has learnt the energy of a sheet gives that energy and its derivative. For all others, which are exact or give forces
+        of bonds only, they follow from the laws of the points, at the volume ratios and bulk stresses that the force has found.
+
+        Returns
+        -------
+        stress : ndarray, shape (n, 3, 3)
+            First Piola-Kirchhoff stress.
+        energy : ndarray, shape (n,)
+            Stored energy per undeformed volume.
+        """
+        return self.terms[0].stress_and_energy()
+
+    def pair_forces(self, pairs: np.ndarray | None = None) -> np.ndarray:
+        """Return the force on the first point of given pairs, by default of all, in the state last evaluated, shape (k, d)."""
+        chosen = slice(len(self.body.bonds.first)) if pairs is None else pairs
+        first, *others = self.terms
+        return sum((term.pair_forces(chosen) for term in others), first.pair_forces(chosen))
+
+    def forces_beside_pairs(self) -> np.ndarray | None:
+        """Return forces on the points in the state last evaluated that no pair exerts, shape (n, d); None where there are none."""
+        return self.terms[0].forces_beside_pairs()
+
+    def levers_on_planes(self) -> np.ndarray | None:
+        """Return the sum of f (x) y of every plane of the body, shape (planes, d, d), by virtual work in the state last evaluated.
+
+        f are the forces that a plane exerts, and y the places where it does; None for a force without energy.
+        """
+        return self.terms[0].levers_on_planes()
+
+    @property
+    def states(self) -> list[StateArray]:
+        """All arrays that the next evaluation starts from, apart from positions and broken bonds."""
+        return [array for term in self.terms for array in term.state]
+
+    def state_arrays(self) -> dict[str, np.ndarray]:
+        """Return the values of `states` by name.
+
+        A solution saved with copies of them, and copied back into them, continues to the same bits.
+        """
+        return {array.name: array.values for array in self.states}
+
+    def applied(self) -> np.ndarray | None:
+        """Return the forces of loads on the points in the state last evaluated, shape (n, d); None without loads (`LoadedForce`)."""
+        return None
+
+    def mean_stress(self) -> np.ndarray:
+        """Return the volume mean of the first Piola-Kirchhoff stress in the state last evaluated, shape (d, d); on a rank, its share."""
+        first, *others = self.terms
+        return sum((term.mean_stress() for term in others), first.mean_stress())
+
+    def energy(self) -> float:
+        """Return the stored energy per unit thickness in the state last evaluated, for a force that `has_energy`."""
+        first, *others = self.terms
+        return sum((term.energy() for term in others), first.energy())
+
+    def tangent(self, positions: np.ndarray) -> LinearOperator:
+        """Return the second derivative of the energy at positions (n, d), for a force that `has_tangent`.
+
+        It is symmetric and of shape (n d, n d), in the order of ``positions.ravel()``; one product costs about one force evaluation.
+        """
+        first, *others = self.terms
+        return sum((term.tangent(positions) for term in others), first.tangent(positions))
+
+    def linearised_dilatation(self) -> LinearisedDilatation:
+        """Return how the points' volume changes with the positions, for a force that is `nearly_incompressible`."""
+        return self.terms[0].linearised_dilatation()
+
+    def break_bonds(self, pairs: np.ndarray) -> Release | None:
+        """Remove pairs from everything: horizons, corrections and forces.
+
+        Returns
+        -------
+        Release or None
+            What they had held at the positions last set, if the force has an energy; nothing where the body has no finite energy before or
+            after.
+
+        Raises
+        ------
+        ValueError
+            If the force was bound without `ForceSettings.breakable`.
+        """
+        if not self.breakable:
+            raise ValueError("this force was bound without bonds that break; bind it with ForceSettings(breakable=True)")
+        before = self._held() if self.has_energy else None
+        changed = self._kinematics.break_bonds(pairs)
+        for term in self.terms:
+            term.break_bonds(pairs, changed)
+        if before is None:
+            return None
+        after = self._held()
+        energy, forces = before.energy - after.energy, before.forces - after.forces
+        if self.body.share.any(not (np.isfinite(energy) and np.isfinite(forces).all())):
+            return Release(0.0, np.zeros_like(forces))
+        return Release(energy, forces)
+
+    def _held(self) -> Release:
+        """Return energy and forces at the positions last set; NaN for the energy where there is none."""
+        forces = np.zeros_like(self.body.points)
+        self._kinematics.form_gradients()
+        self._add_up([term.pass_bonds for term in self.terms], forces)
+        return Release(self.energy(), forces)
+
+    def collapsed_pairs(self) -> np.ndarray:
+        """Return the numbers of the pairs that were nearly or fully turned inside out in the last evaluation, by terms that know."""
+        return self.terms[0].collapsed_pairs()
+
+    @property
+    def fraction_outside(self) -> float:
+        """Share of all pair evaluations so far that were outside the model's domain; pairs across an interface count twice."""
+        share, watches = self.body.share, [watch for term in self.terms for watch in term.watches]
+        outside, pairs = share.total(self.pairs_outside), share.total(sum(watch.n_pairs for watch in watches))
+        return outside / max(1, self.evaluations * pairs)
+
+
+def _numbers_of(body: Body, portions: Sequence[Portion]) -> np.ndarray:
+    """Return the number of the portion of every point and image; the number of portions for points of none."""
+    found = np.full(len(body.all_points), len(portions))
+    for number, portion in enumerate(portions):
+        found[portion.points] = number
+    body.ghosts.fill(found)
+    return found

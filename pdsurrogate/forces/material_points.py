@@ -1,0 +1,211 @@
+"""The points of one material, and those of others as it sees them, with their states by its law."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..engine.block_arrays import BLOCK, aligned_rows
+from ..engine.passes import BoundPass
+from ..kernels import node_state
+from ..materials import PLANES, Law, plane_stress
+from .errors import InvalidState, at_point
+from .kinematics import Kinematics, matrices
+from .settings import ROTATION, ROTATIONS
+from .steps import Steps
+
+if TYPE_CHECKING:
+    from .surrogate_thickness import SurrogateThickness
+
+
+class MaterialPoints:
+    """Points and images of one material, those of others that it is bonded to as it sees them, and their states by its law.
+
+    If all points of the body are of the material, its arrays are the body's own. Otherwise they are copies, in which the points of other
+    materials are where they would be if they moved as this material does (`Interfaces`).
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    law : Law
+    precision : str
+        Precision of the records.
+    rotation : str, optional
+        See `ForceSettings`; only bond forces read it.
+    own : ndarray of bool, shape (n + m,), optional
+        Points and images of the material; by default all.
+    pairs : ndarray of int, optional
+        Pairs of the body that the material takes part in; by default all.
+
+    Attributes
+    ----------
+    whole : bool
+        Whether all points are of the material.
+    numbers, pairs : slice or ndarray of int
+        Numbers in the body of these points and images, shape (k,), and of these pairs.
+    own : tuple
+        Places here and numbers in the body of the material's own points, without images.
+    first, second : ndarray of uint32
+        Ends of the pairs by their places in `numbers`, filled up to whole blocks.
+    positions, gradients : ndarray, shapes (k, d) and (k, d d)
+    volume_ratios : ndarray, shape (k,)
+        J3.
+    kept_ratios : ndarray, shape (n + m,)
+        Latest volume ratios by the numbers of points and images, from which the next are found.
+    records : ndarray, shape (k, 4)
+        (cos, sin, J, C33), which bond forces read; empty in space.
+    response, parameters
+        Compiled response of the law and its parameters.
+    surrogate_thickness : SurrogateThickness or None
+        Solver of the plane-stress condition that replaces the law.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        law: Law,
+        precision: str,
+        rotation: str | None = None,
+        own: np.ndarray | None = None,
+        pairs: np.ndarray | None = None,
+    ) -> None:
+        body = kinematics.body
+        self._kinematics, self.law, self.whole = kinematics, law, own is None
+        self.response, self.parameters = PLANES[kinematics.plane].response.block(law), law.parameters
+        self.surrogate_thickness: SurrogateThickness | None = None
+        self._found_at = -1
+        if own is None:
+            self.numbers = self.pairs = slice(None)
+            self.own = slice(len(body)), slice(len(body))
+            self.first, self.second = body.bonds.ends_in_blocks(BLOCK)
+            self.positions, self.gradients = kinematics.positions, kinematics.gradients
+            self.volume_ratios = self.kept_ratios = np.ones(len(self.positions))
+        else:
+            self._see(own, np.empty(0, dtype=np.int64) if pairs is None else pairs)
+        self.records = aligned_rows((len(self.positions) if body.dimension == 2 else 0, 4), precision)
+        turn = ROTATIONS[rotation or ROTATION]
+        self._turn = turn and turn.bind(self.gradients, self.records, chunks=kinematics.chunks)
+
+    def _see(self, own: np.ndarray, pairs: np.ndarray) -> None:
+        """Copy the material's own points and the other ends of its pairs from the body."""
+        kinematics, body = self._kinematics, self._kinematics.body
+        ends = body.bonds.first[pairs], body.bonds.second[pairs]
+        seen = own.copy()
+        for end in ends:
+            seen[end] = True
+        self.pairs, self.numbers, place = pairs, np.flatnonzero(seen), np.cumsum(seen) - 1
+        places = np.flatnonzero(own[self.numbers] & (self.numbers < len(body)))
+        self.own = places, self.numbers[places]
+        self.first, self.second = (np.pad(place[end], (0, -len(end) % BLOCK)).astype(np.uint32) for end in ends)
+        size, d = len(self.numbers), body.dimension
+        self.positions, self.gradients = aligned_rows((size, d)), aligned_rows((size, d * d))
+        self.volume_ratios, self.kept_ratios = np.ones(size), np.ones(len(own))
+        self._others = np.flatnonzero(~own[self.numbers])
+        kinematics.seen.append(self)
+
+    def update(self) -> None:
+        """Copy positions and gradients from the body, those of other materials as this one sees them."""
+        kinematics, interfaces, others = self._kinematics, self._kinematics.interfaces, self.numbers[self._others]
+        np.take(kinematics.positions, self.numbers, axis=0, out=self.positions, mode="clip")
+        np.take(kinematics.gradients, self.numbers, axis=0, out=self.gradients, mode="clip")
+        self.positions[self._others] = interfaces.seen_positions[others]
+        self.gradients[self._others] = interfaces.seen_gradients[others]
+
+    @cached_property
+    def steps(self) -> list:
+        """Steps that find the states from the gradients, bound at their first use, when it is known who solves for the thickness."""
+        passes = [self._state_pass(), *([self._turn] if self._turn else [])]
+        return passes if self.whole else [self._take_ratios, *passes, self._keep_ratios]
+
+    @cached_property
+    def _find(self) -> Steps:
+        return Steps(self._kinematics.body.share, *self.steps)
+
+    def _take_ratios(self) -> None:
+        np.take(self.kept_ratios, self.numbers, out=self.volume_ratios)
+
+    def _keep_ratios(self) -> None:
+        self.kept_ratios[self.numbers] = self.volume_ratios
+
+    def _state_pass(self) -> BoundPass:
+        """Bind the pass that finds volume ratios and records, and counts the points without a state."""
+        kinematics, law = self._kinematics, (self.response.address, self.parameters)
+        arrays, chunks = (self.gradients, self.volume_ratios), kinematics.chunks
+        if kinematics.plane == "space":
+            return node_state.volume_ratios[3].bind(*arrays, chunks=chunks)
+        if kinematics.plane == "strain":
+            return node_state.held_states.bind(*arrays, self.records, chunks=chunks)
+        if self.surrogate_thickness is not None:
+            return self.surrogate_thickness.bind(*arrays, *law, self.records, chunks)
+        return node_state.node_states.bind(*arrays, *law, kinematics.scratch, self.records, chunks=chunks)
+
+    def find(self) -> None:
+        """Bring gradients, volume ratios and records up to date.
+
+        Raises
+        ------
+        InvalidState
+            Where det F <= 0, the law ends, or numbers are not finite; names the point.
+        """
+        self._kinematics.form_gradients()
+        if self._found_at != self._kinematics.changes:
+            have_states([self], self._find())
+
+    def note(self, counts: list[int]) -> bool:
+        """Record that the steps have run with the given counts; return whether all points have a state."""
+        found = not sum(counts)
+        self._found_at = self._kinematics.changes if found else -1
+        if not found:
+            self.kept_ratios[:] = 1.0  # so that a later evaluation starts afresh
+        return found
+
+    def diagnose(self) -> str:
+        """Return a message that says which point has no state by the law, and why."""
+        body = self._kinematics.body
+        numbers = np.arange(len(body.all_points))[self.numbers]
+        owners = np.concatenate([np.arange(len(body)), body.ghosts.source.astype(np.int64)])
+
+        def at(place: int, what: str) -> str:
+            image = "" if numbers[place] < len(body) else "its image beyond the grip: "
+            return at_point(body, int(owners[numbers[place]]), image + what)
+
+        # Images too: beyond a grip the reflected gradient may be turned inside out where the point's own is not.
+        F = matrices(self.gradients)
+        broken = np.flatnonzero(~np.isfinite(F).all(axis=(1, 2)))
+        if len(broken):
+            return at(int(broken[0]), "its deformation gradient is not finite")
+        J = np.linalg.det(F)
+        if J.min() <= 0:
+            return at(int(J.argmin()), f"det F = {J.min():.3g}: the material is turned inside out there")
+        trace = (F * F).sum(axis=(1, 2))
+        order = np.argsort(-trace)
+        state = f"at tr C = {trace[order[0]]:.4g} and det F = {J[order[0]]:.4g}"
+        if self._kinematics.plane != "stress":
+            return at(int(order[0]), f"there is no state there or nearby, {state}")
+        for i in order[:100]:
+            try:
+                plane_stress.volume_ratio(self.law, trace[i], J[i])
+            except ValueError as error:
+                return at(int(i), str(error))
+        return at(int(order[0]), f"no plane-stress state was found there or nearby, {state}")
+
+
+def have_states(materials: list[MaterialPoints], counts: list[int]) -> list[int]:
+    """Check the counts of the materials' state passes, which come first, and return the others.
+
+    Raises
+    ------
+    InvalidState
+        Where a point has no state; names it.
+    """
+    unsolved = []
+    for points in materials:
+        own = sum(isinstance(step, BoundPass) for step in points.steps)
+        if not points.note(counts[:own]):
+            unsolved.append(points)
+        counts = counts[own:]
+    if unsolved:
+        raise InvalidState(unsolved[0].diagnose())
+    return counts

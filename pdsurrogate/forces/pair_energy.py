@@ -1,0 +1,394 @@
+"""The energy of the pairs of a body, and the forces that are its gradient, theory (27)-(31), (48)-(52), (56), (57)."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator
+
+from ..engine.block_arrays import BLOCK, aligned_rows
+from ..kernels import bond_energy
+from ..materials import PLANES, Law, plane_stress, solid
+from ..materials.stretches import principal_stretches
+from .bond_shares import BondShares
+from .dilatation import LinearisedDilatation
+from .energy_density import BLEND
+from .errors import InvalidState, at_point
+from .kinematics import matrices
+from .pair_passes import PairEnergies, SelectivePairs
+from .steps import Steps
+from .term import Binding, DomainWatch, Learnt, Term, whole_volume
+from .volume_energy import VolumeEnergy
+
+
+class PairEnergy(Term):
+    """The energy of all pairs, each a function of its deformation gradient F_ij.
+
+    Under plane stress it is all of the energy. Where volumes are held, the energy is selective: isochoric at the pairs, and volumetric at
+    the points (`VolumeEnergy`), which does not lock. Of several materials, each sees the bond and its ends as if the other moved as itself
+    (`Interfaces`), so that a pair across an interface has one gradient for each; what the energy says about the jump between them is a
+    force on the points from which the jump is found.
+
+    Attributes
+    ----------
+    selective : bool
+        Whether the energy is selective.
+    shares : BondShares
+    volume : VolumeEnergy or None
+    """
+
+    has_energy = True
+    selective: bool | None = None
+
+    def __init__(self, binding: Binding) -> None:
+        super().__init__(binding)
+        body, bonds, d, whole = self.body, self.body.bonds, self.body.dimension, binding.whole
+        if self.selective is None:
+            self.selective = binding.settings.plane != "stress"
+        self.shares = BondShares(self.kinematics, binding.precision)
+        geometries = []
+        for number, portion in enumerate(binding.portions):
+            pairs, weights = self._pairs_of(number)
+            points = binding.points_of(number, pairs)
+            # The volumes of the pairs are found from the geometry of a selective energy.
+            geometries.append(self.shares.geometry(points.pairs, weights, "float64" if self.selective else binding.precision))
+            self.materials.append(points)
+            n_pairs = binding.count(points.pairs)
+            self.watches.append(DomainWatch(portion.model, n_pairs, binding.outside, "energy", "energy", body.share))
+        self.volume: VolumeEnergy | None = None
+        self._bind(geometries)
+        n_pairs, self._unit, others = len(bonds.first), 1.0, None
+        if whole:
+            (part,) = self._parts
+            self._forces, self._moments, self._unit = part.forces, part.moments, part.unit
+            self.learnt = LearntPoints(self)
+        else:
+            self._forces, self._moments = (aligned_rows((n_pairs, size), binding.precision) for size in (d, d * d))
+            total = len(body.all_points)
+            self._seen_forces, self._seen_moments, others = np.zeros((total, d)), np.zeros((total, d * d)), self._on_jumps
+        self._energy, self._stresses = 0.0, aligned_rows((len(body.all_points), d * d))
+        self._to_points = self.shares.sums_of(self._forces, self._moments, self._stresses, self._unit, others)
+        self.has_tangent = whole and binding.precision == "float64" and not self.selective
+        self.nearly_incompressible = whole and self.selective
+
+    def _pairs_of(self, number: int) -> tuple[np.ndarray | None, np.ndarray]:
+        """Return the pairs in which a material has energy, None if these are all, and the volumes for which they count."""
+        binding, bonds, shares = self.binding, self.body.bonds, self.shares
+        if binding.whole:
+            return None, shares.bond_weights
+        own = binding.portion_of[self.kinematics.owners()] == number
+        weights = np.bincount(bonds.pair_of, shares.bond_shares * own, len(bonds.first))
+        pairs = np.flatnonzero(weights)
+        return pairs, weights[pairs]
+
+    def _bind(self, geometries: list[np.ndarray]) -> None:
+        """Bind the passes over the pairs of all materials."""
+        binding, models = self.binding, [portion.model for portion in self.binding.portions]
+        each = zip(models, self.materials, geometries, strict=True)
+        if not self.selective:
+            self._parts = [PairEnergies(binding, *of_material) for of_material in each]
+            self._find = Steps(self.body.share, *(part.find for part in self._parts))
+            return
+        starts = np.cumsum([0, *(len(points.first) for points in self.materials)])
+        volumes, owners, self._parts = np.ones(starts[-1]), None if binding.whole else binding.portion_of[self.kinematics.owners()], []
+        for number, of_material in enumerate(each):
+            part = SelectivePairs(binding, *of_material, volumes[starts[number] : starts[number + 1]])
+            pairs = np.arange(len(self.body.bonds.first))[part.points.pairs]
+            self.shares.fill_end_shares(part.end_shares, np.arange(len(pairs)), pairs, None if owners is None else owners == number)
+            self._parts.append(part)
+        self.volume = VolumeEnergy(binding, self.shares, self._parts, volumes)
+        self._find = Steps(self.body.share, *self.volume.steps, *(part.find for part in self._parts))
+
+    def find(self, out: np.ndarray) -> None:
+        outside, invalid, without_force = self.pass_bonds(out)
+        self.report(outside)
+        if invalid or not np.isfinite(self._energy):
+            raise InvalidState(self._diagnose())
+        self.check_finite(out, without_force)
+
+    def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
+        """Find energy and forces from the gradients.
+
+        Returns the number of pairs outside the domain of every model, of those turned inside out, and of points without a force.
+        """
+        self._energy = np.nan
+        if self.volume is not None:
+            invalid = self.volume.find_dilatations()
+            if self.body.share.any(invalid):
+                return [0] * len(self._parts), invalid, 0
+        self._find()
+        outside, _, invalid = zip(*(part.counts() for part in self._parts), strict=True)
+        if not any(invalid):
+            of_points = [self.volume.energy(number) if self.volume else 0.0 for number in range(len(self._parts))]
+            self._energy = sum(part.unit * (part.energy() + volume) for part, volume in zip(self._parts, of_points, strict=True))
+        if not self.binding.whole:
+            self._collect()
+        return list(outside), sum(invalid), self._to_points(out)
+
+    def _collect(self) -> None:
+        """Add up what the parts exert on the pairs, and on the points of other materials as each sees them."""
+        for array in (self._forces, self._moments, self._seen_forces, self._seen_moments):
+            array[:] = 0.0
+        for number, part in enumerate(self._parts):
+            unit, pairs = part.unit, part.points.pairs
+            self._forces[pairs] += unit * part.forces[: len(pairs)]
+            self._moments[pairs] += unit * part.moments[: len(pairs)]
+            for sign, end in ((1.0, self.body.bonds.first[pairs]), (-1.0, self.body.bonds.second[pairs])):
+                some = np.flatnonzero(self.binding.portion_of[end] != number)
+                np.add.at(self._seen_forces, end[some], sign * unit * part.forces[some])
+                np.add.at(self._seen_moments, end[some], unit * part.moments[some])
+
+    def _on_jumps(self, moments: np.ndarray) -> np.ndarray:
+        """Return forces on the points from what the energy says about the jumps at interfaces."""
+        return self.kinematics.interfaces.hand_on(self._seen_forces, self._seen_moments, moments)
+
+    def energy(self) -> float:
+        return self._energy
+
+    def pair_forces(self, pairs: np.ndarray | slice) -> np.ndarray:
+        """Return the pairs' own forces and what the S of their two ends exert along them.
+
+        Of a pair with a ghost, that includes what the energy of the mirrored pair says about the ghost of this point.
+        """
+        bonds, body, n = self.body.bonds, self.body, len(self.body)
+        first, second = bonds.first[pairs], bonds.second[pairs]
+        stresses = self._stresses.copy()
+        body.ghosts.fill_changes(stresses)
+        stresses = matrices(stresses)
+        forces = self._forces[pairs].astype(float)
+        outer = np.flatnonzero(second >= n)
+        if len(outer):
+            numbers, mirrored = self.shares.mirrored_pairs
+            partners = mirrored[np.searchsorted(numbers, np.arange(len(bonds.first))[pairs][outer])]
+            forces[outer] -= body.ghosts.parity[second[outer] - n] * self._forces[partners]
+        vectors = body.all_points[second] - body.all_points[first]
+        forces += self.shares.strength[pairs, None] * np.einsum("bij,bj->bi", stresses[first] + stresses[second], vectors)
+        forces *= self._unit
+        changed = self._from_one_side()
+        return forces if changed is None else forces + changed[pairs]
+
+    def _from_one_side(self) -> np.ndarray | None:
+        """Return what bonds exert more than in a body without interfaces, where an interface leaves bonds out of the gradients."""
+        interfaces, bonds, body, d = self.kinematics.interfaces, self.body.bonds, self.body, self.body.dimension
+        if interfaces is None or interfaces.one_sided_bonds is None:
+            return None
+        numbers, owners, changes = interfaces.one_sided_bonds
+        rows = np.triu_indices(d)
+        # The moments of the points as they were before their shapes weighed them.
+        points, places = np.unique(owners, return_inverse=True)
+        shapes = np.zeros((len(points), d, d))
+        shapes[:, rows[0], rows[1]] = shapes[:, rows[1], rows[0]] = self.kinematics.inverse_shape[points]
+        moments = matrices(self._stresses[points]) @ np.linalg.inv(shapes) * body.volumes[points, None, None]
+        pulls = np.einsum("bij,bj->bi", moments[places], changes)
+        pulls[bonds.first[bonds.pair_of[numbers]] != owners] *= -1
+        changed = np.stack([np.bincount(bonds.pair_of[numbers], pull, len(bonds.first)) for pull in pulls.T], axis=1)
+        if len(body.ghosts):
+            outer, mirrored = self.shares.mirrored_pairs
+            changed[outer] -= body.ghosts.parity[bonds.second[outer] - len(body)] * changed[mirrored]
+        return changed
+
+    def forces_beside_pairs(self) -> np.ndarray | None:
+        interfaces = self.kinematics.interfaces
+        return None if interfaces is None else interfaces.on_jumps
+
+    def levers_on_planes(self) -> np.ndarray:
+        kinematics, body, n, d = self.kinematics, self.body, len(self.body), self.body.dimension
+        moments, forces = np.zeros((len(body.ghosts), d * d)), np.zeros((len(body.ghosts), d))
+        # The sums again, to the same bits, since those of the ghosts are not kept.
+        self._to_points(np.empty_like(body.points), (moments, forces))
+        if body.share.divided:  # images count where the points behind them do
+            own = body.share.counted(np.ones(n))[body.ghosts.source, None]
+            forces, moments = forces * own, moments * own
+        places = kinematics.positions, matrices(kinematics.gradients)
+        return kinematics.gradient_ghosts.levers_on_planes(*places, forces, self._unit * matrices(moments))
+
+    def mean_stress(self) -> np.ndarray:
+        """Return the mean of the bonds' own stresses: the derivative of the energy by a homogeneous F."""
+        bonds, points, d = self.body.bonds, self.body.all_points, self.body.dimension
+        counted = self.body.share.counted_pairs(bonds.first)
+        pairs = slice(len(bonds.first)) if counted is None else np.flatnonzero(counted)
+        vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
+        along = self._forces[pairs].astype(float).T @ vectors
+        # P (I - n (x) n) is twice the moment.
+        across = 2 * self._moments[pairs].sum(axis=0, dtype=float).reshape(d, d).T
+        return self._unit * (along + across) / whole_volume(self.body)
+
+    def break_bonds(self, pairs: np.ndarray, changed: np.ndarray) -> None:
+        self.shares.strength[pairs] = 0.0
+        around = self.shares.renew(changed)
+        self.shares.renew_geometry(self._parts[0].geometry, around)
+        if self.volume is not None:
+            self.volume.renew(around)
+
+    def collapsed_pairs(self) -> np.ndarray:
+        """Return the pairs that were turned inside out, or pressed below a third of their area or volume."""
+        part = self._parts[0]
+        if self.selective:
+            J = part.volumes[: len(self.body.bonds.first)]
+        elif part.counts()[1]:
+            J = _areas(*self._columns())
+        else:
+            return np.empty(0, dtype=np.int64)
+        return np.flatnonzero((self.shares.bond_weights > 0) & ~(J > bond_energy.COLLAPSED))
+
+    def volume_ratios(self) -> np.ndarray:
+        if self.volume is None:
+            return super().volume_ratios()
+        self.kinematics.form_gradients()
+        self.body.share.agree(InvalidState(self._diagnose()) if self.volume.find_dilatations() else None)
+        found = self.volume.dilatations.copy()
+        if not self.binding.whole:
+            found[self.binding.portion_of[: len(found)] == len(self.materials)] = 1.0
+        return found
+
+    def bulk_stresses(self) -> np.ndarray:
+        found = super().bulk_stresses()
+        return found if self.volume is None else self.volume.smoothing.matrix() @ found
+
+    def stress_and_energy(self) -> tuple[np.ndarray, np.ndarray]:
+        part, plane = self._parts[0], PLANES[self.kinematics.plane]
+        if not self.binding.whole or part.model.domain is None:
+            return super().stress_and_energy()
+        F, law = self.kinematics.deformation_gradients(), part.points.law
+        if self.selective:
+            found = part.isochoric.evaluate(*plane.isochoric_state(F))
+            return plane.stress_and_energy(law, F, self.volume_ratios(), self.bulk_stresses(), found)
+        stress, energy = super().stress_and_energy()
+        trace, J = plane_stress.invariants(F)
+        found = part.model.energy_derivatives(law, trace, J)
+        learnt = np.ones(len(F), dtype=bool)
+        if self.binding.outside == "fallback":  # where the exact energy begins to take over, it counts
+            learnt = self.learnt.domain_deviation() < 0.5 * np.log(1 - BLEND)
+        stress[learnt, :2, :2] = part.unit * plane_stress.in_plane_stress(F, 2 * found.by_trace, J * found.by_area)[learnt]
+        energy[learnt] = part.unit * found.psi[learnt]
+        return stress, energy
+
+    def linearised_dilatation(self) -> LinearisedDilatation:
+        return self.volume.linearised()
+
+    def tangent(self, positions: np.ndarray) -> LinearOperator:
+        if not self.has_tangent:
+            raise ValueError("a tangent is formed for one material under plane stress in float64 only")
+        kinematics, body, part, n, chunks = self.kinematics, self.body, self._parts[0], len(self.body), self.kinematics.chunks
+        kinematics.place(positions)
+        c, e = self._columns()
+        weights = self.shares.bond_weights
+        alive = weights > 0
+        trace = np.where(alive, (c * c).sum(axis=1) + (e * e).sum(axis=1), 2.0)
+        energy = part.energy_derivatives(trace, np.where(alive, _areas(c, e), 1.0))
+        derivatives = energy.by_trace, energy.by_area, energy.by_trace_trace, energy.by_trace_area, energy.by_area_area
+        rows = np.zeros((9, len(part.geometry) * BLOCK))
+        rows[:, : len(weights)] = *c.T, *e.T, *(weights * value for value in derivatives)
+        linearised = np.ascontiguousarray(rows.reshape(9, -1, BLOCK).transpose(1, 0, 2))
+        changes, gradients = np.zeros_like(kinematics.positions), np.zeros_like(kinematics.gradients)
+        forces, moments = np.zeros((len(part.points.first), 2)), np.zeros((len(part.points.first), 4))
+        form = kinematics.gradient_pass(changes, gradients, 0.0)
+        to_points = self.shares.sums_of(forces, moments, np.zeros_like(self._stresses), self._unit)
+        memory = aligned_rows((chunks.threads, bond_energy.BUFFER_ROWS, BLOCK)), aligned_rows((chunks.threads, 4, BLOCK))
+        # A copy: bonds that break later are not broken in this tangent.
+        pairs = part.points.first, part.points.second, part.geometry.copy(), linearised
+        find = bond_energy.pair_tangents.bind(changes, gradients, *pairs, *memory, forces, moments, chunks=chunks)
+
+        def multiply(displacements: np.ndarray) -> np.ndarray:
+            changes[:n] = displacements.reshape(-1, 2)
+            body.ghosts.fill_displacements(changes)
+            form()
+            body.ghosts.fill_changes(gradients)
+            find()
+            out = np.empty_like(body.points)
+            to_points(out)
+            return -out.ravel()
+
+        return LinearOperator((2 * n, 2 * n), multiply, multiply, dtype=float)
+
+    def _reference_bonds(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return directions and lengths of all pairs at rest, and the vectors between their ends over these lengths."""
+        bonds, body, positions = self.body.bonds, self.body, self.kinematics.positions
+        vectors = body.all_points[bonds.second] - body.all_points[bonds.first]
+        length = np.linalg.norm(vectors, axis=1)[:, None]
+        return vectors / length, length, (positions[bonds.second] - positions[bonds.first]) / length
+
+    def _mean_gradients(self) -> np.ndarray:
+        """Return the mean of the gradients of both ends of all pairs."""
+        self.kinematics.form_gradients()
+        bonds, gradients = self.body.bonds, self.kinematics.gradients
+        return matrices(gradients[bonds.first] + gradients[bonds.second]) / 2
+
+    def _columns(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return c = F_ij n and e = F_ij m of every pair in the plane, shape (n_pairs, 2) each."""
+        n, _, along = self._reference_bonds()
+        return along, np.einsum("bij,bj->bi", self._mean_gradients(), np.stack([-n[:, 1], n[:, 0]], axis=1))
+
+    def _gradients(self) -> np.ndarray:
+        """Return F_ij of every pair, shape (n_pairs, d, d) (theory (27))."""
+        n, _, along = self._reference_bonds()
+        F = self._mean_gradients()
+        return F + (along - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
+
+    def _diagnose(self) -> str:
+        """Return a message that says which bond has no energy, and why."""
+        F = self._gradients()
+        with np.errstate(invalid="ignore"):  # numbers that are not finite are looked for
+            bonds, alive, J = self.body.bonds, self.shares.bond_weights > 0, np.linalg.det(F)
+        broken = alive & ~np.isfinite(J)
+        if broken.any():
+            return at_point(self.body, int(bonds.first[broken.argmax()]), "the deformation gradient of a bond is not finite")
+        worst = int(np.where(alive, J, np.inf).argmin())
+        if J[worst] <= 0:
+            what = f"det F = {J[worst]:.3g} of a bond: the material is turned inside out there"
+            return at_point(self.body, int(bonds.first[worst]), what)
+        trace = (F * F).sum(axis=(1, 2))
+        for pair in np.argsort(np.where(alive, -trace, np.inf))[:100]:
+            laws = [points.law for points in self.materials if points.whole or pair in points.pairs]
+            reason = next(filter(None, (self._why_no_energy(law, F[pair]) for law in laws)), None)
+            if reason:
+                return at_point(self.body, int(bonds.first[pair]), reason)
+        worst = int(np.where(alive, trace, -np.inf).argmax())
+        what = f"one of the bonds has no energy; of the most strained one, tr C = {trace[worst]:.4g} and det F = {J[worst]:.4g}"
+        return at_point(self.body, int(bonds.first[worst]), what)
+
+    def _why_no_energy(self, law: Law, F: np.ndarray) -> str | None:
+        """Return why a law has no energy at the gradient of a bond; None if it has one."""
+        if self.kinematics.plane != "stress":
+            reason = solid.why_no_energy(law, F)
+            return reason and f"{law.name}: a bond has no energy: {reason}"
+        try:
+            plane_stress.energy_derivatives(law, *plane_stress.invariants(F[None]))
+        except ValueError as error:
+            return str(error)
+        return None
+
+
+class LearntPoints(Learnt):
+    """How far the points of a body of one material are from what the model of its energy has learnt."""
+
+    def __init__(self, term: PairEnergy) -> None:
+        self._term, self._model = term, term.binding.portions[0].model
+
+    def domain_deviation(self) -> np.ndarray | None:
+        return None if self._model.domain is None else self._model.domain.deviation(self._stretches())
+
+    def beyond_data(self) -> np.ndarray | None:
+        if not self._term.selective or self._model.domain is None or self._model.domain.hull is None:
+            return None
+        body = self._term.body
+        return self._model.domain.beyond_data(self._stretches()[body.share.counted(np.ones(len(body))) > 0])
+
+    def member_deviation(self) -> np.ndarray | None:
+        if not self._term.selective or not self._model.members:
+            return None
+        law = self._term.materials[0].law
+        return law.shear_modulus * self._model.member_deviations(law, self._stretches())
+
+    def _stretches(self) -> np.ndarray:
+        """Return the principal stretches of the points; for a selective energy all three, over the cube root of their product."""
+        stretches = principal_stretches(self._term.kinematics.deformation_gradients())
+        if not self._term.selective:
+            return stretches
+        J = stretches.prod(axis=1, keepdims=True)
+        # In the plane the third one is held at 1.
+        return np.hstack([stretches, np.ones((len(J), 3 - stretches.shape[1]))]) / np.cbrt(J)
+
+
+def _areas(c: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """Return det F_ij in the plane from its columns along and across the bond."""
+    return c[:, 0] * e[:, 1] - c[:, 1] * e[:, 0]

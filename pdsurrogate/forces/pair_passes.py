@@ -1,0 +1,159 @@
+"""Passes that find the energies of the pairs of one material, and what they exert: all of the energy, or its isochoric part."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..engine.block_arrays import BLOCK, aligned_rows
+from ..kernels import bond_energy, selective_energy
+from ..kernels.bond_force import FALL_BACK, UNGUARDED
+from ..kernels.domain import DOMAIN_SIZE
+from ..kernels.elementary import sum_in_order
+from ..kernels.energy_density import analytic_energy_density
+from ..materials import plane_stress
+from .energy_density import EnergyDerivatives, blended, domain_constants
+from .material_points import MaterialPoints
+from .term import Binding
+
+
+class PairEnergies:
+    """The pass over the pairs of a material that finds all of their energy under plane stress.
+
+    Parameters
+    ----------
+    binding : Binding
+    model : EnergySurrogate
+    points : MaterialPoints
+    geometry : ndarray
+        See `BondShares.geometry`.
+
+    Attributes
+    ----------
+    unit : float
+        Shear modulus of the material.
+    forces : ndarray, shape (n_blocks * BLOCK, 2)
+    moments : ndarray, shape (n_blocks * BLOCK, 4)
+        See `pdsurrogate.kernels.bond_energy.pair_energies`.
+    find : BoundPass
+    """
+
+    def __init__(self, binding: Binding, model, points: MaterialPoints, geometry: np.ndarray) -> None:
+        self.model, self.points, self.geometry, self._outside = model, points, geometry, binding.outside
+        self.unit, precision, chunks, domain = points.law.shear_modulus, binding.precision, binding.kinematics.chunks, model.domain
+        self._compiled = compiled = model.compiled(precision)
+        self._exact = analytic_energy_density(precision)
+        guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(binding.outside, bond_energy.COUNTED) if domain else UNGUARDED
+        self._counts, self._energies = np.zeros((chunks.number, 3), dtype=np.int64), np.zeros(len(geometry))
+        self.forces, self.moments = aligned_rows((len(points.first), 2), precision), aligned_rows((len(points.first), 4), precision)
+        self.find = bond_energy.pair_energies.bind(
+            points.positions,
+            points.gradients,
+            points.first,
+            points.second,
+            geometry,
+            compiled.address,
+            compiled.sizes,
+            compiled.weights,
+            self._exact.address,
+            points.response.address,
+            points.parameters,
+            guard,
+            domain_constants(domain, precision) if domain else np.zeros(DOMAIN_SIZE, precision),
+            aligned_rows((chunks.threads, bond_energy.BUFFER_ROWS, BLOCK), precision),
+            aligned_rows((chunks.threads, 4, BLOCK)),
+            aligned_rows((chunks.threads, max(compiled.work_rows, 1), BLOCK), precision),
+            binding.kinematics.scratch,
+            self._counts,
+            self._energies,
+            self.forces,
+            self.moments,
+            chunks=chunks,
+        )
+
+    def energy(self) -> float:
+        """Return the energy last found, over the shear modulus."""
+        return float(sum_in_order(self._energies))
+
+    def counts(self) -> tuple[int, int, int]:
+        """Return the numbers of pairs outside the model's domain, of those with det F_ij below `COLLAPSED`, and of those inside out."""
+        return tuple(self._counts.sum(axis=0).tolist())
+
+    def energy_derivatives(self, trace: np.ndarray, area_ratio: np.ndarray) -> EnergyDerivatives:
+        """Return the energy and its derivatives, the exact ones taking over where the pass falls back on the exact energy."""
+        found = self.model.energy_derivatives(self.points.law, trace, area_ratio)
+        if self.model.domain is None or self._outside != "fallback":
+            return found
+        exact = EnergyDerivatives(*plane_stress.energy_derivatives(self.points.law, trace, area_ratio))
+        return blended(found, exact, self.model.domain, trace, area_ratio)
+
+
+class SelectivePairs:
+    """The passes over the pairs of a material that find their volumes, their isochoric energy, and the forces of that and of pressures.
+
+    The energies of the pairs and what they exert may be in single precision. Their volumes are not: a pressure is K/mu times the error of
+    one.
+
+    Parameters
+    ----------
+    binding : Binding
+    model : ForceModel
+        Model with an `isochoric_energy`.
+    points : MaterialPoints
+    geometry : ndarray
+        See `BondShares.geometry`.
+    volumes : ndarray, shape (n_blocks * BLOCK,)
+        For det F_ij.
+
+    Attributes
+    ----------
+    unit : float
+        Shear modulus of the material.
+    pressures : ndarray, shape (k,)
+        Pressures of the material's points, in units of mu, by which a share of a point's volume weighs the change of det F_ij.
+    forces, moments
+        As those of `PairEnergies`, in the precision of the isochoric energy.
+    buffers : ndarray
+        Working memory in doubles.
+    end_shares : ndarray, shape (n_blocks, 2, BLOCK)
+        Shares of the volumes of both ends, see `BondShares.fill_end_shares`.
+    find_volumes : BoundPass
+        Pass that returns the number of pairs turned inside out.
+    find : BoundPass
+    """
+
+    def __init__(self, binding: Binding, model, points: MaterialPoints, geometry: np.ndarray, volumes: np.ndarray) -> None:
+        dimension, chunks = points.positions.shape[1], binding.kinematics.chunks
+        self.model, self.points, self.geometry, self.volumes, self.unit = model, points, geometry, volumes, points.law.shear_modulus
+        self.isochoric = isochoric = model.isochoric_energy(points.law, binding.settings.plane, binding.outside, binding.precision)
+        self.pressures = np.zeros(len(points.positions))
+        self.end_shares, self._energies = aligned_rows((len(geometry), 2, BLOCK)), np.zeros(len(geometry))
+        self.buffers = aligned_rows((chunks.threads, selective_energy.buffer_rows(dimension), BLOCK), value=1)
+        precision = isochoric.precision
+        in_its_precision = self.buffers if precision == "float64" else aligned_rows(self.buffers.shape, precision, 1)
+        self.forces = aligned_rows((len(points.first), dimension), precision)
+        self.moments = aligned_rows((len(points.first), dimension**2), precision)
+        places, pairs = (points.positions, points.gradients), (points.first, points.second, geometry)
+        self.find_volumes = selective_energy.pair_volumes[dimension].bind(*places, *pairs, self.buffers, volumes, chunks=chunks)
+        self.find = selective_energy.pair_energies[dimension].bind(
+            *places,
+            self.pressures,
+            *pairs,
+            self.end_shares,
+            isochoric.address,
+            isochoric.parameters,
+            in_its_precision,
+            self._energies,
+            self.forces,
+            self.moments,
+            chunks=chunks,
+        )
+
+    def energy(self) -> float:
+        """Return the isochoric energy last found, over the shear modulus."""
+        return float(sum_in_order(self._energies))
+
+    def counts(self) -> tuple[int, int, int]:
+        """Return the number of pairs outside the domain of a learnt energy since the last call; those inside out are found before."""
+        outside = int(self.isochoric.outside[0])
+        self.isochoric.outside[:] = 0
+        return outside, 0, 0

@@ -1,0 +1,131 @@
+"""Smoothing of the dilatations of the points, theory (50)."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+
+from ..body import Body
+from ..engine.passes import BoundPass
+from ..engine.threads import Chunks
+from ..kernels import dilatation, selective_energy
+
+SLAB = 4_000_000
+"""Pairs that are looked at together while a body is prepared, so that passing arrays stay small beside the body's own."""
+
+
+class Smoothing:
+    """Weights of neighbours in the smoothed dilatation of the points (theory (50)).
+
+    On a grid they are (1 2 1)/4 along each axis.  Rows add up to one, so that an even dilatation stays as it is; V_i W_ij is symmetric, so
+    that its mean does as well, and an even pressure stays even.  Where points lie closer than on a grid, a point keeps what it keeps there,
+    a quarter in the plane and an eighth in space.  What a neighbour beyond a surface or a crack would have stays with the point.  A mirror
+    image is a neighbour; beyond a clamped plane the body is continued otherwise than it is, and nothing is taken from there.
+
+    Parameters
+    ----------
+    body : Body
+    carries : ndarray of bool, shape (n_pairs,)
+        Which pairs carry anything: across a cut there are none.
+    breakable : bool
+        Whether pairs may cease to, see `renew`.
+    """
+
+    def __init__(self, body: Body, carries: np.ndarray, breakable: bool = False) -> None:
+        bonds, ghosts, n = body.bonds, body.ghosts, len(body)
+        mirrors = np.concatenate([np.ones(n, dtype=bool), (ghosts.parity == ghosts.reflection).all(axis=1)])
+        found = []
+        for start in range(0, len(bonds.first), SLAB):
+            part = slice(start, start + SLAB)
+            first, second = bonds.first[part], bonds.second[part]
+            offsets = np.abs(body.all_points[second] - body.all_points[first]) / body.cell
+            near = carries[part] & mirrors[second] & (offsets < 2).all(axis=1)
+            found.append((start + np.flatnonzero(near), (0.5 - offsets[near] / 4).prod(axis=1)))
+        pairs, weights = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        first, second = bonds.first[pairs], bonds.second[pairs]
+        weights *= body.volumes[first] * body.all_volumes[second] / body.cell.prod()
+        within = second < n
+        second = np.concatenate([np.arange(n, dtype=np.uint32), ghosts.source])[second]
+        rows = np.concatenate([first, second[within]])
+        order = np.argsort(rows, kind="stable")
+        rows, self._columns = rows[order], np.concatenate([second, first[within]])[order]
+        self._pointers = np.zeros(n + 1, dtype=np.uint64)
+        self._pointers[1:] = np.cumsum(np.bincount(rows, minlength=n))
+        self._volumes, self._most = body.volumes, 1 - 0.5**body.dimension
+        raw = np.concatenate([weights, weights[within]])[order]
+        self._share = body.share
+        self._caps = self._cap(np.bincount(rows, raw, n) / body.volumes)
+        self._share.fill(self._caps)
+        self._weights = raw * np.minimum(self._caps[rows], self._caps[self._columns]) / body.volumes[rows]
+        self._own = 1 - np.bincount(rows, self._weights, n)
+        if breakable:
+            self._ends = bonds.first, bonds.second
+            self._raw, self._pairs = raw, np.concatenate([pairs, pairs[within]])[order].astype(np.uint32)
+
+    def bind(self, values: np.ndarray, out: np.ndarray, chunks: Chunks) -> BoundPass:
+        """The pass that smooths values at the points (n,) into the first n of another array."""
+        return selective_energy.smooth.bind(self._pointers, self._columns, self._weights, self._own, values, out, chunks=chunks)
+
+    def in_single_precision(self) -> SinglePrecisionSmoothing:
+        """The same for what needs no more digits."""
+        return SinglePrecisionSmoothing(self._pointers, self._columns, self._weights, self._own)
+
+    def matrix(self) -> sparse.csr_array:
+        """The weights, shape (n, n)."""
+        n = len(self._own)
+        neighbours = sparse.csr_array((self._weights, self._columns.astype(np.int64), self._pointers.astype(np.int64)), shape=(n, n))
+        return neighbours + sparse.diags_array(self._own, format="csr")
+
+    def renew(self, carries: np.ndarray, pairs: np.ndarray) -> None:
+        """Bring the weights up to date after some of the given pairs have ceased to carry anything."""
+        n = len(self._own)
+        ends = np.concatenate([end[pairs] for end in self._ends])
+        rows = np.unique(ends[ends < n]).astype(np.int64)
+        owners, entries = self._entries(rows)
+        self._raw[entries[~carries[self._pairs[entries]]]] = 0.0
+        self._caps[rows] = self._cap(np.bincount(owners, self._raw[entries], n)[rows] / self._volumes[rows])
+        self._share.fill(self._caps)
+        rows = np.arange(n) if self._share.divided else np.unique(np.concatenate([rows, self._columns[entries]]))
+        owners, entries = self._entries(rows)
+        caps = np.minimum(self._caps[owners], self._caps[self._columns[entries]])
+        self._weights[entries] = self._raw[entries] * caps / self._volumes[owners]
+        self._own[rows] = 1 - np.bincount(owners, self._weights[entries], n)[rows]
+
+    def _cap(self, shares: np.ndarray) -> np.ndarray:
+        """By what the neighbours' shares of a point are multiplied, so that they have no more than on a grid."""
+        return self._most / np.maximum(shares, self._most)
+
+    def _entries(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Entries of given rows, and which row each is of."""
+        starts = self._pointers[rows].astype(np.int64)
+        counts = self._pointers[rows + 1].astype(np.int64) - starts
+        return np.repeat(rows, counts), np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+
+
+class SinglePrecisionSmoothing:
+    """`Smoothing` of values in single precision, whose weights are half as long to read.
+
+    Parameters
+    ----------
+    pointers, columns, weights, own : ndarray
+        Of the smoothing, which may renew the last two.
+    """
+
+    def __init__(self, pointers: np.ndarray, columns: np.ndarray, weights: np.ndarray, own: np.ndarray) -> None:
+        self._exact = weights, own
+        self._matrix = pointers, columns, weights.astype(np.float32), own.astype(np.float32)
+
+    def take(self) -> None:
+        """Take the weights as they are now."""
+        for single, exact in zip(self._matrix[2:], self._exact, strict=True):
+            single[:] = exact
+
+    def bind(self, values: np.ndarray, out: np.ndarray, chunks: Chunks) -> BoundPass:
+        """See `Smoothing.bind`."""
+        return selective_energy.smooth.bind(*self._matrix, values, out, chunks=chunks)
+
+    def bind_sum(self, values: np.ndarray, factor: float, others, out: np.ndarray, chunks: Chunks) -> BoundPass:
+        """The pass that writes a multiple of the smoothed values, plus three others (factor, values), of which `out` may be one."""
+        (of_first, first), (of_second, second), (of_third, third) = others
+        rest = factor, first, float(of_first), second, float(of_second), third, float(of_third)
+        return dilatation.smooth_and_add.bind(*self._matrix, values, *rest, out, chunks=chunks)
