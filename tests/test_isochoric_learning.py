@@ -178,7 +178,7 @@ def test_the_exact_energy_takes_over_without_a_jump(ogden, plane):
     np.testing.assert_array_equal(
         ogden.isochoric_energy(LAW, plane, "extrapolate", "float64").evaluate(*states)[:, inner], np.array([p, q, r, W])[:, inner]
     )
-    assert energy.outside[0] == 0  # of points' states, which are not the pairs'
+    assert energy.count_outside() == 0  # of points' states, which are not the pairs'
 
 
 def block(plane, counts=6, reach=None):

@@ -172,17 +172,20 @@ def parallel_kernel(function: Callable) -> Callable:
 _real = types.CPointer(types.float64)
 
 
-def stress_response_signature(dtype):
-    """Return the signature ``response(states, parameters, result)`` over the rows of a block.
+STRESS_RESPONSE = types.void(_real, _real, _real)
+"""Signature ``response(states, parameters, result)`` of the responses of laws, over the rows of a block in double precision.
 
-    States and results are in `dtype`, parameters always in double precision; `pdsurrogate.materials.response` lists the rows.
+`pdsurrogate.materials.response` lists the rows.
+"""
+
+
+def isochoric_energy_signature(dtype):
+    """Return the signature ``energy(states, sizes, weights, response, parameters, result)`` of learnt isochoric energies.
+
+    States and results are in `dtype`, weights in double precision; ``response`` and ``parameters`` are those of the exact energy.
     """
     real = types.CPointer(types.float32 if np.dtype(dtype) == np.float32 else types.float64)
-    return types.void(real, _real, real)
-
-
-STRESS_RESPONSE = stress_response_signature(np.float64)
-"""Signature of the responses of laws, which are evaluated in double precision."""
+    return types.void(real, types.CPointer(types.int64), _real, types.int64, _real, real)
 
 
 def bond_force_signature(dtype):

@@ -55,12 +55,11 @@ def tuple_of(typingctx, array, count):
 
 
 @intrinsic
-def add_to(typingctx, address, count):
-    """Add to the counter at an address, atomically."""
+def add_to(typingctx, counters, number, count):
+    """Add to one of an array of counters, atomically, and return what it was before."""
 
     def codegen(context, builder, signature, arguments):
-        pointer = builder.inttoptr(arguments[0], context.get_value_type(types.int64).as_pointer())
-        builder.atomic_rmw("add", pointer, arguments[1], "monotonic")
-        return context.get_dummy_value()
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        return builder.atomic_rmw("add", builder.gep(data, [arguments[1]]), arguments[2], "monotonic")
 
-    return types.void(types.int64, types.int64), codegen
+    return types.int64(counters, types.int64, types.int64), codegen

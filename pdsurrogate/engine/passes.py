@@ -14,12 +14,12 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import prange, types
-from numba.core import cgutils
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic, overload
 
 from .block_arrays import CACHE_LINE, aligned_rows, array_over
 from .compile import INLINE_OPTIONS, compile_block_function, compiled_digest, inlined, kernel, parallel_kernel, plain_function
+from .intrinsics import add_to
 from .threads import Chunks, chunks_of, threads_are_lost
 
 WORDS_PER_LINE = CACHE_LINE // 8
@@ -42,18 +42,6 @@ def _call_chunk(typingctx, code, arguments, thread, chunk, chunks):
     return signature, codegen
 
 
-@intrinsic
-def _take(typingctx, numbers, row):
-    """Return the first number in a row and increment it, atomically."""
-
-    def codegen(context, builder, signature, values):
-        array = context.make_array(signature.args[0])(context, builder, values[0])
-        place = cgutils.get_item_pointer(context, builder, signature.args[0], array, [values[1], ir.Constant(ir.IntType(64), 0)])
-        return builder.atomic_rmw("add", place, ir.Constant(ir.IntType(64), 1), "monotonic")
-
-    return types.int64(numbers, types.int64), codegen
-
-
 @parallel_kernel
 def _run_on_threads(calls, following, counts, found):
     """Run passes one after another, the chunks of each in parallel; `calls` holds code and argument addresses and the number of chunks.
@@ -72,10 +60,10 @@ def _run_on_threads(calls, following, counts, found):
             for step in range(threads):
                 owner = (thread + step) % threads
                 end = (owner + 1) * chunks // threads
-                chunk = _take(following, owner)
+                chunk = add_to(following[owner], 0, 1)
                 while chunk < end:
                     count += _call_chunk(code, arguments, thread, chunk, chunks)
-                    chunk = _take(following, owner)
+                    chunk = add_to(following[owner], 0, 1)
             counts[number, thread] = count
         found[number] = 0
         for thread in range(threads):

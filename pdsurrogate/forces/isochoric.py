@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..engine.block_arrays import BLOCK
-from ..kernels import selective_energy
+from ..kernels.isochoric_energy import N_SIZES, OUTSIDE
+from ..kernels.selective_energy import RESULT_ROWS, evaluate_isochoric_energy
 from ..materials import PLANES, Law
 
 
@@ -17,37 +18,53 @@ class IsochoricEnergy:
 
     Attributes
     ----------
-    address : int
-        Of the block function (`pdsurrogate.engine.compile.STRESS_RESPONSE`).
+    response : int
+        Address of the law's isochoric response (`pdsurrogate.engine.compile.STRESS_RESPONSE`).
     parameters : ndarray
-        What it reads.
+        Parameters of the law.
+    address : int
+        Address of a learnt energy (`pdsurrogate.kernels.isochoric_energy`); 0 for the exact one.
+    sizes : ndarray of int64, shape (N_SIZES,)
+    weights : ndarray
+        Constants of a learnt energy; `sizes` counts the states found outside its domain.
     precision : {"float32", "float64"}
-        Of states and results.
-    outside : ndarray of int64, shape (1,)
-        To which a learnt one adds the states that it finds outside its domain.
+        Precision of states and results.
     """
 
-    address: int
+    response: int
     parameters: np.ndarray
+    address: int = 0
+    sizes: np.ndarray = field(default_factory=lambda: np.zeros(N_SIZES, dtype=np.int64))
+    weights: np.ndarray = field(default_factory=lambda: np.zeros(1))
     precision: str = "float64"
-    outside: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
 
     @classmethod
     def exact(cls, law: Law, plane: str) -> IsochoricEnergy:
-        """Of a law itself."""
+        """Return the energy of a law itself."""
         return cls(PLANES[plane].isochoric_response.block(law).address, law.parameters)
 
+    @property
+    def arguments(self) -> tuple:
+        """Arguments of kernels that evaluate the energy."""
+        return self.address, self.sizes, self.weights, self.response, self.parameters
+
+    def count_outside(self) -> int:
+        """Return the number of states found outside the domain since the last call."""
+        count = int(self.sizes[OUTSIDE])
+        self.sizes[OUTSIDE] = 0
+        return count
+
     def evaluate(self, *state) -> np.ndarray:
-        """The result at states given as three vectors of n numbers, shape (4, n); of points, whose states are not counted."""
+        """Return the result at states given as three vectors of n numbers, shape (4, n); these states are not counted."""
         states, n = np.stack(state).astype(self.precision), len(state[0])
-        found, counted = np.empty((selective_energy.RESULT_ROWS, n)), self.outside.copy()
+        found, counted = np.empty((RESULT_ROWS, n)), self.sizes.copy()
         for at in range(0, n, BLOCK):
             size = min(BLOCK, n - at)
-            # Filled up with the first, which is a state.
+            # The first state fills up the block, so that all of it are states.
             rows = np.repeat(states[:, at : at + 1], BLOCK, axis=1)
-            result = np.empty((selective_energy.RESULT_ROWS, BLOCK), self.precision)
+            result = np.empty((RESULT_ROWS, BLOCK), self.precision)
             rows[:, :size] = states[:, at : at + size]
-            selective_energy.evaluate_response(self.address, rows, self.parameters, result)
+            evaluate_isochoric_energy(*self.arguments, rows, result)
             found[:, at : at + size] = result[:, :size]
-        self.outside[:] = counted
+        self.sizes[:] = counted
         return found

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
 
 from ..engine.block_arrays import BLOCK
-from ..engine.compile import block_function_of, stress_response_signature
+from ..engine.compile import block_function_of, isochoric_energy_signature
 from ..kernels import isochoric_energy as kernel
 from ..kernels.activations import ACTIVATIONS, SMOOTH
 from ..kernels.domain import distance_coefficients
@@ -25,7 +25,7 @@ from ..kernels.energy_density import (
 from ..materials import PLANES, Law
 from .agreement import check_agreement, invariant_states, isochoric_states, isochoric_stresses
 from .bond_energy import EnergySurrogate
-from .energy_density import BLEND, EnergyDerivatives
+from .energy_density import EnergyDerivatives
 from .isochoric import IsochoricEnergy
 from .learnt import check_described, checked_array, evaluate_block
 from .members import point_deviations
@@ -273,19 +273,12 @@ class IsochoricNetwork(LearntEnergy):
         """Return the isochoric energy of the bonds; by default the exact energy takes over towards the edge of the domain."""
         response, exact = PLANES[plane].isochoric_response, IsochoricEnergy.exact(law, plane)
         parts = ACTIVATIONS[self.activation], response.invariants, response.of_invariants
-        block = block_function_of(kernel.network_block, stress_response_signature(precision), *parts)
-        weights = pack_units(self.hidden_weights, self.hidden_biases, self.output_weights)
-        parameters = np.zeros(kernel.WEIGHTS + len(weights) + len(exact.parameters))
-        parameters[kernel.UNITS] = len(weights) // 4
-        parameters[kernel.GUARD] = {"fallback": kernel.TAKE_OVER, "extrapolate": kernel.EXTRAPOLATE}.get(outside, kernel.COUNT)
-        addresses = parameters.view(np.int64)
-        addresses[kernel.EXACT], addresses[kernel.COUNTER] = exact.address, exact.outside.ctypes.data
-        low, high = self.domain.least_stretch, self.domain.greatest_stretch
-        parameters[kernel.LOW : kernel.BAND] = distance_coefficients(low, high).ravel()
-        parameters[kernel.BAND], parameters[kernel.AT_REST] = BLEND, self._at_rest
-        parameters[kernel.WEIGHTS : -len(exact.parameters)] = weights
-        parameters[-len(exact.parameters) :] = exact.parameters
-        return IsochoricEnergy(block.address, parameters, precision, exact.outside)
+        block = block_function_of(kernel.network_block, isochoric_energy_signature(precision), *parts)
+        units = pack_units(self.hidden_weights, self.hidden_biases, self.output_weights)
+        guard = {"fallback": kernel.TAKE_OVER, "extrapolate": kernel.EXTRAPOLATE}.get(outside, kernel.COUNT)
+        distances = distance_coefficients(self.domain.least_stretch, self.domain.greatest_stretch)
+        weights = np.concatenate([distances.ravel(), [self._at_rest], units])
+        return replace(exact, address=block.address, sizes=np.array([len(units) // 4, guard, 0]), weights=weights, precision=precision)
 
     def member_deviations(self, law: Law, stretches: np.ndarray) -> np.ndarray:
         """Return the greatest deviation of the members at three principal stretches of product 1 (`point_deviations`), shape (n,)."""

@@ -7,11 +7,11 @@ from scipy.sparse.linalg import LinearOperator
 
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import bond_energy
+from ..kernels.domain import BLEND
 from ..materials import PLANES, Law, plane_stress, solid
 from ..materials.stretches import principal_stretches
 from .bond_shares import BondShares
 from .dilatation import LinearisedDilatation
-from .energy_density import BLEND
 from .errors import InvalidState, at_point
 from .kinematics import matrices
 from .pair_passes import PairEnergies, SelectivePairs

@@ -7,12 +7,12 @@ import numpy as np
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import bond_energy, selective_energy
 from ..kernels.bond_force import FALL_BACK, UNGUARDED
-from ..kernels.domain import DOMAIN_SIZE
 from ..kernels.elementary import sum_in_order
 from ..kernels.energy_density import analytic_energy_density
 from ..materials import plane_stress
-from .energy_density import EnergyDerivatives, blended, domain_constants
+from .energy_density import EnergyDerivatives, blended
 from .material_points import MaterialPoints
+from .protocol import EVERYWHERE
 from .term import Binding
 
 
@@ -58,7 +58,7 @@ class PairEnergies:
             points.response.address,
             points.parameters,
             guard,
-            domain_constants(domain, precision) if domain else np.zeros(DOMAIN_SIZE, precision),
+            (domain or EVERYWHERE).limits(precision),
             aligned_rows((chunks.threads, bond_energy.BUFFER_ROWS, BLOCK), precision),
             aligned_rows((chunks.threads, 4, BLOCK)),
             aligned_rows((chunks.threads, max(compiled.work_rows, 1), BLOCK), precision),
@@ -139,8 +139,7 @@ class SelectivePairs:
             self.pressures,
             *pairs,
             self.end_shares,
-            isochoric.address,
-            isochoric.parameters,
+            *isochoric.arguments,
             in_its_precision,
             self._energies,
             self.forces,
@@ -154,6 +153,4 @@ class SelectivePairs:
 
     def counts(self) -> tuple[int, int, int]:
         """Return the number of pairs outside the domain of a learnt energy since the last call; those inside out are found before."""
-        outside = int(self.isochoric.outside[0])
-        self.isochoric.outside[:] = 0
-        return outside, 0, 0
+        return self.isochoric.count_outside(), 0, 0

@@ -16,10 +16,11 @@ import numpy as np
 
 from ..engine.block_arrays import BLOCK, block_rows, pair_records, quad_records
 from ..engine.compile import call_block, widest_vectors
+from ..engine.intrinsics import tuple_of
 from ..engine.passes import Pass, share_of
 from ..engine.vector_loads import gather_pairs as gather_pairs_of
 from .bond_force import FALL_BACK, UNGUARDED
-from .domain import edge_distances, exact_share
+from .domain import BLEND, N_LIMITS, edge_distances, exact_share
 from .energy_density import ENERGY_ROWS, INVARIANT_ROWS
 
 COUNTED = 1
@@ -76,7 +77,8 @@ def pair_energies(
     Each block holds `geometry` (4 or 5, BLOCK): n1, n2, 1/l, V_b and, where a body has several materials or ranks, the part of V_b whose
     energy counts here. Outputs: `energies` (n_blocks,), the sums of V_b psi; `forces` (pairs, 2), V_b P n/l on the first point; `moments`
     (pairs, 4), S by columns; `counts` (n_chunks, 3), the pairs outside the domain, those with det F_ij <= COLLAPSED, and those with det
-    F_ij <= 0 or NaN. `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain` is explained in `domain.edge_distances`.
+    F_ij <= 0 or NaN. `guard` is UNGUARDED, COUNTED or FALL_BACK; `domain` holds the limits of
+    `pdsurrogate.kernels.domain`.
     """
     widest_vectors()
     first_block, last_block = share_of(geometry.shape[0], chunk, chunks)
@@ -92,8 +94,8 @@ def pair_energies(
     zero = real(0.0)
     one = real(1.0)
     least = real(COLLAPSED)
-    limits = (domain[0], domain[1], domain[2], domain[3], domain[4], domain[5], domain[6])
-    edge = -limits[6] if guard == FALL_BACK else zero
+    limits = tuple_of(domain, N_LIMITS)
+    edge = -real(BLEND) if guard == FALL_BACK else zero
     counted = geometry.shape[1] - 1
     count = 0
     small = 0
@@ -143,7 +145,7 @@ def pair_energies(
             if guard == FALL_BACK and near > zero:
                 call_block(exact, states, sizes, weights, response, parameters, work[thread], scratch[thread], exact_result)
                 for k in range(BLOCK):
-                    share, by_trace, by_J = exact_share(np.float64(states[0, k]), np.float64(states[1, k]), domain)
+                    share, by_trace, by_J, _, _, _ = exact_share(np.float64(states[0, k]), np.float64(states[1, k]), domain)
                     if share >= 1.0:
                         result[0, k] = exact_result[0, k]
                         result[1, k] = exact_result[1, k]

@@ -2,10 +2,11 @@
 
 from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, pair_records
 from ..engine.compile import call_block, widest_vectors
+from ..engine.intrinsics import tuple_of
 from ..engine.passes import Pass, share_of
 from ..engine.vector_loads import gather_pairs as gather_pairs_of
 from .bond_state import LEAST_NORMAL_STRETCH, lateral_stretch
-from .domain import is_outside, share_inside
+from .domain import N_LIMITS, is_outside, share_inside
 from .elementary import inverse_square_root
 
 UNGUARDED, TURNED, FALL_BACK = 0, 1, 2
@@ -56,7 +57,7 @@ def pair_forces(
     A pair is evaluated once, since its averaged state is the same seen from either end. Pairs without force (normal_factor = 0: padding,
     broken bonds, points without support) are given the undeformed state, so that they neither give NaN nor count.
     `records` (n, 4) holds (cos, sin, J, C33) of the points; `geometry` (n_blocks, 4 to 6, BLOCK) comes from `reference_state.pair_rows`,
-    with `COUNTED_ROW`; `domain` (2, 7) holds the limits of the domain and of its interior, see `domain.is_outside`; `bond_force`,
+    with `COUNTED_ROW`; `domain` (2, 7) holds the limits of the domain and of its interior, see `pdsurrogate.kernels.domain`; `bond_force`,
     `analytic_bond_force` and `response` are addresses of block functions; `buffers` and `work` are in the model's precision, `scratch` in
     double.
     """
@@ -70,9 +71,8 @@ def pair_forces(
     means = block_rows(buffer[MEANS:BUFFER_ROWS])
     real = buffer.dtype.type
     zero, half, one, tiny = real(0.0), real(0.5), real(1.0), real(1e-30)
-    # Scalars, not arrays: loads from an array would prevent vectorisation.
-    outer = (domain[0, 0], domain[0, 1], domain[0, 2], domain[0, 3], domain[0, 4], domain[0, 5], domain[0, 6])
-    inner = (domain[1, 0], domain[1, 1], domain[1, 2], domain[1, 3], domain[1, 4], domain[1, 5], domain[1, 6])
+    # Loads from an array would prevent vectorisation.
+    outer, inner = tuple_of(domain[0], N_LIMITS), tuple_of(domain[1], N_LIMITS)
     counted = COUNTED_ROW if geometry.shape[1] > COUNTED_ROW else 2
     count = 0
     for block in range(first_block, last_block):

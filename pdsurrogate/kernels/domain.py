@@ -1,31 +1,42 @@
 """Guards: the edge of a surrogate's domain, and the blend of its force or energy into the exact one near that edge.
 
-A bond force, the energy of a sheet and an isochoric energy depend on different invariants, so each has its own test of the edge. Both
-energies blend with a polynomial of two continuous derivatives; the force, with one of a single continuous derivative (theory (18)).
+A bond force, the energy of a sheet and an isochoric energy depend on different invariants, so each has its own distances from the edges.
+All three blend with one polynomial of two continuous derivatives (theory (18)), since the stiffness of an energy needs both. The limits of
+a domain are low^2, high^2, their inverses, the least and greatest J3^2 = J^2 C33, and the least a, where low and high bound the principal
+stretches. NumPy evaluates the functions of an energy, too.
 """
 
 import numpy as np
 
-from ..engine.compile import inline
+from ..engine.compile import inline, inlined
 from .elementary import select
 from .feature_sets import like
 
+N_LIMITS = 7
+"""Number of the limits of a domain."""
 
-@inline
+BLEND = 0.1
+"""Relative width, in squared stretch, of the band inside an edge over which the exact energy takes over.
+
+The slope of the share is at most 1.9/BLEND: the blend changes the stress by 19 times the error of the learnt energy at the edge, which is
+less than the error of the stress of a fit whose energy and stress have been learnt together.
+"""
+
+
+@inlined
 def blend(t):
-    """Return the polynomial that rises from 0 at t = 0 to 1 at t = 1 with two continuous derivatives, and its derivative; t is clipped."""
+    """Return the polynomial that rises from 0 at t = 0 to 1 at t = 1, and its first and second derivative; t is clipped."""
     t = select(t > 0.0, t, 0.0)
     t = select(t < 1.0, t, 1.0)
-    return t * t * t * (10.0 + t * (6.0 * t - 15.0)), 30.0 * t * t * (1.0 - t) * (1.0 - t)
+    return t * t * t * (10.0 + t * (6.0 * t - 15.0)), 30.0 * t * t * (1.0 - t) * (1.0 - t), 60.0 * t * (1.0 - t) * (1.0 - 2.0 * t)
 
 
 @inline
 def is_outside(a, b, U_mm, J, C33, limits):
     """Return 1 for a bond outside the domain, else 0; NaN counts as outside, and so does a bond without a stretch tensor.
 
-    With J the product of the principal stretches, both lie within [low, high] exactly if J lies within [low**2, high**2] and tr C is at
-    most high**2 + J**2/high**2 and low**2 + J**2/low**2: no eigenvalue is needed. `limits` is a tuple of low**2, high**2, their inverses,
-    the least and greatest J3**2 = J**2 C33, and the least a.
+    With J the product of the principal stretches, both lie within [low, high] exactly if J lies within [low^2, high^2] and tr C is at most
+    high^2 + J^2/high^2 and low^2 + J^2/low^2: no eigenvalue is needed.
     """
     trace = a * a + b * b + b * b + U_mm * U_mm
     square = J * J
@@ -61,7 +72,7 @@ def share_inside(a, b, U_mm, J, C33, outer, inner):
         _rise(bulk, outer[4], inner[4]),
         _rise(bulk, outer[5], inner[5]),
     )
-    return share * share * (3.0 - 2.0 * share)
+    return blend(share)[0]
 
 
 @inline
@@ -70,21 +81,16 @@ def _rise(value, edge, full):
     return min(max((value - edge) / (full - edge), 0.0), 1.0) if full != edge else 1.0
 
 
-DOMAIN_SIZE = 7
-"""Number of constants of `edge_distances` and `exact_share`."""
-
-
-@inline
-def edge_distances(trace, J, domain):
+@inlined
+def edge_distances(trace, J, limits):
     """Return how far a state of a sheet lies beyond the four edges of the domain: positive outside, all negative inside.
 
-    With L and H the squares of the least and the greatest stretch, both stretches lie within unless tr C > H + J^2/H (one above), J > H
-    (both above), tr C > L + J^2/L (one below) or J < L (both below). Each distance is about the relative change of the offending squared
-    stretch.
+    With L and H the squares of the least and the greatest stretch, both stretches lie within unless tr C > H + J^2/H (one above),
+    tr C > L + J^2/L (one below), J > H (both above) or J < L (both below). Each distance is about the relative change of the offending
+    squared stretch.
     """
-    low, high, inverse_low, inverse_high = domain[0], domain[1], domain[2], domain[3]
-    square = J * J
-    one = domain[4]
+    low, high, inverse_low, inverse_high = limits[0], limits[1], limits[2], limits[3]
+    square, one = J * J, like(J, 1.0)
     return (
         trace / (high + square * inverse_high) - one,
         one - (low + square * inverse_low) / trace,
@@ -93,27 +99,58 @@ def edge_distances(trace, J, domain):
     )
 
 
-@inline
-def exact_share(trace, J, domain):
-    """Return the share of the exact energy, 0 well inside the domain and 1 outside, and its derivatives by tr C and J.
+@inlined
+def exact_share(trace, J, limits):
+    """Return the share of the exact energy, 0 well inside the domain and 1 outside, and its derivatives by (I, J, II, IJ, JJ), I = tr C.
 
     A switch at the edge itself would make the energy jump by the error of the fit.
     """
-    low, high, inverse_low, inverse_high, width = domain[0], domain[1], domain[2], domain[3], domain[6]
-    square = J * J
-    above = high + square * inverse_high
-    below = low + square * inverse_low
-    s1, d1 = blend((trace / above - 1.0) / width + 1.0)
-    s2, d2 = blend((1.0 - below / trace) / width + 1.0)
-    s3, d3 = blend((J * inverse_high - 1.0) / width + 1.0)
-    s4, d4 = blend((1.0 - J * inverse_low) / width + 1.0)
-    d1, d2, d3, d4 = d1 / width, d2 / width, d3 / width, d4 / width
-    r1, r2, r3, r4 = 1.0 - s1, 1.0 - s2, 1.0 - s3, 1.0 - s4
-    by_trace = d1 / above * r2 * r3 * r4 + d2 * below / (trace * trace) * r1 * r3 * r4
-    by_J = -d1 * trace * 2.0 * J * inverse_high / (above * above) * r2 * r3 * r4
-    by_J += -d2 * 2.0 * J * inverse_low / trace * r1 * r3 * r4
-    by_J += d3 * inverse_high * r1 * r2 * r4 - d4 * inverse_low * r1 * r2 * r3
-    return 1.0 - r1 * r2 * r3 * r4, by_trace, by_J
+    low, high, inverse_low, inverse_high = limits[0], limits[1], limits[2], limits[3]
+    above, below = high + J * J * inverse_high, low + J * J * inverse_low
+    by_above, by_below, zero = 2.0 * J * inverse_high, 2.0 * J * inverse_low, 0.0 * J
+    d1, d2, d3, d4 = edge_distances(trace, J, limits)
+    one_above = _share_within(
+        d1,
+        (1.0 / above, -trace * by_above / (above * above)),
+        (zero, -by_above / (above * above), 2.0 * trace * (by_above * by_above / above - inverse_high) / (above * above)),
+    )
+    one_below = _share_within(
+        d2,
+        (below / (trace * trace), -by_below / trace),
+        (-2.0 * below / (trace * trace * trace), by_below / (trace * trace), -2.0 * inverse_low / trace),
+    )
+    both_above = _share_within(d3, (zero, zero + inverse_high), (zero, zero, zero))
+    both_below = _share_within(d4, (zero, zero - inverse_low), (zero, zero, zero))
+    rest = product_rule(product_rule(one_above, one_below), product_rule(both_above, both_below))
+    return 1.0 - rest[0], -rest[1], -rest[2], -rest[3], -rest[4], -rest[5]
+
+
+@inlined
+def _share_within(distance, first, second):
+    """Return the share that one edge leaves to the surrogate, and its derivatives, from those of the distance beyond the edge."""
+    s, ds, dds = blend(distance / BLEND + 1.0)
+    ds, dds = ds / BLEND, dds / (BLEND * BLEND)
+    return (
+        1.0 - s,
+        -ds * first[0],
+        -ds * first[1],
+        -dds * first[0] * first[0] - ds * second[0],
+        -dds * first[0] * first[1] - ds * second[1],
+        -dds * first[1] * first[1] - ds * second[2],
+    )
+
+
+@inlined
+def product_rule(f, g):
+    """Return a product of functions of two variables and its derivatives, from (value, I, J, II, IJ, JJ) of both."""
+    return (
+        f[0] * g[0],
+        f[1] * g[0] + f[0] * g[1],
+        f[2] * g[0] + f[0] * g[2],
+        f[3] * g[0] + 2.0 * f[1] * g[1] + f[0] * g[3],
+        f[4] * g[0] + f[1] * g[2] + f[2] * g[1] + f[0] * g[4],
+        f[5] * g[0] + 2.0 * f[2] * g[2] + f[0] * g[5],
+    )
 
 
 def distance_coefficients(low, high):
@@ -123,8 +160,8 @@ def distance_coefficients(low, high):
     return np.array([[1 - a**3, a * a, -a], [1 - b**-3, -1 / b, b**-2]])
 
 
-@inline
-def exact_share_at(distance, band):
-    """Return the share of the exact energy, 0 inside the band and 1 at the edge, and its derivative by the distance."""
-    share, slope = blend(1.0 - distance / band)
-    return share, -slope / band
+@inlined
+def exact_share_at(distance):
+    """Return the share of the exact energy, 0 deeper than the band and 1 at the edge, and its derivative by the distance."""
+    share, slope, _ = blend(1.0 - distance / BLEND)
+    return share, -slope / BLEND

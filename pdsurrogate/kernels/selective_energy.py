@@ -14,10 +14,18 @@ STATE_ROWS, RESULT_ROWS = 3, 4
 """Rows of the states and of the result of an isochoric response; the last row of the result is the energy."""
 
 
+@inlined
+def _evaluate(energy, sizes, weights, response, parameters, states, result):
+    if energy == 0:
+        call_block(response, states, parameters, result)
+    else:
+        call_block(energy, states, sizes, weights, response, parameters, result)
+
+
 @kernel
-def evaluate_response(response, states, parameters, result):
-    """Evaluate an isochoric response over one block of states."""
-    call_block(response, states, parameters, result)
+def evaluate_isochoric_energy(energy, sizes, weights, response, parameters, states, result):
+    """Evaluate an isochoric energy over one block of states: a learnt one by its address, or the law's own if that is 0."""
+    _evaluate(energy, sizes, weights, response, parameters, states, result)
 
 
 def buffer_rows(dimension: int) -> int:
@@ -155,6 +163,9 @@ def pair_energies(algebra):
         second,
         geometry,
         shares,
+        energy,
+        sizes,
+        weights,
         response,
         parameters,
         buffers,
@@ -184,7 +195,7 @@ def pair_energies(algebra):
                 F = of_bond(sums, bonds, reference, k)
                 put_column(sums, k, F)
                 put_column(states, k, algebra.response_state(F, like(F[0], 1.0)))
-            call_block(response, states, parameters, result)
+            _evaluate(energy, sizes, weights, response, parameters, states, result)
             # The bonds are no longer needed: their first row is reused for the pressures.
             for k in range(BLOCK):
                 bonds[0, k] = share[0, k] * pressures[first[at + k]] + share[1, k] * pressures[second[at + k]]

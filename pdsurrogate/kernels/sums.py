@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..engine.compile import inlined
 from ..engine.passes import Pass, share_of
 from .by_dimension import ByDimension
 
@@ -57,9 +58,23 @@ def weigh_moments(algebra):
     return weigh_moments
 
 
+def node_force(algebra):
+    """Build the function that adds a point's part of `point_forces` that comes from the weighted S."""
+
+    @inlined
+    def add_node_force(stresses, neighbours, weighted_bonds, start, stop, factor, i, node_parts, out):
+        algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, start, stop, np.uint64(i), node_parts)
+        force = algebra.plus(algebra.vector_at(out, i), algebra.times(factor, algebra.vector_at(node_parts, i)))
+        algebra.put(out, i, force)
+        return algebra.not_finite(force)
+
+    return add_node_force
+
+
 @ByDimension
 def point_forces(algebra):
     """Build the pass that sums forces on points from the pairs' own parts and the points' weighted S."""
+    add_node_force = node_force(algebra)
 
     @Pass
     def point_forces(
@@ -91,11 +106,8 @@ def point_forces(algebra):
             own = pair_pointers[i], pair_pointers[i + 1]
             others = incidence_pointers[i], incidence_pointers[i + 1]
             algebra.sum_signed_records(forces, own[0], own[1], incidence, others[0], others[1], unit, np.uint64(i), out)
-            algebra.sum_matrix_products(stresses, neighbours, weighted_bonds, pointers[r], pointers[r + 1], np.uint64(i), node_parts)
-            node_part = algebra.times(unit * volumes[i], algebra.vector_at(node_parts, i))
-            force = algebra.plus(algebra.vector_at(out, i), node_part)
-            algebra.put(out, i, force)
-            without_force += algebra.not_finite(force)
+            bonds, factor = (pointers[r], pointers[r + 1]), unit * volumes[i]
+            without_force += add_node_force(stresses, neighbours, weighted_bonds, bonds[0], bonds[1], factor, i, node_parts, out)
         return without_force
 
     return point_forces
@@ -104,6 +116,7 @@ def point_forces(algebra):
 @ByDimension
 def add_node_forces(algebra):
     """Build the pass that adds the forces of the points' weighted S to the forces on points."""
+    add_node_force = node_force(algebra)
 
     @Pass
     def add_node_forces(chunk, chunks, moments, pointers, neighbours, weighted_bonds, volumes, first_point, node_parts, out):
@@ -111,8 +124,6 @@ def add_node_forces(algebra):
         start, stop = share_of(pointers.shape[0] - 1, chunk, chunks)
         for r in range(start, stop):
             i = first_point + r
-            algebra.sum_matrix_products(moments, neighbours, weighted_bonds, pointers[r], pointers[r + 1], np.uint64(i), node_parts)
-            node_part = algebra.times(volumes[i], algebra.vector_at(node_parts, i))
-            algebra.put(out, i, algebra.plus(algebra.vector_at(out, i), node_part))
+            add_node_force(moments, neighbours, weighted_bonds, pointers[r], pointers[r + 1], volumes[i], i, node_parts, out)
 
     return add_node_forces

@@ -13,8 +13,9 @@ import numpy as np
 
 from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS, block_rows, quad_records
 from ..engine.compile import call_block, widest_vectors
+from ..engine.intrinsics import tuple_of
 from ..engine.passes import Pass, share_of
-from .domain import is_outside, share_inside
+from .domain import N_LIMITS, is_outside, share_inside
 from .node_state import solve_volume_ratios
 
 MOST_ITERATIONS = 20
@@ -64,8 +65,7 @@ def surrogate_node_states(
     moved = scratch[thread, 14]
     bond = block_rows(buffers[thread, 0:6])
     traction = block_rows(buffers[thread, 6:9])
-    outer = (domain[0, 0], domain[0, 1], domain[0, 2], domain[0, 3], domain[0, 4], domain[0, 5], domain[0, 6])
-    inner = (domain[1, 0], domain[1, 1], domain[1, 2], domain[1, 3], domain[1, 4], domain[1, 5], domain[1, 6])
+    outer, inner = tuple_of(domain[0], N_LIMITS), tuple_of(domain[1], N_LIMITS)
     count = 0
     for block in range(first_block, last_block):
         at = block * BLOCK
