@@ -100,22 +100,26 @@ def isochoric_inputs(shared, a, b, U_mm, J, C33, length):
     """Return log Jbar and tr Cbar/(2 Jbar) - 1 of the isochoric stretch in the plane, Ubar = J3^(-1/3) U.
 
     For a law W_iso + U(J3) the traction is J3^(-1/3) times a function of Ubar alone, and an isotropic function of Ubar has two arguments:
-    these features lose nothing, and isotropy and the split are exact. The second feature is cosh log(lambda_1/lambda_2) - 1.
+    these features lose nothing, and isotropy and the split are exact. The second feature is cosh log(lambda_1/lambda_2) - 1; its numerator
+    is the difference, so that it is zero at rest on processors whose quotient of one by one is not exactly one.
     """
     c = shared[0]
     trace = a * a + like(a, 2.0) * b * b + U_mm * U_mm
-    return logarithm(c * J), quotient(like(a, 0.5) * trace, J) - like(a, 1.0)
+    return logarithm(c * J), quotient(like(a, 0.5) * trace - J, J)
 
 
 def isochoric_traction(shared, o1, o2, a, b, U_mm, J, C33):
     """Return T = p (U - C33 U^-1) + r U^-1 with p = J3^(-2/3) o1 and r = o2; zero at rest if o2 is.
 
-    For laws that depend on I1bar only, r vanishes and p is 2 W1 J3^(-2/3).
+    For laws that depend on I1bar only, r vanishes and p is 2 W1 J3^(-2/3). The components of T J are computed, and divided by J last: at rest
+    they are zero in exact arithmetic and in floating point, whatever the rounding of a quotient.
     """
     c = shared[0]
     p = c * o1
-    q = quotient(o2 - C33 * p, J)
-    return p * a + q * U_mm, (p - q) * b, p * U_mm + q * a
+    q = o2 - C33 * p
+    p = p * J
+    inverse = quotient(like(a, 1.0), J)
+    return (p * a + q * U_mm) * inverse, (p - q) * b * inverse, (p * U_mm + q * a) * inverse
 
 
 def isochoric_outputs(shared, T_nn, T_nm, a, b, U_mm, J, C33):
