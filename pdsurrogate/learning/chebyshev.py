@@ -8,15 +8,15 @@ from numbers import Integral
 from typing import ClassVar
 
 import numpy as np
-from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+from .base import BaseRegressor
 
 MOST_TERMS = 10_000
 """Terms of a polynomial: with as many samples the matrix of the least squares has 0.8 GB."""
 
 
-class ChebyshevRegressor(RegressorMixin, BaseEstimator):
+class ChebyshevRegressor(BaseRegressor):
     """Least squares on products of Chebyshev polynomials of the features, up to a total degree.
 
     Features are mapped to [-1, 1] by their range in the training data.  No iteration and no random choice.
@@ -50,11 +50,6 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
     def __init__(self, degree=6):
         self.degree = degree
 
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.target_tags.multi_output = True
-        return tags
-
     def fit(self, X, y, sample_weight=None):
         """Fit the coefficients.
 
@@ -74,33 +69,22 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
         ValueError
             If the degrees make more than `MOST_TERMS` terms; says which would not.
         """
-        self._validate_params()
-        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
-        y = np.asarray(y, dtype=np.float64)
-        self._single_output = y.ndim == 1
-        Y = y.reshape(len(X), -1)
-        if sample_weight is not None:
-            weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        X, Y, weights = self._checked(X, y, sample_weight)
+        if weights is not None:
             X, Y, weights = (array[weights > 0] for array in (X, Y, weights))
         low, high = X.min(axis=0), X.max(axis=0)
         self.centre_ = (low + high) / 2
         self.half_width_ = np.where(high > low, (high - low) / 2, 1.0)
         self.powers_ = self._checked_powers(X.shape[1])
         terms = self._terms(X)
-        if sample_weight is not None:
+        if weights is not None:
             root = np.sqrt(weights)[:, None]
             terms, Y = terms * root, Y * root
         self.coef_ = np.linalg.lstsq(terms, Y, rcond=1e-13)[0]
         return self
 
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "coef_")
-
-    def predict(self, X):
-        """Predict targets, shape (n_samples,) or (n_samples, n_outputs) as in training."""
-        check_is_fitted(self)
-        Y = self._terms(validate_data(self, X, dtype=np.float64, reset=False)) @ self.coef_
-        return Y[:, 0] if self._single_output else Y
+    def _outputs(self, X):
+        return self._terms(X) @ self.coef_
 
     def _checked_powers(self, n_features):
         """Return the degrees of each feature in each term."""

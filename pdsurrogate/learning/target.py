@@ -16,8 +16,8 @@ from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, get_ro
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, has_fit_parameter, validate_data
 
 from ..arguments import in_order
+from .base import distinct_samples
 from .named import columns_read
-from .repeated import distinct_samples
 
 
 def check_targets(y, names) -> None:
@@ -141,8 +141,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
             sample_weight = _check_sample_weight(sample_weight, X, ensure_non_negative=True)
         if _takes_weights(regressor):
             kept, sample_weight = distinct_samples(X, y, sample_weight)
-            if kept is not None:
-                X, y, rows = X[kept], y[kept], kept
+            X, y, rows = X[kept], y[kept], rows[kept]
         z = y if self.func is None else np.asarray(self.func(X, y))
         undetermined = np.isnan(z).reshape(len(X), -1).any(axis=1)
         if undetermined.any():
