@@ -234,8 +234,10 @@ def feature_box(feature_set: str, domain: Domain, states: np.ndarray) -> tuple[n
     return low - beyond, high + beyond
 
 
-def regressor_of(model: InputAwareTargetRegressor):
-    """The regressor within a fitted bond-force pipeline, below the transformation of the target."""
+def regressor_of(model):
+    """Return the regressor within a fitted pipeline, below features and scalings; any other model as it is."""
+    if not isinstance(model, InputAwareTargetRegressor):
+        return model
     last = model.regressor_[-1]
     return getattr(last, "regressor_", last)
 

@@ -6,11 +6,11 @@ from itertools import product
 
 import numpy as np
 
-from ..forces import IsochoricNetwork
+from ..forces import Domain, IsochoricNetwork
 from ..forces.agreement import isochoric_stresses
 from ..forces.learnt_energy import ISOCHORIC_FEATURES
 from ..materials import Law, solid
-from .energy_target import EnergyTarget, checked_derivatives, checked_invariants
+from .energy_target import EnergyTarget, PipelineFunctions, checked_derivatives, checked_invariants
 from .named import named
 from .targets import Samples
 
@@ -56,11 +56,13 @@ class _IsochoricEnergy(EnergyTarget):
     name, columns, outputs, stretch_range, n_samples = "isochoric-energy", INVARIANTS, DERIVATIVES, (0.25, 4.0), 1_000
     surrogate_type, n_units = IsochoricNetwork, 8
     flat = ()
-    log_features = staticmethod(log_isochoric_invariants)
-    feature_names = staticmethod(isochoric_feature_names)
-    size = staticmethod(isochoric_energy_size)
-    derivatives_by_features = staticmethod(isochoric_derivatives_by_features)
-    derivatives_by_invariants = staticmethod(isochoric_derivatives_by_invariants)
+    functions = PipelineFunctions(
+        log_isochoric_invariants,
+        isochoric_feature_names,
+        isochoric_energy_size,
+        isochoric_derivatives_by_features,
+        isochoric_derivatives_by_invariants,
+    )
 
     def reached(self, law: Law, low: float, high: float) -> bool:
         # The corners decide.
@@ -73,9 +75,7 @@ class _IsochoricEnergy(EnergyTarget):
     def states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         squares = stretches**2
         I1, I2 = squares.sum(axis=1), (1 / squares).sum(axis=1)
-        # Theory (40) at J = 1: p = 2 (W1 + I1bar W2) and r = -2 W2.
-        p, _, r, W = solid.isochoric_response(law, I1, I2, np.ones_like(I1))
-        return np.stack([I1, I2], axis=1), np.stack([W, (p + I1 * r) / 2, -r / 2], axis=1)
+        return np.stack([I1, I2], axis=1), np.stack(_energy_and_derivatives(law, I1, I2), axis=1)
 
     def draw_logs(self, random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
         low, high = np.log(low), np.log(high)
@@ -115,27 +115,22 @@ class _IsochoricEnergy(EnergyTarget):
             "at_rest": float(abs(rest[0])),
             "shear_modulus": float(2 * (rest[1] + rest[2])),
             "least_acoustic": _least_acoustic(lambda I1, I2: model.isochoric_derivatives(I1, I2)[1:], squares),
-            "least_acoustic_exact": _least_acoustic(lambda I1, I2: _exact(law, I1, I2), squares),
+            "least_acoustic_exact": _least_acoustic(lambda I1, I2: _energy_and_derivatives(law, I1, I2)[1:], squares),
         }
 
-    def shape(self, law: Law) -> dict[str, float]:
-        return dict(law.shape)
-
-    def bulk_range(self, law: Law, X: np.ndarray) -> tuple[float, float]:
-        return 1.0, 1.0
-
-    def range_of(self, X: np.ndarray) -> tuple[float, float]:
+    def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
         squares = solid.principal_stretches((*X.T, np.ones(len(X))))[3:]
-        return float(np.sqrt(np.min(squares))), float(np.sqrt(np.max(squares)))
+        return Domain(float(np.sqrt(np.min(squares))), float(np.sqrt(np.max(squares))), 1.0, 1.0)
 
 
 ISOCHORIC_ENERGY = _IsochoricEnergy()
 """W of a law, a function of I1bar and I2bar alone."""
 
 
-def _exact(law: Law, I1, I2):
-    p, _, r, _ = solid.isochoric_response(law, I1, I2, np.ones_like(I1))
-    return (p + I1 * r) / 2, -r / 2
+def _energy_and_derivatives(law: Law, I1, I2):
+    """Return W and its derivatives by the invariants, from theory (40) at J = 1: p = 2 (W1 + I1bar W2) and r = -2 W2."""
+    p, _, r, W = solid.isochoric_response(law, I1, I2, np.ones_like(I1))
+    return W, (p + I1 * r) / 2, -r / 2
 
 
 def _least_acoustic(derivatives, squares) -> float:

@@ -16,7 +16,7 @@ from ..artifacts import new_artifact, next_version, own_folder, save_artifact
 from ..materials import Law
 from ..materials.law import checked_law
 from .card_text import CardText
-from .export import best_of, title_of
+from .export import best_of, regressor_of, title_of
 from .fitting import MEMBER_STATES, check_worth_storing
 from .pipeline import feature_set_of
 from .surrogates import checked_surrogate
@@ -99,7 +99,7 @@ def store(
     committee, cards = _committee(members, title, target)
     search = search_table(model) if text.search is None and hasattr(model, "cv_results_") else text.search
     model = best_of(model)
-    regressor = target.regressor(model)
+    regressor = regressor_of(model)
     card = {
         "name": name,
         "version": version,

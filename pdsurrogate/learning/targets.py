@@ -10,6 +10,7 @@ import numpy as np
 
 from ..forces import Domain, LearntBondForce, LearntEnergy
 from ..materials import Law
+from .sampling import PERTURBATION
 
 
 @dataclass(frozen=True)
@@ -58,17 +59,17 @@ class Target(ABC):
     Attributes
     ----------
     name : str
-        Name by which users ask for it.
+        Name in the argument ``target`` of public functions.
     columns, outputs : tuple of str
-        Columns of X and y of its samples.
+        Columns of X and y of the samples.
     stretch_range : tuple of float
-        Least and greatest principal stretch of samples, where the user gives no range.
+        Default of the least and the greatest principal stretch of samples.
     n_samples : int
-        Number of samples, where the user gives none.
+        Default of the number of samples.
     units : str
         Units of features and targets, for cards.
     weight_function : str
-        What the card says of weight functions.
+        Text about weight functions, for cards.
     has_committees : bool
         Whether an artefact may hold a committee.
     """
@@ -103,10 +104,6 @@ class Target(ABC):
         """Return the relative errors (``rms``, ``max``) of predictions, of the shape of ``samples.y``."""
 
     @abstractmethod
-    def domain(self, law: Law, samples: Samples) -> Domain:
-        """Return the domain of a surrogate that is fitted to samples of a design."""
-
-    @abstractmethod
     def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
         """Return the domain of a surrogate that is fitted to states (columns `columns`) of an unknown design."""
 
@@ -120,23 +117,26 @@ class Target(ABC):
     def report(self, model, law: Law, stretch_range: tuple[float, float], n_samples: int, random_state: int) -> dict:
         """Return the report of `pdsurrogate.evaluate`."""
 
-    @abstractmethod
+    def domain(self, law: Law, samples: Samples) -> Domain:
+        """Return the domain of a surrogate that is fitted to samples of a design."""
+        found, design = self.domain_of_states(law, samples.X), samples.design
+        bulk = found.least_bulk, found.greatest_bulk
+        if design.get("off_surface"):
+            # The bounds of the perturbation itself, which the samples nearly fill.
+            reach = np.exp(design.get("perturbation", PERTURBATION)["log_C33"])
+            bulk = float(1 / reach), float(reach)
+        # The hull of the test data, for an energy without a law.
+        hull = None if design.get("hull") is None else tuple(tuple(map(float, plane)) for plane in design["hull"])
+        return Domain(*design["stretch_range"], *bulk, hull)
+
     def more_reports(self, surrogate, law: Law, stretch_range: tuple[float, float]) -> dict[str, dict]:
         """Return reports over further ranges of stretches for the card, by title."""
+        return {}
 
-    @abstractmethod
     def shape(self, law: Law) -> dict[str, float]:
         """Return the dimensionless parameters of a law that the target depends on."""
-
-    @abstractmethod
-    def regressor(self, model):
-        """Return the regressor inside a fitted model, below features and scalings."""
+        return dict(law.shape)
 
     @abstractmethod
     def scaling(self, model) -> dict:
         """Return what the card says of the scalings of a fitted model."""
-
-
-def hull_of(design: dict) -> tuple[tuple[float, float, float], ...] | None:
-    """Return the hull of the test data (`Domain.hull`) of an energy without a law, for a design that has one."""
-    return None if design.get("hull") is None else tuple(tuple(map(float, plane)) for plane in design["hull"])
