@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -114,16 +114,14 @@ def cross_validate(
     check_seed(random_state)
     check_called(progress, "progress")
     check_jobs(n_jobs)
-    splits = _reported(KFold(folds, shuffle=True, random_state=random_state).split(samples.X), progress)
-    errors = Parallel(n_jobs)(delayed(_errors_left_out)(clone(model), samples.take(train), samples.take(test)) for train, test in splits)
-    return [{"fold": number, **error} for number, error in enumerate(errors)]
 
-
-def _reported(splits: Iterable, progress: Callable[[int], None]) -> Iterator:
-    """Yield the splits, and call `progress` with the number of each."""
-    for fold, split in enumerate(splits):
+    def task(fold: int, train: np.ndarray, test: np.ndarray):
         progress(fold)
-        yield split
+        return delayed(_errors_left_out)(clone(model), samples.take(train), samples.take(test))
+
+    splits = KFold(folds, shuffle=True, random_state=random_state).split(samples.X)
+    errors = Parallel(n_jobs)(task(fold, *split) for fold, split in enumerate(splits))
+    return [{"fold": number, **error} for number, error in enumerate(errors)]
 
 
 def _errors_left_out(model, train: Samples, test: Samples) -> dict[str, float]:

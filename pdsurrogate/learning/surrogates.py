@@ -20,7 +20,7 @@ from .target import InputAwareTargetRegressor
 from .targets import Samples, Target
 
 TARGETS = {target.name: target for target in (BOND_FORCE, SHEET_ENERGY, ISOCHORIC_ENERGY)}
-"""Targets by the names that users give."""
+"""Targets by the names that public functions take."""
 
 
 def target_called(name: str) -> Target:
@@ -205,13 +205,11 @@ def surrogate_pipeline(
     (500, 2)
     """
     chosen = target_called(target)
-    options = {"features": features, "horizon": horizon, "weight": weight, "shear_modulus": shear_modulus}
     if chosen is BOND_FORCE:
-        return chosen.pipeline(regressor, **options)
-    defaults = {"features": None, "horizon": 1.0, "weight": None, "shear_modulus": 1.0}
-    given = [key for key, value in options.items() if value != defaults[key]]
-    if given:
-        raise ValueError(f"{given[0]} is for the target bond-force; {target} has none")
+        return chosen.pipeline(regressor, features, horizon, weight, shear_modulus)
+    given = {"features": features is not None, "horizon": horizon != 1, "weight": weight is not None, "shear_modulus": shear_modulus != 1}
+    if any(given.values()):
+        raise ValueError(f"{max(given, key=given.get)} is for the target bond-force; {target} has none")
     return chosen.pipeline(regressor)
 
 

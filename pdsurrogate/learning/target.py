@@ -31,27 +31,20 @@ def is_search(model) -> bool:
     return isinstance(model, BaseEstimator) and (hasattr(model, "param_grid") or hasattr(model, "param_distributions"))
 
 
-def weight_parameter(estimator) -> str:
-    """Return the name of sample weights in ``fit`` of an estimator; for nested pipelines, with the names of their last steps."""
+def weighted_part(estimator) -> tuple[str, object]:
+    """Return the name of sample weights in ``fit`` of an estimator, and the regressor that they are for.
+
+    In a pipeline the name is prefixed with that of the last step, however deeply pipelines are nested.
+    """
     if isinstance(estimator, Pipeline):
         name, last = estimator.steps[-1]
-        return f"{name}__{weight_parameter(last)}"
-    if isinstance(estimator, TransformedTargetRegressor) and estimator.regressor is not None:
-        return weight_parameter(estimator.regressor)
-    if isinstance(estimator, MultiOutputRegressor) or is_search(estimator):
-        return weight_parameter(estimator.estimator)
-    return "sample_weight"
-
-
-def _takes_weights(estimator) -> bool:
-    """Return whether the regressor to which `weight_parameter` leads takes sample weights."""
-    if isinstance(estimator, Pipeline):
-        return _takes_weights(estimator.steps[-1][1])
+        parameter, regressor = weighted_part(last)
+        return f"{name}__{parameter}", regressor
     if isinstance(estimator, TransformedTargetRegressor):
-        return estimator.regressor is None or _takes_weights(estimator.regressor)
+        return weighted_part(LinearRegression() if estimator.regressor is None else estimator.regressor)
     if isinstance(estimator, MultiOutputRegressor) or is_search(estimator):
-        return _takes_weights(estimator.estimator)
-    return has_fit_parameter(estimator, "sample_weight")
+        return weighted_part(estimator.estimator)
+    return "sample_weight", estimator
 
 
 class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
@@ -139,7 +132,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         rows = np.arange(len(X))
         if sample_weight is not None:
             sample_weight = _check_sample_weight(sample_weight, X, ensure_non_negative=True)
-        if _takes_weights(regressor):
+        if has_fit_parameter(weighted_part(regressor)[1], "sample_weight"):
             kept, sample_weight = distinct_samples(X, y, sample_weight)
             X, y, rows = X[kept], y[kept], rows[kept]
         z = y if self.func is None else np.asarray(self.func(X, y))
@@ -172,7 +165,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
             regressor.fit(X, z, sample_weight=weights)
         else:
             with config_context(enable_metadata_routing=False):
-                regressor.fit(X, z, **{weight_parameter(regressor): weights})
+                regressor.fit(X, z, **{weighted_part(regressor)[0]: weights})
 
     def _routes_weights(self) -> bool:
         """Return whether a part of the regressor requests weights by scikit-learn's metadata routing."""
