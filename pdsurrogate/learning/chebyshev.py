@@ -13,19 +13,19 @@ from sklearn.utils._param_validation import Interval
 from .base import BaseRegressor
 
 MOST_TERMS = 10_000
-"""Terms of a polynomial: with as many samples the matrix of the least squares has 0.8 GB."""
+"""Most terms of a polynomial: with as many samples the matrix of the least squares has 0.8 GB."""
 
 
 class ChebyshevRegressor(BaseRegressor):
-    """Least squares on products of Chebyshev polynomials of the features, up to a total degree.
+    """Least-squares fit of products of Chebyshev polynomials of the features, up to a total degree.
 
-    Features are mapped to [-1, 1] by their range in the training data.  No iteration and no random choice.
+    Features are mapped to [-1, 1] by their range in the training data. The fit has no iterations and no random choices.
 
     Parameters
     ----------
     degree : int or tuple of int, default=6
-        Total degree of the products; or one degree for each feature, the products then being those whose degrees, each over that of
-        its feature, add up to at most 1.
+        Greatest total degree of a product; or one degree for each feature: the degrees in a product, each divided by that of its feature,
+        then add up to at most 1.
 
     Attributes
     ----------
@@ -33,6 +33,7 @@ class ChebyshevRegressor(BaseRegressor):
         Degree of each feature in each term.
     coef_ : ndarray, shape (n_terms, n_outputs)
     centre_, half_width_ : ndarray, shape (n_features,)
+        Map of the features to [-1, 1].
     n_features_in_ : int
 
     Examples
@@ -58,7 +59,7 @@ class ChebyshevRegressor(BaseRegressor):
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
         sample_weight : array-like, shape (n_samples,), optional
-            Of the squared errors; samples of weight 0 do not count for the range of the features either.
+            Weights of the squared errors; the range of the features is that of samples with a weight above 0.
 
         Returns
         -------
@@ -67,7 +68,7 @@ class ChebyshevRegressor(BaseRegressor):
         Raises
         ------
         ValueError
-            If the degrees make more than `MOST_TERMS` terms; says which would not.
+            If the degrees make more than `MOST_TERMS` terms; names the greatest degree that does not.
         """
         X, Y, weights = self._checked(X, y, sample_weight)
         if weights is not None:
@@ -98,6 +99,7 @@ class ChebyshevRegressor(BaseRegressor):
         return np.array(powers)
 
     def _degrees(self, n_features):
+        """Return the greatest degree of each feature."""
         if isinstance(self.degree, Integral):
             return [int(self.degree)] * n_features
         if len(self.degree) != n_features or not all(isinstance(value, Integral) and 0 <= value <= 24 for value in self.degree):
@@ -105,6 +107,7 @@ class ChebyshevRegressor(BaseRegressor):
         return [int(value) for value in self.degree]
 
     def _terms(self, X):
+        """Return the values of all terms, shape (n_samples, n_terms)."""
         basis = np.polynomial.chebyshev.chebvander((X - self.centre_) / self.half_width_, self.powers_.max())
         terms = np.ones((len(X), len(self.powers_)))
         for feature in range(X.shape[1]):
@@ -113,7 +116,7 @@ class ChebyshevRegressor(BaseRegressor):
 
 
 def _powers(degrees, share):
-    """All degrees of the features whose shares of their greatest add up to at most `share`."""
+    """Yield the degrees of the features in each product; divided by their greatest they add up to at most `share`."""
     if not degrees:
         yield ()
         return

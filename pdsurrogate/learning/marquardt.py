@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from .base import COUNT, NOT_NEGATIVE, POSITIVE
-from .listening import tell
+from .listening import report_iteration
 
 MOST_DAMPING = 1e12
 """Damping, relative to the diagonal of the normal matrix, at which a step is below rounding and the training ends."""
@@ -35,7 +35,7 @@ def accepted_steps(
         weights, loss, damping = improved(weights, loss, loss_of, *normal_equations(weights), damping)
         if loss is None:
             return
-        tell(iteration, regressor.n_init * most, loss)
+        report_iteration(iteration, regressor.n_init * most, loss)
         yield weights, loss
 
 

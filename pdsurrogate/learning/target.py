@@ -1,4 +1,4 @@
-"""A regressor whose target is transformed by functions that see the inputs."""
+"""Regressor with a transformation of the target that depends on the inputs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .named import columns_read
 
 
 def check_targets(y, names) -> None:
-    """Raise ValueError if a target has other columns than those named."""
+    """Raise ValueError if a target does not have the named columns."""
     if np.shape(y)[1:] != (len(names),):
         raise ValueError(f"y must have the {len(names)} columns {', '.join(names)}, not shape {np.shape(y)}")
 
@@ -50,29 +50,28 @@ def weighted_part(estimator) -> tuple[str, object]:
 class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     """Fit a regressor to ``func(X, y)`` and predict with ``inverse_func(X, ...)``.
 
-    As `sklearn.compose.TransformedTargetRegressor`, but for transformations that depend on the inputs, such as a known size that the
-    target is divided by.  On request the prediction of chosen outputs is made exactly zero at one input, by taking
-    off what the regressor gives there.
+    Like `sklearn.compose.TransformedTargetRegressor`, but with transformations that depend on the inputs, such as a division by a known
+    size of the target. Chosen transformed outputs can be made exactly zero at one input, by subtracting the prediction there.
 
     Parameters
     ----------
     regressor : estimator, default=None
         Any regressor; LinearRegression if None.
     func, inverse_func : callable, default=None
-        ``func(X, y)`` and its inverse ``inverse_func(X, z)``; the identity if None.  `func` gives NaN for a sample that does not determine
-        its target, which is left out of the training.  Where `func` names the columns that it reads (`pdsurrogate.learning.named`), tables
-        are put in that order, and tables with other names are refused.
+        ``func(X, y)`` and its inverse ``inverse_func(X, z)``; the identity if None. Samples for which `func` returns NaN are left out of
+        the training, with a warning. If `func` has names of columns (`pdsurrogate.learning.named`), the columns of tables are reordered by
+        them, and tables with other names are refused.
     anchor : array-like, shape (n_features,), default=None
-        Input at which the transformed outputs named in `anchored_outputs` are zero.
+        Input at which the transformed outputs with the numbers `anchored_outputs` are zero.
     anchored_outputs : tuple of int, default=()
 
     Attributes
     ----------
     regressor_ : estimator
     offsets_ : ndarray, shape (n_outputs,)
-        Taken off the transformed outputs.
+        Values subtracted from the transformed outputs.
     training_inputs_ : ndarray, shape (n_samples, n_features), or None
-        What it was fitted to; None of one that was read from a file.
+        Inputs of the training; None after reading from a file.
     n_features_in_ : int
 
     Examples
@@ -107,10 +106,10 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
         sample_weight : array-like, shape (n_samples,), optional
-            For the regressor, or the last step of a pipeline, whatever that is nested in.  A whole number stands for as many copies of a
-            sample, 0 for none: repeated samples are merged into weights where the regressor takes weights, so that both are the same
-            training.  Scalings are those of the distinct samples.  With scikit-learn's metadata routing the weights go where a part of
-            `regressor` requests them, and to the regressor where none does.
+            Weights for the regressor, or for the last step of a pipeline at any depth. A whole number stands for as many copies of a
+            sample, 0 for none: if the regressor accepts weights, repeated samples are merged into weights, so that both trainings are the
+            same. Scalings are those of the distinct samples. With scikit-learn's metadata routing the weights go to the parts of
+            `regressor` that request them, and to the regressor if none does.
 
         Returns
         -------
@@ -119,13 +118,13 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         Raises
         ------
         ValueError
-            If only one of `func` and `inverse_func` is given, the columns of a table have other names than `func` reads, or the transformed
-            target is not finite.
+            If only one of `func` and `inverse_func` is given, the columns of a table have other names than those of `func`, or the
+            transformed target is not finite.
         """
         if (self.func is None) != (self.inverse_func is None):
             raise ValueError("func and inverse_func are given together or not at all")
         for key in ("regressor_", "offsets_", "training_inputs_"):
-            vars(self).pop(key, None)  # those of an earlier training, which this one replaces
+            vars(self).pop(key, None)  # of an earlier training, which must not outlive a failed one
         columns, targets = columns_read(self.func)
         X, y = validate_data(self, in_order(X, columns, "X"), in_order(y, targets, "y"), multi_output=True, y_numeric=True)
         regressor = clone(self.regressor) if self.regressor is not None else LinearRegression()
@@ -158,7 +157,7 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         return self
 
     def _fit_weighted(self, regressor, X, z, weights) -> None:
-        """Fit the regressor, with weights where they belong."""
+        """Fit the regressor, with the weights, if any, for the part that accepts them."""
         if weights is None:
             regressor.fit(X, z)
         elif get_config()["enable_metadata_routing"] and self._routes_weights():
@@ -175,14 +174,14 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         return hasattr(self, "offsets_")
 
     def get_metadata_routing(self):
-        """Return where metadata go, as scikit-learn asks: here, or to the parts of the regressor where these request them."""
+        """Return scikit-learn's routing of metadata: to this estimator, or to the parts of the regressor that request them."""
         own = super().get_metadata_routing()
         if own.consumes("fit", ["sample_weight"]) or not self._routes_weights():
             return own
         return MetadataRouter(owner=self).add(regressor=self.regressor, method_mapping=MethodMapping().add(caller="fit", callee="fit"))
 
     def __getstate__(self):
-        # The inputs tell where a fitted model holds (`force_model_of`) as long as it is in memory; a file of it comes with a card.
+        # `force_model_of` finds the domain of a model in memory from its inputs; a file has the domain on the card of its artefact.
         return {key: value for key, value in super().__getstate__().items() if key != "training_inputs_"}
 
     def predict(self, X):
