@@ -178,8 +178,7 @@ def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
     a, b, U_mm, J, C33, length = _bond_state(X)
     check_targets(y, TARGETS)
     force = np.asarray(y) if factor is None else y / factor(length)[:, None]
-    stretch = X[:, 0]
-    T_nn, T_nm = ((force[:, 0] * a - force[:, 1] * b) / stretch, (force[:, 0] * b + force[:, 1] * a) / stretch)
+    T_nn, T_nm = along_and_across(*force.T, a, -b, X[:, 0]).T  # the rotation back
     chosen = FEATURE_SETS[features]
     without_shear = np.abs(b) <= SHEARLESS * a
     b = np.where(without_shear, 0.0, b)

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..arguments import check_share
 from ..body import WEIGHT_FUNCTIONS
+from ..kernels.bond_state import along_and_across
 from ..materials import Law, plane_stress
 from .named import named
 
@@ -171,4 +172,4 @@ def force_on_bonds(law, U_nn, U_nm, J, C33, length):
     T_nn, T_nm, _ = plane_stress.bond_traction(law, U_nn, U_nm, J, C33)
     stretch = np.hypot(U_nn, U_nm)
     X = np.stack([stretch, np.arctan2(U_nm, U_nn), length, C33, J], axis=1)
-    return X, np.stack([T_nn * U_nn + T_nm * U_nm, T_nm * U_nn - T_nn * U_nm], axis=1) / stretch[:, None]
+    return X, along_and_across(T_nn, T_nm, U_nn, U_nm, stretch)
