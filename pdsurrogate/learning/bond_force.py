@@ -1,4 +1,4 @@
-"""The bond force as a target: how its samples are drawn, and how fitted models of it are judged and turned into surrogates."""
+"""The bond force as a target: its samples, pipeline, errors, domain and surrogates."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from ..materials import Law
 from .export import force_of, shift_and_scale, taken_over
 from .pipeline import bond_force_pipeline, feature_set_of, parts_of
 from .sampling import COLUMNS, TARGETS, bond_states_reached, range_of_stretches, wide_bonds
-from .targets import Samples, Target
+from .targets import REPORT_SEED, REPORTED_STATES, Range, Samples, Target
 from .validation import force_report, relative_errors
 
 WIDE = (0.5, 4.0)
-"""Principal stretches of which the card of a surrogate trained on fewer states reports errors as well: those of the default samples."""
+"""Principal stretches of the default samples; the card of a surrogate trained on a smaller range reports its errors in this one as well."""
 
 
 class _BondForce(Target):
@@ -27,7 +27,7 @@ class _BondForce(Target):
     surrogate = staticmethod(taken_over)
 
     def draw(
-        self, law: Law, n_samples: int, stretch_range: tuple[float, float], near_rest: float, random_state: int, off_surface: float = 2 / 3
+        self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int, off_surface: float = 2 / 3
     ) -> Samples:
         return Samples(*wide_bonds(law, n_samples, stretch_range, near_rest, off_surface, random_state), self)
 
@@ -48,13 +48,12 @@ class _BondForce(Target):
         bulk = J**2 * C33
         return Domain(low, high, float(bulk.min()), float(bulk.max()))
 
-    def report(self, model, law: Law, stretch_range: tuple[float, float], n_samples: int, random_state: int) -> dict:
+    def report(self, model, law: Law, stretch_range: Range, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED) -> dict:
         return force_report(force_of(model), law, stretch_range, n_samples, random_state)
 
-    def more_reports(self, surrogate, law: Law, stretch_range: tuple[float, float]) -> dict[str, dict]:
-        if stretch_range[0] > WIDE[0] and self.reached(law, *np.log(WIDE)):
-            return {"outside_box": force_report(surrogate.bond_force, law, WIDE)}
-        return {}
+    def more_reports(self, surrogate, law: Law, stretch_range: Range) -> dict[str, dict]:
+        wider = stretch_range[0] > WIDE[0] and self.reached(law, *np.log(WIDE))
+        return {"outside_box": self.report(surrogate, law, WIDE)} if wider else {}
 
     def scaling(self, model) -> dict:
         try:

@@ -16,7 +16,7 @@ from ..materials import Law
 from .named import NamedFunction
 from .sobolev import SobolevRegressor
 from .target import InputAwareTargetRegressor, check_targets
-from .targets import Samples, Target
+from .targets import REPORT_SEED, REPORTED_STATES, Range, Samples, Target
 from .validation import relative_errors, strain_bins
 
 ANCHOR = (0.0, 0.0)
@@ -82,7 +82,7 @@ class EnergyTarget(Target):
         """Return the samples at given principal stretches."""
         return Samples(*self.states(law, stretches), design, self, stretches)
 
-    def draw(self, law: Law, n_samples: int, stretch_range: tuple[float, float], near_rest: float, random_state: int) -> Samples:
+    def draw(self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int) -> Samples:
         low, high = stretch_range
         logs = self.draw_logs(np.random.default_rng(random_state), n_samples, low, high, near_rest)
         design = {
@@ -135,7 +135,7 @@ class EnergyTarget(Target):
         stresses = (self.stresses(samples.stretches, *values.T[1:]) for values in (predicted, samples.y))
         return {**relative_errors(*stresses), "energy_rms": relative_errors(predicted[:, :1], samples.y[:, :1])["rms"]}
 
-    def report(self, model, law: Law, stretch_range: tuple[float, float], n_samples: int, random_state: int) -> dict:
+    def report(self, model, law: Law, stretch_range: Range, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED) -> dict:
         low, high = stretch_range
         samples = self.draw(law, n_samples, stretch_range, 0.0, random_state)
 

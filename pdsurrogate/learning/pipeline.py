@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from sklearn.base import clone, is_regressor
@@ -87,8 +87,7 @@ def _takes_two_outputs(regressor) -> bool:
             return False
 
 
-@dataclass(frozen=True)
-class Parts:
+class Parts(NamedTuple):
     """Steps of a bond-force pipeline, fitted or unfitted."""
 
     feature_set: str
@@ -100,15 +99,12 @@ class Parts:
 def feature_set_of(model) -> str:
     """Return the name of the feature set of a bond-force pipeline, fitted or unfitted; raise ValueError for any other model."""
     pipeline = getattr(model, "regressor_", getattr(model, "regressor", None))
-    if not isinstance(model, InputAwareTargetRegressor) or not isinstance(pipeline, Pipeline) or len(pipeline.steps) < 2:
-        raise ValueError("a bond_force_pipeline is asked for: a pipeline whose first step are its features")
-    features = pipeline.steps[0][1]
-    if not isinstance(features, FunctionTransformer) or features.func is not feature_values:
-        raise ValueError("the pipeline's features must be those of bond_force_pipeline")
-    feature_set = features.kw_args["features"]
-    if getattr(model.func, "func", None) is not outputs_of_force or model.func.keywords["features"] != feature_set:
-        raise ValueError("the pipeline's target must be the one of bond_force_pipeline, of the same features")
-    return feature_set
+    if isinstance(model, InputAwareTargetRegressor) and isinstance(pipeline, Pipeline) and len(pipeline.steps) > 1:
+        features, outputs = pipeline.steps[0][1], model.func
+        right = getattr(features, "func", None) is feature_values and getattr(outputs, "func", None) is outputs_of_force
+        if right and features.kw_args["features"] == outputs.keywords["features"]:
+            return features.kw_args["features"]
+    raise ValueError("only a surrogate_pipeline for bond forces is taken: the features of bonds first, and their outputs as the target")
 
 
 def parts_of(model) -> Parts:
@@ -118,14 +114,11 @@ def parts_of(model) -> Parts:
     """
     feature_set = feature_set_of(model)
     pipeline = getattr(model, "regressor_", model.regressor)
-    if list(pipeline.named_steps) != ["features", "scaling", "regressor"]:
-        raise ValueError("only a bond_force_pipeline with steps features, scaling and regressor is taken over as it is")
-    _, scaling, last = pipeline.named_steps.values()
-    if not isinstance(scaling, StandardScaler) or not isinstance(last, TransformedTargetRegressor):
-        raise ValueError("the pipeline's scaling must be a StandardScaler and its regressor a TransformedTargetRegressor")
-    regressor, target = getattr(last, "regressor_", last.regressor), getattr(last, "transformer_", last.transformer)
-    if not isinstance(target, StandardScaler):
-        raise ValueError("the scaling of the target must be a StandardScaler")
+    scaling, last = pipeline.steps[1][1], pipeline.steps[-1][1]
+    regressor, target = (getattr(last, f"{key}_", getattr(last, key, None)) for key in ("regressor", "transformer"))
+    scaled = isinstance(scaling, StandardScaler) and isinstance(last, TransformedTargetRegressor) and isinstance(target, StandardScaler)
+    if len(pipeline.steps) != 3 or not scaled:
+        raise ValueError("only a surrogate_pipeline with features, a StandardScaler and a regressor with a scaled target is exact")
     if isinstance(regressor, ChebyshevRegressor):
         count = len(FEATURE_SETS[feature_set].names)
         if count != 2:

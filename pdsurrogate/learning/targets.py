@@ -1,4 +1,4 @@
-"""Targets that surrogates learn (bond force, energy of a sheet, isochoric energy), and samples of them."""
+"""Targets that surrogates learn (bond force, energy of a sheet, isochoric energy) and their samples."""
 
 from __future__ import annotations
 
@@ -12,10 +12,16 @@ from ..forces import Domain, LearntBondForce, LearntEnergy
 from ..materials import Law
 from .sampling import PERTURBATION
 
+Range = tuple[float, float]
+"""Least and greatest principal stretch."""
+
+REPORTED_STATES, REPORT_SEED = 20_000, 1_000_003
+"""States in each set of a report of errors, whose RMS they give to a percent, and their seed, which is none that samples are drawn with."""
+
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples of what a surrogate learns, as `pdsurrogate.training_samples` draws them.
+    """Training samples of a surrogate, as `pdsurrogate.training_samples` returns them.
 
     Attributes
     ----------
@@ -26,7 +32,7 @@ class Samples:
     design : dict
         Everything that is needed to draw the samples again.
     target : Target
-        What is learnt from them.
+        Quantity that y holds.
     stretches : ndarray, shape (n, 2) or (n, 3), optional
         Principal stretches of the states, for energies.
 
@@ -77,7 +83,7 @@ class Target(ABC):
     name: ClassVar[str]
     columns: ClassVar[tuple[str, ...]]
     outputs: ClassVar[tuple[str, ...]]
-    stretch_range: ClassVar[tuple[float, float]]
+    stretch_range: ClassVar[Range]
     n_samples: ClassVar[int]
     units: ClassVar[str]
     weight_function: ClassVar[str]
@@ -88,12 +94,12 @@ class Target(ABC):
         """Return whether a law has all states of samples whose principal stretches have logarithms from `low` to `high`."""
 
     @abstractmethod
-    def draw(self, law: Law, n_samples: int, stretch_range: tuple[float, float], near_rest: float, random_state: int, **options) -> Samples:
+    def draw(self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int, **options) -> Samples:
         """Return samples in the order in which they are drawn; `options` are those of `pdsurrogate.training_samples`."""
 
     @abstractmethod
     def pipeline(self, regressor, **options):
-        """Return a pipeline that is not fitted; `options` are those of `pdsurrogate.surrogate_pipeline`."""
+        """Return an unfitted pipeline; `options` are those of `pdsurrogate.surrogate_pipeline`."""
 
     @abstractmethod
     def predicted_by(self, model) -> bool:
@@ -111,10 +117,10 @@ class Target(ABC):
     def surrogate(
         self, model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None
     ) -> tuple[LearntBondForce | LearntEnergy, dict]:
-        """Return the surrogate of a fitted model and a report of its resampling, empty where the surrogate is the model's own function."""
+        """Return the surrogate of a fitted model and a report of its resampling, empty for a surrogate that equals the model."""
 
     @abstractmethod
-    def report(self, model, law: Law, stretch_range: tuple[float, float], n_samples: int, random_state: int) -> dict:
+    def report(self, model, law: Law, stretch_range: Range, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED) -> dict:
         """Return the report of `pdsurrogate.evaluate`."""
 
     def domain(self, law: Law, samples: Samples) -> Domain:
@@ -122,14 +128,14 @@ class Target(ABC):
         found, design = self.domain_of_states(law, samples.X), samples.design
         bulk = found.least_bulk, found.greatest_bulk
         if design.get("off_surface"):
-            # The bounds of the perturbation itself, which the samples nearly fill.
+            # The bounds of the perturbation, which the samples nearly reach.
             reach = np.exp(design.get("perturbation", PERTURBATION)["log_C33"])
             bulk = float(1 / reach), float(reach)
         # The hull of the test data, for an energy without a law.
         hull = None if design.get("hull") is None else tuple(tuple(map(float, plane)) for plane in design["hull"])
         return Domain(*design["stretch_range"], *bulk, hull)
 
-    def more_reports(self, surrogate, law: Law, stretch_range: tuple[float, float]) -> dict[str, dict]:
+    def more_reports(self, surrogate, law: Law, stretch_range: Range) -> dict[str, dict]:
         """Return reports over further ranges of stretches for the card, by title."""
         return {}
 
@@ -139,4 +145,4 @@ class Target(ABC):
 
     @abstractmethod
     def scaling(self, model) -> dict:
-        """Return what the card says of the scalings of a fitted model."""
+        """Return the scalings of a fitted model for its card."""

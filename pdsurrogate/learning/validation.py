@@ -25,9 +25,7 @@ def relative_errors(predicted: np.ndarray, exact: np.ndarray) -> dict[str, float
     return {"rms": float(np.sqrt((error**2).mean()) / size), "max": float(error.max() / size)}
 
 
-def force_report(
-    force: Callable, law: Law, stretch_range: tuple[float, float] = (0.5, 4.0), n_samples: int = 20_000, random_state: int = 1_000_003
-) -> dict:
+def force_report(force: Callable, law: Law, stretch_range: tuple[float, float], n_samples: int, random_state: int) -> dict:
     """Compare a bond force with the exact one.
 
     Parameters
