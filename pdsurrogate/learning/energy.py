@@ -25,7 +25,7 @@ def log_invariants(X) -> np.ndarray:
 
 @named()
 def rubber_energy_size(features) -> np.ndarray:
-    """Return (tr C + J^-2)/2, by which a rubber's energy grows, from the features."""
+    """Return (tr C + J^-2)/2, the size of a rubber's energy, from the features."""
     x, u = features.T
     return np.exp(x + u) + np.exp(-2 * x) / 2
 
@@ -116,12 +116,11 @@ def _stability(energy, samples) -> tuple[float, float]:
             value += 4 * energy.by_trace_area * along * cofactor + energy.by_area_area * cofactor**2
             least = min(least, float(value.min()))
     a, b, J = 2 * first**2, 2 * second**2, first * second
-    by_log = [energy.by_trace * s for s in (a, b)]
 
-    def second_derivative(s, t, same):
-        value = energy.by_trace_trace * s * t + energy.by_trace_area * J * (s + t) + energy.by_area_area * J * J + energy.by_area * J
-        return value + (2 * by_log[0 if s is a else 1] if same else 0)
+    def second_derivative(s, t):
+        return energy.by_trace_trace * s * t + energy.by_trace_area * J * (s + t) + energy.by_area_area * J * J + energy.by_area * J
 
-    aa, bb, ab = second_derivative(a, a, True), second_derivative(b, b, True), second_derivative(a, b, False)
+    aa, bb = (second_derivative(s, s) + 2 * (energy.by_trace * s) for s in (a, b))
+    ab = second_derivative(a, b)
     curvature = (aa + bb) / 2 - np.sqrt(((aa - bb) / 2) ** 2 + ab**2)
     return least, float(curvature.min())

@@ -1,4 +1,4 @@
-"""Energies as targets: an energy of two invariants that a network learns together with its derivatives by them."""
+"""Energies as targets: a network learns an energy of two invariants together with its derivatives by them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class PipelineFunctions(NamedTuple):
 
 
 class EnergyTarget(Target):
-    """An energy as a function of two invariants, learnt with its derivatives by them.
+    """Energy as a function of two invariants, learnt with its derivatives by them.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class EnergyTarget(Target):
 
     @abstractmethod
     def draw_logs(self, random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
-        """Return logarithms of principal stretches, even within their bounds but for a share near rest."""
+        """Return logarithms of principal stretches, uniform within their bounds except for a share near rest."""
 
     @abstractmethod
     def of_strain(self, random: np.random.Generator, strains: tuple[float, float], low: float, high: float, n_samples: int) -> np.ndarray:

@@ -17,7 +17,8 @@ from .targets import Samples
 INVARIANTS, DERIVATIVES = ("I1bar", "I2bar"), ("W", "dW/dI1bar", "dW/dI2bar")
 
 STATES_OF_STABILITY, DIRECTIONS, STEP = 1000, 24, 1e-4
-"""States and pairs of directions at which stiffness against shear waves is asked for, and the amount of shear of its differences."""
+"""States and pairs of directions at which the stiffness against shear waves is evaluated, and the shear of its central differences, whose
+error is 1e-8 of the stiffness in double precision."""
 
 
 @named()
@@ -28,7 +29,7 @@ def log_isochoric_invariants(X) -> np.ndarray:
 
 @named()
 def isochoric_energy_size(features) -> np.ndarray:
-    """Return (I1bar + I2bar)/6, by which a rubber's energy grows, from the features."""
+    """Return (I1bar + I2bar)/6, the size of a rubber's energy, from the features."""
     return np.exp(features).mean(axis=1)
 
 
@@ -65,7 +66,7 @@ class _IsochoricEnergy(EnergyTarget):
     )
 
     def reached(self, law: Law, low: float, high: float) -> bool:
-        # The corners decide.
+        # The corners of the box of stretches decide.
         corners = [(a, b, -a - b) for a, b in product((low, high, -low / 2, -high / 2), repeat=2)]
         squares = np.exp(2 * np.array([corner for corner in corners if low <= min(corner) and max(corner) <= high]).T)
         with np.errstate(all="ignore"):
@@ -87,7 +88,7 @@ class _IsochoricEnergy(EnergyTarget):
         logs, n_near = found[:n_samples], int(near_rest * n_samples)
         direction = random.standard_normal((n_near, 3))
         direction -= direction.mean(axis=1, keepdims=True)
-        # Strains from 0.1 % to 30 %, even in their logarithm, and within the bounds.
+        # Strains from 0.1 % to 30 %, uniform in their logarithm, and within the bounds.
         size = np.exp(random.uniform(np.log(1e-3), np.log(0.3), n_near)) / np.linalg.norm(direction, axis=1)
         most = np.minimum(low / direction.min(axis=1), high / direction.max(axis=1))
         logs[:n_near] = np.minimum(size, most)[:, None] * direction
@@ -97,7 +98,7 @@ class _IsochoricEnergy(EnergyTarget):
         direction = random.standard_normal((n_samples, 3))
         direction -= direction.mean(axis=1, keepdims=True)
         strain = np.minimum(np.exp(random.uniform(*np.log(strains), n_samples)), strains[1])
-        # The greatest strain is that of an extension or of a compression, whichever is the greater on the way from rest, as far as it goes.
+        # The greatest strain is that of the extension or of the compression along the direction, whichever reaches the value first.
         up, down = np.log1p(strain) / direction.max(axis=1), np.log1p(-np.minimum(strain, 1 - low)) / direction.min(axis=1)
         most = np.minimum(np.log(low) / direction.min(axis=1), np.log(high) / direction.max(axis=1))
         return np.exp(np.minimum(np.minimum(up, np.where(strain < 1 - low, down, np.inf)), most)[:, None] * direction)
@@ -124,7 +125,7 @@ class _IsochoricEnergy(EnergyTarget):
 
 
 ISOCHORIC_ENERGY = _IsochoricEnergy()
-"""W of a law, a function of I1bar and I2bar alone."""
+"""W of a law, a function of I1bar and I2bar."""
 
 
 def _energy_and_derivatives(law: Law, I1, I2):
@@ -145,7 +146,7 @@ def _least_acoustic(derivatives, squares) -> float:
         moved = a2 @ squares
 
         def slope(t, an=an, n2=n2, moved=moved):
-            # Of F (I + t a (x) n) at the principal stretches of F.
+            # The derivative by t at F (I + t a (x) n), with the principal stretches of F.
             I1 = squares.sum(axis=0) + 2 * t * (an @ squares) + t * t * moved
             I2 = (1 / squares).sum(axis=0) - 2 * t * (an @ (1 / squares)) + t * t * (n2 @ (1 / squares))
             by_1, by_2 = derivatives(I1, I2)
