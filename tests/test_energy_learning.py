@@ -14,7 +14,8 @@ from pdsurrogate.solvers import SOLVERS
 LAW = pds.NeoHookean()
 
 
-@parametrize_with_checks([pds.SobolevRegressor(6, max_iter=60, random_state=0)])
+# Iterations enough for an R^2 above 0.5, for which one of the checks asks; no other depends on how far the training has come.
+@parametrize_with_checks([pds.SobolevRegressor(6, max_iter=10, random_state=0)])
 def test_the_estimator_keeps_scikit_learns_conventions(estimator, check):
     check(estimator)
 

@@ -16,7 +16,8 @@ class AnyLaw(AnyInput, pds.LawRegressor):
     """`LawRegressor` for the general checks."""
 
 
-@parametrize_with_checks([AnyLaw(), AnyLaw("mooney-rivlin"), AnyLaw("ogden", n_terms=1)])
+# Ogden's law from two exponents, -1 and 1: refining more starts shows nothing about conventions.
+@parametrize_with_checks([AnyLaw(), AnyLaw("mooney-rivlin"), AnyLaw("ogden", n_terms=1, greatest_exponent=1.0)])
 def test_regressors_keep_scikit_learns_conventions(estimator, check):
     check(estimator)
 
@@ -47,14 +48,14 @@ def test_parameters_of_made_up_data_come_back(name):
 
 
 def test_standard_errors_are_the_scatter_of_repeated_fits(random):
-    """100 fits to data with a known noise: their scatter is the reported standard error, to what 100 draws tell (a seventh)."""
+    """50 fits to data with a known noise: their scatter is the reported standard error, within three errors of a scatter of 50 (a tenth)."""
     X = three_modes()
     exact = nominal_stress(pds.Gent(0.3, 300.0, 90.0), X)
-    fits = [pds.LawRegressor("gent").fit(X, exact + 0.02 * random.standard_normal(len(X))) for _ in range(100)]
+    fits = [pds.LawRegressor("gent").fit(X, exact + 0.02 * random.standard_normal(len(X))) for _ in range(50)]
     found = np.array([fit.parameters_ for fit in fits])
     reported = np.mean([fit.standard_errors_ for fit in fits], axis=0)
     np.testing.assert_allclose(found.std(axis=0), reported, rtol=0.3)
-    assert (np.abs(found.mean(axis=0) - [0.3, 90.0]) < 4 * reported / 10).all()
+    assert (np.abs(found.mean(axis=0) - [0.3, 90.0]) < 4 * reported / 50**0.5).all()
 
 
 def test_stresses_are_the_exact_solutions():

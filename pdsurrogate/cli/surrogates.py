@@ -87,6 +87,7 @@ def fit(
     """Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."""
     from ..artifacts import ArtifactError, load_card, new_artifact, next_version, own_folder
     from ..identification import examine, report
+    from ..learning import store
     from ..learning.fitting import TooInexact
     from ..learning.settings import FitSettings
     from ..results.files import check_writable
@@ -140,7 +141,7 @@ def fit(
             with writing(folder):
                 # Now: another fit of that name may have ended in the meantime.
                 version = next_version(folder, name) if version is None else version
-                path = settings.store(pipeline, design, material, folder, name, version, table, found, members)
+                path = store(pipeline, design, material, folder, name, version, settings.text(material, table, found), members)
         except TooInexact as error:
             raise ended(1, "[red]pdsurrogate:[/]", str(error)) from None
         card = load_card(path)

@@ -1,4 +1,4 @@
-"""Uncertainty of an identification: one regressor fitted to many random halves of the test data."""
+"""Uncertainty of an identification: a regressor is fitted to many random halves of the test data."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ def committee(
 ) -> list:
     """Return copies of a regressor, each fitted to a random half of the tests; settings that the data leave open are drawn as well.
 
-    What is asked of the members, a stress or the result of a run with the ``law_`` of each, differs from that of the fit to all data by as
-    much as the data leave open: the root mean square of the differences is an estimate of its standard deviation (the delete-half
-    jackknife), which `committee_spread` corrects for few members.  Drawing with replacement, the bootstrap, is not consistent where
-    parameters end at a bound, as weights at zero do.  An `EnergyRegressor` has its exponents drawn for every member as well (`redrawn`):
-    which of them a fit can fall upon is no more than a choice, and decides on which side of the data it is off.  What all members have
-    wrong, such as a law that rubber does not follow, they do not show.
+    A stress, or the result of a run with the ``law_`` of each member, varies among the members as far as the data leave it open. The root
+    mean square of the differences from the fit to all data estimates the standard deviation of the result (the delete-half jackknife);
+    `committee_spread` corrects it for few members. The bootstrap, which draws with replacement, is not consistent for parameters at a
+    bound, such as weights at zero. For an `EnergyRegressor` the offset of the exponents is drawn for each member as well: it is arbitrary,
+    and decides on which side of the data a fit is off. The members do not show errors that all of them share, such as those of a law that
+    rubber does not follow.
 
     Parameters
     ----------
@@ -34,24 +34,23 @@ def committee(
         Nominal stresses.
     n_members : int
     tests : ndarray, shape (n_samples,), optional
-        Which test a row is of: rows of one are drawn together.  By default every row is a test.
+        Number or name of the test of each row: rows of a test are drawn together. By default each row is a test.
     random_state : int
         Seed.
     n_jobs : int
-        Of joblib.
+        Number of jobs of joblib.
     sample_weight : ndarray, shape (n_samples,), optional
-        Of every row: one over the variance of its stress, as far as that is known; ``1 / y**2`` of stresses that are all measured to
-        the same share.
+        Weights: the inverse of the variance of each stress, if known; ``1 / y**2`` for stresses with the same relative error.
 
     Returns
     -------
     list of estimator
-        Fitted.
+        Fitted members.
 
     Raises
     ------
     ValueError
-        If there are fewer than two members, or tests.
+        If there are fewer than two members, or fewer than two tests.
 
     References
     ----------
@@ -83,25 +82,25 @@ def committee(
     for _ in range(n_members):
         drawn = np.concatenate([np.flatnonzero(tests == kind) for kind in random.choice(kinds, -(-len(kinds) // 2), replace=False)])
         weight = None if sample_weight is None else np.asarray(sample_weight)[drawn]
-        members.append(delayed(_fitted)(regressor.redrawn(random), X[drawn], y[drawn], weight))
+        members.append(delayed(regressor.redrawn(random).fit)(X[drawn], y[drawn], weight))
     return Parallel(n_jobs)(members)
 
 
 def committee_spread(found: ArrayLike, members: ArrayLike) -> np.ndarray:
-    """Return the spread of a result over the members: twice the spread holds 95 % of normal deviations for any number of members.
+    """Return the spread of a result over the members; twice the spread covers 95 % of normal deviations for any number of members.
 
     Parameters
     ----------
     found : array-like
         Result of the fit to all data, of any shape.
     members : array-like, shape (n_members, ...)
-        Those of the members.
+        Results of the members.
 
     Returns
     -------
     ndarray
-        Root mean square of the differences, times the quantile of Student's distribution of ``n_members`` degrees of freedom over that of
-        the normal one, at two standard deviations: 1.18 for eight members, 1.08 for sixteen.
+        Root mean square of the differences, times the ratio of the quantiles of Student's distribution with ``n_members`` degrees of
+        freedom and of the normal distribution at two standard deviations: 1.18 for eight members, 1.08 for sixteen.
 
     Examples
     --------
@@ -112,7 +111,3 @@ def committee_spread(found: ArrayLike, members: ArrayLike) -> np.ndarray:
     members = np.asarray(members, dtype=float)
     rms = np.sqrt(((members - np.asarray(found, dtype=float)) ** 2).mean(axis=0))
     return rms * t.ppf(norm.cdf(2.0), len(members)) / 2.0
-
-
-def _fitted(regressor, X, y, sample_weight):
-    return regressor.fit(X, y, sample_weight)

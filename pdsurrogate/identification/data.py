@@ -1,4 +1,4 @@
-"""Test data of rubber: nominal stress against stretch, in the modes of loading that laboratories know."""
+"""Test data of rubber: nominal stress against stretch, in the modes of loading of laboratories."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ MODES: dict[str, Callable] = {
     "equibiaxial": lambda stretch: stretch,
     "pure-shear": lambda stretch: np.ones_like(stretch),
 }
-"""Lateral stretch of each mode, rubber taken as incompressible."""
+"""Lateral stretch of incompressible rubber as a function of the stretch, by mode of loading."""
 
 BIAXIAL = "biaxial"
-"""Mode of rows that state both stretches and both stresses."""
+"""Mode of rows with both stretches and both stresses."""
 
 CURVES = ("mode", "stretch", "nominal_stress")
 GRID = ("stretch", "lateral_stretch", "nominal_stress", "lateral_stress")
-"""Columns of the two kinds of files."""
+"""Columns of the two kinds of files, without ``weight``."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class TestData:
     name : str
     mode : ndarray of str, shape (n,)
     stretches : ndarray, shape (n, 2)
-        In the direction of the stress, and across it.
+        Stretches along the stress and across it.
     nominal_stress : ndarray, shape (n,)
     weight : ndarray, shape (n,)
-        As given in the file, 1 otherwise.
+        Weights of the file, or 1.
     row : ndarray of int, shape (n,), optional
-        Numbers of the rows of the file, from 1, below its header and but for comments; by default those of the rows here.
+        Numbers of the rows in the file, from 1, without header and comments; by default those of the rows here.
     """
 
     __test__ = False  # not a test case, whatever pytest thinks of the name
@@ -62,22 +62,22 @@ class TestData:
 
     @property
     def modes(self) -> list[str]:
-        """Modes that occur, in the order of their first rows."""
+        """Modes of the rows, in the order of their first rows."""
         return list(dict.fromkeys(self.mode.tolist()))
 
     @property
     def tests(self) -> np.ndarray:
-        """Return the test of every row, shape (n,): both stresses of a biaxial state belong to one test, other rows to their own."""
+        """Number of the test of each row, shape (n,): both stresses of a biaxial state are one test, any other row is its own test."""
         states = np.round(np.sort(np.log(self.stretches), axis=1), 9)
         _, tests = np.unique(states, axis=0, return_inverse=True)
         return np.where(self.mode == BIAXIAL, tests.ravel(), len(self) + np.arange(len(self)))
 
     def of(self, *modes: str) -> TestData:
-        """The rows of some modes alone."""
+        """Return the rows of the given modes."""
         return self._taken(np.isin(self.mode, modes))
 
     def up_to(self, stretch: float) -> TestData:
-        """The rows in which neither stretch exceeds a value."""
+        """Return the rows in which neither stretch exceeds a value; raise ValueError if there are none."""
         chosen = (self.stretches <= stretch).all(axis=1)
         if not chosen.any():
             raise ValueError(f"{self.name}: no row has stretches of {stretch:g} or less")
@@ -87,13 +87,13 @@ class TestData:
         return TestData(self.name, self.mode[rows], self.stretches[rows], self.nominal_stress[rows], self.weight[rows], self.row[rows])
 
     def row_in_words(self, number: int) -> str:
-        """Row, mode, stretch and stress, for a message; `number` counts the rows here, from 0."""
+        """Return row, mode, stretch and stress as text for a message; `number` counts the rows here, from 0."""
         first, second = self.stretches[number]
         at = f"stretches {first:g} and {second:g}" if self.mode[number] == BIAXIAL else f"stretch {first:g}"
         return f"row {self.row[number]} ({self.mode[number]}, {at}, nominal stress {self.nominal_stress[number]:g})"
 
     def balanced_weights(self) -> np.ndarray:
-        """Weights under which the sum of squares is the sum over modes of 1 - R^2, so that no mode is fitted for the size of its stress."""
+        """Return weights that make the sum of squares the sum over modes of 1 - R^2: large stresses of a mode do not dominate the fit."""
         weights = self.weight.copy()
         for mode in self.modes:
             rows = self.mode == mode
@@ -107,7 +107,7 @@ class TestData:
         return weights
 
     def r_squared(self, predicted: np.ndarray) -> dict[str, float]:
-        """R^2 of predicted stresses in each mode that has two different ones."""
+        """Return R^2 of predicted stresses for each mode with two different stresses."""
         found = {}
         for mode in self.modes:
             rows = self.mode == mode
@@ -119,7 +119,7 @@ class TestData:
 
 
 def test_data_names() -> list[str]:
-    """Names of the test data that come with the package."""
+    """Return the names of the test data that are shipped with the package."""
     return sorted(path.name.removesuffix(".csv") for path in resources.files(__package__).iterdir() if path.name.endswith(".csv"))
 
 
@@ -127,15 +127,15 @@ test_data_names.__test__ = False
 
 
 def load_test_data(reference: str | Path) -> TestData:
-    """Test data by name (``treloar``, ``kawabata``), or from a CSV file.
+    """Return test data by name (``treloar``, ``kawabata``), or from a CSV file.
 
     A file has the columns ``mode`` (uniaxial, equibiaxial or pure-shear), ``stretch`` and ``nominal_stress``; or ``stretch``,
-    ``lateral_stretch``, ``nominal_stress`` and ``lateral_stress``; either may have a ``weight``.  Lines that begin with # are comments.
+    ``lateral_stretch``, ``nominal_stress`` and ``lateral_stress``; both kinds may have a ``weight``. Lines that begin with # are comments.
 
     Raises
     ------
     ValueError
-        If it cannot be read, or a row makes no sense; names the row.
+        If the file cannot be read, or a row is invalid; names the row.
 
     Examples
     --------
@@ -176,6 +176,7 @@ def load_test_data(reference: str | Path) -> TestData:
 
 
 def _rows(row, kind, where):
+    """Return the rows of mode, stretches, stress and weight that one row of a file stands for; raise ValueError for an invalid row."""
     if None in row or any(value is None for value in row.values()):
         raise ValueError(f"{where}: there are not as many values as columns")
     numbers = {}

@@ -1,54 +1,58 @@
-"""Test data and a fit to them, held against what rubber does: bad rows, modes of other units, laws that do not describe the data."""
+"""Examination of test data and of fits to them: bad rows, modes in other units, laws that do not describe the data."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
 
 from .data import BIAXIAL, TestData
-from .energy import INVARIANTS, NEGATIVE, POSITIVE, columns_of, dictionary, isochoric
+from .energy import INVARIANTS, NEGATIVE, POSITIVE, EnergyRegressor, columns_of, dictionary, isochoric
 from .stress_regressor import StressRegressor
 
 NOISE = 0.01
-"""Scatter of stresses that is taken for granted, relative."""
+"""Relative scatter of stresses that every laboratory has."""
 
 FLOOR, RANGE = 0.02, 0.5
-"""Part of the greatest stress of a mode that is added to a stress before a residual is divided by it: small where modes are compared, in
-which every row has its part; large where a single row is judged, as a load cell, or a figure that is read off, is as good as a part of its
-range (Treloar's stresses below 0.2 MPa are 0.03 MPa off)."""
+"""Shares of the greatest stress of a mode that are added to a stress before a residual is divided by it: a small one where modes are
+compared, to which each row contributes; a large one where a single row is judged, since the error of a load cell, or of a figure, is a
+share of its range (Treloar's stresses below 0.2 MPa are 0.03 MPa off)."""
 
 OUTLIER = 5.0
-"""Residual, in standard deviations of all, from which a row is named as one: of normal ones it is one in two million."""
+"""Residual of an outlier, in standard deviations of all rows: one in two million of normal residuals is greater."""
 
 NEAR_REST = 0.02
-"""Part of the greatest stress of a mode, and log-stretch, within which the sign of a stress is noise."""
+"""Share of the greatest stress of a mode, and log-stretch, below which the sign of a stress is noise."""
 
 AT_REST = 1e-3
-"""Part of the greatest stress of a mode from which a stress at a stretch of 1 is named, and log-stretch up to which it is one there."""
+"""Share of the greatest stress of a mode above which a stress at rest is reported, and log-stretch up to which a state is at rest."""
 
 BETTER, MENDED, MENDED_IF_POOR = 5.0, 3.0, 2.0
-"""How many times smaller the residual must be by another law, with a change of the data, or with one where the law describes a mode poorly
-anyway, for it to be said."""
+"""Ratios of residuals from which a remark is made: by another law, by a change of the data, and by such a change if the law describes a
+mode poorly anyway."""
 
 MOST_ROWS = 3
-"""Rows that are named where many have the same fault."""
+"""Most rows that are named for the same fault."""
 
 LEAST_FACTOR = 1.5
-"""Between the stresses of two modes from which they may be in different units."""
+"""Ratio of the stresses of two modes from which their units may differ: units of stress differ by more."""
 
 POOR = 0.9
-"""R^2 of a mode below which a fit is said to be poor."""
+"""R^2 of a mode below which a fit is called poor."""
 
 TERMS = [*dictionary(POSITIVE[-1], NEGATIVE[-1]), *INVARIANTS[1]]
-"""Of the energy that stands for all that physics allows: powers of the stretches, of either sign, and of the first invariant."""
+"""Terms of an energy that stands for all those that physics allows: powers of stretches, of their inverses, and of the first invariant."""
+
+REWEIGHTINGS = 12
+"""Fits of a robust regression by iterative reweighting: the weights of outliers settle within a few."""
 
 
 class TestDataWarning(UserWarning):
-    """Test data, or a fit to them, that look wrong."""
+    """Warning of test data, or a fit to them, that look wrong."""
 
     __test__ = False
 
@@ -60,9 +64,9 @@ class Examination:
     Attributes
     ----------
     refusals : list of str
-        Why it should not be used.
+        Reasons not to use the fit.
     remarks : list of str
-        What should be looked at.
+        Points to check.
     """
 
     refusals: list[str]
@@ -70,15 +74,15 @@ class Examination:
 
 
 def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False) -> StressRegressor:
-    """Fit a regressor to test data, each mode weighted by its scatter, and hold data and fit against what rubber does.
+    """Fit a regressor to test data, with each mode weighted by its scatter, and examine data and fit (`examine`).
 
     Parameters
     ----------
     regressor : LawRegressor or EnergyRegressor
-        Fitted in place; not fitted where the fit is refused.
+        Fitted in place; unfitted after a refusal.
     data : TestData
     force : bool
-        Whether what would be refused is a warning.
+        Whether refusals are warnings.
 
     Returns
     -------
@@ -88,13 +92,13 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     Raises
     ------
     ValueError
-        If a stress pulls where rubber pushes, or a mode is described worse than by its mean stress; names row or mode.
+        If a stress has the wrong sign, or a mode is described worse than by its mean stress; names row or mode.
 
     Warns
     -----
     TestDataWarning
-        Of rows that stand out or fall, of modes that look like those of another unit, of Cauchy stress or of a shifted zero, of a mode
-        with an R^2 below 0.9, and where an energy without a law describes the data five times better.
+        If rows stand out or fall, modes look like those in another unit, of Cauchy stress or of a shifted zero, a mode has an R^2 below
+        0.9, or an energy without a law describes the data five times better.
 
     Examples
     --------
@@ -115,15 +119,15 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
 
 
 def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegressor] = ()) -> Examination:
-    """Say what is wrong with test data, or with a fit to them.
+    """Return what is wrong with test data, or with a fit to them.
 
     Parameters
     ----------
     model : StressRegressor
-        Fitted to the data.
+        Regressor fitted to the data.
     data : TestData
     others : sequence of StressRegressor
-        Fitted to them as well, to be named where they are better; an energy without a law is compared with in any case.
+        Other fitted regressors, to be named if they are better; an energy without a law is compared with in any case.
     """
     scores = data.r_squared(model.predict(data.stretches))
     poor = not min(scores.values(), default=1.0) >= POOR
@@ -136,14 +140,14 @@ def examine(model: StressRegressor, data: TestData, others: Sequence[StressRegre
             )
         elif not value >= POOR:
             poorly.append(f"{model.law} describes {mode} poorly: R^2 is {value:.3g}, below {POOR:g}")
-    # Data that contradict each other are no measure of laws.
+    # Laws cannot be compared by data that contradict each other.
     return Examination(refusals, [*remarks, *poorly, *([] if remarks else _better(model, data, others))])
 
 
 def wrong_signs(data: TestData) -> list[str]:
-    """Rows whose stress has the wrong sign.
+    """Return a message about the rows whose stress has the wrong sign, if there are any.
 
-    Isotropic rubber pulls along the greater of two stretches (Baker, Ericksen 1954): with nothing on the thickness the stress has the sign
+    Isotropic rubber pulls along the greater of two stretches (Baker, Ericksen 1954): with a stress-free thickness the stress has the sign
     of log(stretch/thickness).
     """
     if not len(data):
@@ -153,72 +157,54 @@ def wrong_signs(data: TestData) -> list[str]:
     wrong = (along * data.nominal_stress < 0) & (np.abs(along) > NEAR_REST)
     wrong &= np.abs(data.nominal_stress) > NEAR_REST * _greatest_of_mode(data)
     does = np.where(along > 0, "pushes where rubber pulls", "pulls where rubber pushes")
-    told = [f"{data.row_in_words(row)} {does[row]}" for row in np.flatnonzero(wrong)]
-    return [f"{', '.join(_some(told))}: tension is positive, compression negative"] if told else []
+    found = [f"{data.row_in_words(row)} {does[row]}" for row in np.flatnonzero(wrong)]
+    return [f"{', '.join(_some(found))}: tension is positive, compression negative"] if found else []
 
 
-def _some(told: list[str]) -> list[str]:
-    """The first few of what is said of rows."""
-    return told if len(told) <= MOST_ROWS else [*told[:MOST_ROWS], f"and {len(told) - MOST_ROWS} rows more"]
+def _some(found: list[str]) -> list[str]:
+    """Return the first few messages about rows."""
+    return found if len(found) <= MOST_ROWS else [*found[:MOST_ROWS], f"and {len(found) - MOST_ROWS} rows more"]
 
 
 def suspicions(data: TestData, enough: float = MENDED) -> list[str]:
     """Return remarks on test data that look wrong for any law.
 
-    They are held against an energy that stands for all that physics allows (`TERMS`), fitted so that single rows count little.  Changes of
-    a mode that make the residuals smaller by the factor `enough` are told, and rows that stand out of what the energy says once the change
-    that mends most is made.  Where rows stand out before any change is made, one is looked for however small the residuals of all others
-    are; where several do that are of one mode, a smaller factor is enough.
+    The data are compared with an energy that stands for all that physics allows (`TERMS`), fitted so that single rows count little. Remarks
+    name the changes of a mode that reduce the residuals by the factor `enough`, and the rows that stand out after the best change. If rows
+    stand out before a change, changes are tried however small the other residuals are; if several of these rows are of one mode, a smaller
+    factor is enough.
     """
-    told, explained, stress, predicted = [], [], data.nominal_stress, _robust(data, data.nominal_stress)[0]
-    before, least = _size(data, stress, predicted), enough * NOISE
-    outliers = np.abs(_standing(data, stress, predicted)) > OUTLIER
+    best, predicted = data, _robust(data)[0]
+    before, least = _size(data, predicted), enough * NOISE
+    outliers = np.abs(_standing(data, predicted)) > OUTLIER
     if outliers.any():
-        enough, least = MENDED_IF_POOR if _several_of_a_mode(data, outliers) else enough, NOISE
-    if before > least:
-        for mode, changed, shifted, words in _changes(data):
-            fitted, shift = _robust(data, changed, shifted)
-            words = words or f"the stresses look shifted by {shift:.3g}: at a stretch of 1 there should be none"
-            explained.append((_size(data, changed, fitted), mode, words, changed, fitted))
-        explained.sort(key=lambda one: one[0])
-        most = min(before / enough, 2 * explained[0][0])
-        explained = [one for one in explained if one[0] <= most]
-        # Of one mode the change that mends most.
-        told += [f"{mode}: {words}" for mode, words in {mode: words for _, mode, words, *_ in reversed(explained)}.items()]
+        several = len(set(data.mode[outliers].tolist())) < outliers.sum()
+        enough, least = MENDED_IF_POOR if several else enough, NOISE
+    explained = _explained(data, before / enough) if before > least else []
     if explained:
-        stress, predicted = explained[0][3:]
-    mended = {one[1] for one in explained}
+        best, predicted = explained[0].data, explained[0].predicted
+    mended = {one.mode: one.words for one in reversed(explained)}  # the best change of each mode
+    remarks = [f"{mode}: {words}" for mode, words in mended.items()]
     known = np.isin(data.mode, list(mended)) | ("all modes" in mended)
-    resting = _stressed_at_rest(data) & ~known
-    at_rest = _some([data.row_in_words(row) for row in np.flatnonzero(resting)])
-    if at_rest:
-        told.append(f"{', '.join(at_rest)}: rubber has no stress at a stretch of 1: is the zero right, are they stretches, not strains?")
-    standing = np.abs(_standing(data, stress, predicted))
+    resting = (np.abs(np.log(data.stretches)).max(axis=1) < AT_REST) & ~known
+    resting &= np.abs(data.nominal_stress) > AT_REST * _greatest_of_mode(data)
+    if resting.any():
+        rows = ", ".join(_some([data.row_in_words(row) for row in np.flatnonzero(resting)]))
+        remarks.append(f"{rows}: rubber has no stress at a stretch of 1: is the zero right, are they stretches, not strains?")
+    standing = np.abs(_standing(best, predicted))
     rows = [row for row in np.argsort(-standing) if standing[row] > OUTLIER and not known[row] and not resting[row]]
     if len(rows) > max(1, len(data) / 4):
-        told.append("no energy that physics allows describes these tests together: are units the same, zeros right, all stresses nominal?")
-    else:
-        told += [f"{data.row_in_words(row)} stands out by {standing[row]:.0f} standard deviations from what the others say" for row in rows]
-        named = {*rows, *np.flatnonzero(resting)}
-        told += _some([text for row, text in _falling(data) if not named & {row, row - 1}])
-    return told
-
-
-def _several_of_a_mode(data: TestData, rows: np.ndarray) -> bool:
-    """Return whether more than one of some rows is of the same mode of loading."""
-    return len(set(data.mode[rows].tolist())) < rows.sum()
-
-
-def _stressed_at_rest(data: TestData) -> np.ndarray:
-    """Return which rows have a stress although neither stretch differs from 1, shape (n,)."""
-    at_rest = np.abs(np.log(data.stretches)).max(axis=1) < AT_REST
-    return at_rest & (np.abs(data.nominal_stress) > AT_REST * _greatest_of_mode(data))
+        together = "no energy that physics allows describes these tests together"
+        return [*remarks, f"{together}: are units the same, zeros right, all stresses nominal?"]
+    remarks += [f"{data.row_in_words(row)} stands out by {standing[row]:.0f} standard deviations from what the others say" for row in rows]
+    named = {*rows, *np.flatnonzero(resting)}
+    return remarks + _some([text for row, text in _falling(data) if not named & {row, row - 1}])
 
 
 def standardised(model: StressRegressor, data: TestData, most: int = 5) -> list[dict]:
-    """Rows of a fit's greatest residuals: row, mode, stretches, stress, that of the fit, and the residual in standard deviations."""
+    """Return the rows with the greatest residuals of a fit, with both stresses and the residual in standard deviations."""
     predicted = model.predict(data.stretches)
-    standing = _standing(data, data.nominal_stress, predicted)
+    standing = _standing(data, predicted)
     rows = np.argsort(-np.abs(np.nan_to_num(standing, nan=np.inf)))[:most]
     return [
         {
@@ -234,42 +220,67 @@ def standardised(model: StressRegressor, data: TestData, most: int = 5) -> list[
 
 
 NOT_TOLD = "if all stresses were Cauchy (true) ones it would too, and nothing would tell: nominal ones are force over the area at rest"
-"""What a form of energy that describes the data leaves open."""
+"""Ambiguity that remains where a form of energy describes the data."""
 
 CAUCHY = "the stresses look like Cauchy (true) ones: divided by the stretch, they are nominal"
 
 
+class _Change(NamedTuple):
+    """Change of a mode, or of all modes, that may mend the data: the residual after it, the changed data, and a fit to them."""
+
+    size: float
+    mode: str
+    words: str
+    data: TestData
+    predicted: np.ndarray
+
+
+def _explained(data: TestData, most: float) -> list[_Change]:
+    """Return the changes that leave residuals of at most `most`, and at most twice those of the best one, which is the first."""
+    found = []
+    for mode, changed, shifted, words in _changes(data):
+        fitted, shift = _robust(changed, shifted)
+        words = words or f"the stresses look shifted by {shift:.3g}: at a stretch of 1 there should be none"
+        found.append(_Change(_size(changed, fitted), mode, words, changed, fitted))
+    found.sort(key=lambda one: one.size)
+    return [one for one in found if one.size <= min(most, 2 * found[0].size)]
+
+
 def _changes(data: TestData):
-    """Changes of a mode, or of all, that may mend it: mode, stresses, rows with a shift or None, and what it means (None for a shift)."""
+    """Yield changes that may mend the data: mode, changed data, mask of the rows with an unknown shift or None, and message or None."""
     stress, first = data.nominal_stress, data.stretches[:, 0]
-    columns = columns_of(isochoric(data.stretches, np.ones(len(data))), first, TERMS)
     for mode in data.modes:
         rows = data.mode == mode
         if mode != BIAXIAL:
-            yield mode, stress, rows, None
+            yield mode, data, rows, None
         if rows.all():
             return
-        yield mode, np.where(rows, stress / first, stress), None, CAUCHY
-        others = 1 / (np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300) * ~rows
+        yield mode, replace(data, nominal_stress=np.where(rows, stress / first, stress)), None, CAUCHY
+        columns, others = _columns(data), 1 / (np.abs(stress) + FLOOR * _greatest_of_mode(data) + 1e-300) * ~rows
         predicted = columns @ _nonnegative(columns, stress, others)
         some = rows & (np.abs(predicted) > 0)
         factor = float(np.median(stress[some] / predicted[some])) if some.any() else 1.0
         if factor > 0 and abs(np.log(factor)) > np.log(LEAST_FACTOR):
             size = f"{factor:.3g} times too large" if factor > 1 else f"{1 / factor:.3g} times too small"
             words = f"the stresses look {size} for the other modes: is it in another unit?"
-            yield mode, np.where(rows, stress / factor, stress), None, words
-    yield "all modes", stress, np.ones(len(data), dtype=bool), None
-    yield "all modes", stress / first, None, CAUCHY
+            yield mode, replace(data, nominal_stress=np.where(rows, stress / factor, stress)), None, words
+    yield "all modes", data, np.ones(len(data), dtype=bool), None
+    yield "all modes", replace(data, nominal_stress=stress / first), None, CAUCHY
 
 
-def _robust(data: TestData, stress: np.ndarray, shifted: np.ndarray | None = None) -> tuple[np.ndarray, float]:
-    """Stresses by all that physics allows, fitted so that rows far off count little, and the number that some rows may be shifted by."""
-    columns = columns_of(isochoric(data.stretches, np.ones(len(data))), data.stretches[:, 0], TERMS)
+def _columns(data: TestData) -> np.ndarray:
+    """Return the stresses of `TERMS` at constant volume."""
+    return columns_of(isochoric(data.stretches, np.ones(len(data))), data.stretches[:, 0], TERMS)
+
+
+def _robust(data: TestData, shifted: np.ndarray | None = None) -> tuple[np.ndarray, float]:
+    """Return stresses by `TERMS`, fitted so that outliers count little, and the shift of the rows of a mask."""
+    columns, stress = _columns(data), data.nominal_stress
     if shifted is not None:
         columns = np.column_stack([columns, shifted, -1.0 * shifted])
-    greatest = _greatest_of_mode(data, stress)
+    greatest = _greatest_of_mode(data)
     size, weight = np.abs(stress) + FLOOR * greatest + 1e-300, np.ones(len(data))
-    for _ in range(12):
+    for _ in range(REWEIGHTINGS):
         weights = _nonnegative(columns, stress, np.sqrt(weight) / size)
         predicted = columns @ weights
         residuals = _relative(stress, predicted, FLOOR * greatest)
@@ -278,6 +289,7 @@ def _robust(data: TestData, stress: np.ndarray, shifted: np.ndarray | None = Non
 
 
 def _nonnegative(columns, stress, root) -> np.ndarray:
+    """Return the non-negative weights of columns that fit stresses, with the roots of the weights of the rows."""
     columns = root[:, None] * columns
     size = np.linalg.norm(columns, axis=0)
     size[size == 0] = 1.0
@@ -285,40 +297,40 @@ def _nonnegative(columns, stress, root) -> np.ndarray:
 
 
 def _relative(stress, predicted, floor) -> np.ndarray:
-    """Differences in parts of the stress, between -1 and 1 where the signs are the same."""
+    """Return differences relative to the greater stress, between -1 and 1 for stresses of the same sign."""
     return (stress - predicted) / (np.maximum(np.abs(stress), np.abs(predicted)) + floor + 1e-300)
 
 
-def _standing(data: TestData, stress: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """Residuals of the rows in standard deviations of all."""
-    residuals = _relative(stress, predicted, RANGE * _greatest_of_mode(data, stress))
+def _standing(data: TestData, predicted: np.ndarray) -> np.ndarray:
+    """Return the residuals of the rows in standard deviations of all rows."""
+    residuals = _relative(data.nominal_stress, predicted, RANGE * _greatest_of_mode(data))
     return residuals / _scale(residuals)
 
 
 def _scale(residuals) -> float:
-    """Standard deviation of residuals by their median, of which outliers know nothing; no less than `NOISE`."""
+    """Return the standard deviation of residuals from their median, which outliers do not change; at least `NOISE`."""
     finite = np.abs(residuals[np.isfinite(residuals)])
     return max(1.4826 * float(np.median(finite)) if len(finite) else 1.0, NOISE)
 
 
-def _size(data: TestData, stress: np.ndarray, predicted: np.ndarray) -> float:
-    """Root mean square of relative residuals but for the tenth that is farthest off."""
-    residuals = _relative(stress, predicted, FLOOR * _greatest_of_mode(data, stress))
+def _size(data: TestData, predicted: np.ndarray) -> float:
+    """Return the root mean square of the relative residuals without their greatest tenth."""
+    residuals = _relative(data.nominal_stress, predicted, FLOOR * _greatest_of_mode(data))
     kept = np.sort(np.abs(residuals))[: max(1, int(np.ceil(0.9 * len(residuals))))]
     return max(float(np.sqrt((kept**2).mean())), 1e-6)
 
 
-def _greatest_of_mode(data: TestData, stress: np.ndarray | None = None) -> np.ndarray:
-    stress = data.nominal_stress if stress is None else stress
+def _greatest_of_mode(data: TestData) -> np.ndarray:
+    """Return the greatest absolute stress of the mode of each row."""
     greatest = np.zeros(len(data))
     for mode in data.modes:
         rows = data.mode == mode
-        greatest[rows] = np.abs(stress[rows]).max()
+        greatest[rows] = np.abs(data.nominal_stress[rows]).max()
     return greatest
 
 
 def _falling(data: TestData):
-    """Numbers of rows whose stress is less than that at a smaller stretch of their mode, and that in words."""
+    """Yield the numbers of rows whose stress is less than that at a smaller stretch of their mode, with a message."""
     for mode in data.modes:
         if mode == BIAXIAL:
             continue
@@ -330,8 +342,7 @@ def _falling(data: TestData):
 
 
 def _better(model: StressRegressor, data: TestData, others: Sequence[StressRegressor]):
-    """Return a remark where another law, or an energy without a law, describes the data many times better."""
-    from .energy import EnergyRegressor
+    """Yield a remark if another law, or an energy without a law, describes the data `BETTER` times better."""
 
     def off(one: StressRegressor) -> float:
         missing = [1 - value for value in data.r_squared(one.predict(data.stretches)).values()]

@@ -1,4 +1,4 @@
-"""An identification as a dictionary and as a figure."""
+"""Reports of identifications, as dictionaries and as figures."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from .stress_regressor import StressRegressor, nominal_stress, states
 
 
 def report(model: StressRegressor, data: TestData) -> dict:
-    """Return the data, parameters with standard errors and errors of a fit as plain values, None where one is not finite.
+    """Return the data, the parameters with standard errors, and the errors of a fit as plain values, None in place of infinite ones.
 
-    ``differences`` are those of the law with its bulk modulus, which is what a simulation of the tests gives; ``volume_ratio`` is the
-    greatest that it has there, and ``residuals`` are the rows that it is farthest off.
+    ``differences`` are those of the law with its bulk modulus, as in a simulation of the tests; ``volume_ratio`` is the greatest one, and
+    ``residuals`` lists the rows with the greatest residuals.
     """
     predicted, volume = states(model.law_, data.stretches)
     errors = [float(value) if np.isfinite(value) else None for value in model.standard_errors_]
@@ -35,19 +35,16 @@ def report(model: StressRegressor, data: TestData) -> dict:
 
 
 def differences(data: TestData, stress: np.ndarray) -> dict[str, dict]:
-    """Greatest difference of stresses, simulated or of a law, from those measured, in each mode.
+    """Return the greatest difference of stresses, simulated or of a law, from those measured, by mode.
 
-    Returns
-    -------
-    dict
-        By mode ``difference``, in parts of the greatest stress measured in that mode, and the ``stretch`` along the stress there; both None
-        where a state has no stress.
+    ``difference`` is relative to the greatest stress measured in the mode, and ``stretch`` is the stretch along the stress; both are None
+    if the stress of a state is not finite.
     """
     found = {}
     for mode in data.modes:
         rows = np.flatnonzero(data.mode == mode)
         off = (stress[rows] - data.nominal_stress[rows]) / max(np.abs(data.nominal_stress[rows]).max(), 1e-300)
-        place = int(np.argmax(np.abs(off)))  # NaN counts as the greatest
+        place = int(np.argmax(np.abs(off)))  # argmax takes NaN for the greatest
         known = np.isfinite(off[place])
         found[mode] = {
             "difference": float(off[place]) if known else None,
@@ -57,7 +54,7 @@ def differences(data: TestData, stress: np.ndarray) -> dict[str, dict]:
 
 
 def figure(models: list[StressRegressor], data: TestData, simulated: np.ndarray | None = None) -> Figure:
-    """Measured points, a line for each fitted law, and crosses for stresses that were simulated, one panel for each mode."""
+    """Draw measured points, a line for each fitted law, and crosses for simulated stresses, in one panel for each mode."""
     modes = data.modes
     with matplotlib.rc_context(STYLE):
         drawn = Figure(figsize=(2.6 * max(len(modes), 2), 2.9), layout="constrained")

@@ -1,4 +1,4 @@
-"""Choice of a law by its prediction of modes of loading that it was not fitted to."""
+"""Cross-validation of laws over modes of loading."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from .stress_regressor import StressRegressor
 
 
 def held_out_modes(models: Iterable[StressRegressor], data: TestData, fitted_to: Iterable[str] | None = None) -> list[dict]:
-    """Cross-validation over modes of loading.
+    """Fit each law to some modes of loading, and return its errors in the others.
 
     Parameters
     ----------
     models : iterable of StressRegressor
     data : TestData
-        With at least two modes.
+        Data of at least two modes.
     fitted_to : iterable of str, optional
-        Modes that every law is fitted to, all others held out; by default each mode is held out in turn.
+        Modes to which each law is fitted, with all others held out; by default each mode is held out in turn.
 
     Returns
     -------
     list of dict
-        For each law and each way of holding out: ``law``, ``fitted_to``, ``held_out`` (R^2 by mode) and ``relative_rms`` of the rows
-        held out (NaN where the law ends before them).
+        For each law and each split: ``law``, ``fitted_to``, ``held_out`` (R^2 by mode) and ``relative_rms`` of the rows held out, NaN if
+        they are past the limit of the law.
     """
     modes = data.modes
     splits = [list(fitted_to)] if fitted_to is not None else [[mode for mode in modes if mode != left] for left in modes]

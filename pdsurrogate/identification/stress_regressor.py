@@ -1,52 +1,61 @@
-"""Base of the regressors of nominal stresses by stretches."""
+"""Base of regressors that find a law from nominal stresses at given stretches, and the stresses of a law."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from ..arguments import in_order
 from ..materials import Law, homogeneous, plane_stress
 
 WELL_POSED = 1e14
-"""Greatest condition of the normal equations of the parameters that has standard errors come of them."""
-
+"""Greatest condition number of the normal equations of the parameters: above it the inverse has no digits left, and standard errors are
+infinite."""
 
 BULK_RATIO = 1000.0
-"""K over mu of a law whose bulk modulus nobody gives.
+"""Default of K/mu of a law.
 
-Rubber has some thousand to ten thousand.  At 100 the volume of Treloar's rubber would grow by 42 % at its greatest stretch of 7.6, which
-no rubber's does, and the best fit of Ogden's law has an R^2 of 0.992 in tension; at 1000 by 4 %, with 0.996, and 0.997 without bound.
+Rubber has one thousand to ten thousand. At 100 the volume of Treloar's rubber would grow by 42 % at its greatest stretch of 7.6, unlike
+that of any rubber, and the best fit of Ogden's law has an R^2 of 0.992 in tension; at 1000 the volume grows by 4 %, with 0.996, and an
+incompressible law has 0.997.
 """
 
+BULK_CONSTRAINTS = {
+    "bulk_ratio": [Interval(Real, 0, None, closed="neither")],
+    "bulk_modulus": [None, Interval(Real, 0, None, closed="neither")],
+}
+"""Constraints on the parameters that set the bulk modulus."""
+
 FREE_SIDES = 1e-4
-"""How far, in log-stretch, a lateral stretch may be off stretch**-0.5 for the sides to be taken as free."""
+"""Greatest difference, in log-stretch, of a lateral stretch from stretch**-0.5 at which the sides count as free: data have four digits."""
 
 
 def nominal_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
-    """Nominal stress along the first of two stretches in the plane, of the law with its bulk modulus; NaN past the law's limit.
+    """Return the nominal stress of a law along the first of two stretches in the plane; NaN past the limit of the law.
 
     Parameters
     ----------
     law : Law
     stretches : ndarray, shape (n, 2)
-        Along the stress and across it.  A second one that is the first to the power -1/2 says that it is uniaxial tension of rubber
-        whose sides are free: there the lateral stretch is the one at which their stress is zero.  The thickness is free always.
+        Stretches along the stress and across it. A second stretch equal to the first to the power -1/2 means uniaxial tension with free
+        sides: the lateral stretch is then the one at which the lateral stress is zero. The thickness is always free.
 
     Returns
     -------
     ndarray, shape (n,)
-        In the unit of the law's shear modulus.
+        Stress in the unit of the shear modulus of the law.
     """
     return states(law, stretches)[0]
 
 
 def states(law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nominal stress and volume ratio J3 of the same states, each of shape (n,)."""
+    """Return nominal stress and volume ratio J3 of the states of `nominal_stress`, each of shape (n,)."""
     first, second = np.asarray(stretches, dtype=float).T
     return homogeneous.sheet_states(law, first, np.where(free_sides(first, second), np.nan, second))
 
@@ -57,7 +66,7 @@ def free_sides(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def incompressible_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
-    """Nominal stress in the limit of an infinite bulk modulus, shape (n,): at J3 = 1, P33 = 0 having eliminated the pressure."""
+    """Return the nominal stress in the limit of an infinite bulk modulus, shape (n,): J3 = 1, and the pressure from P33 = 0."""
     first, second = stretches.T
     with np.errstate(all="ignore"):
         p, q, *_ = plane_stress.response(law, first**2 + second**2, first * second, np.ones_like(first))
@@ -65,9 +74,10 @@ def incompressible_stress(law: Law, stretches: np.ndarray) -> np.ndarray:
 
 
 class StressRegressor(RegressorMixin, BaseEstimator):
-    """Base of regressors that find an energy, as a law, from nominal stresses.
+    """Base of regressors that find a law from nominal stresses.
 
-    A subclass writes `fit`: it takes its data from `_checked` and ends with `_store`, which keeps the law, its parameters and their errors.
+    A subclass implements ``fit``, which takes its data from `_checked` and ends with `_store`, and has the parameters `bulk_ratio` and
+    `bulk_modulus`.
     """
 
     columns = ("stretch", "lateral_stretch")
@@ -82,7 +92,7 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         return hasattr(self, "law_")
 
     def predict(self, X: ArrayLike) -> np.ndarray:
-        """Nominal stress, shape (n_samples,); NaN past the law's limit.  Tables are read by the names of their columns, as in `fit`."""
+        """Return nominal stresses, shape (n_samples,), NaN past the limit of the law; tables are read by the names of their columns."""
         check_is_fitted(self)
         X = validate_data(self, in_order(X, self.columns, "X"), dtype=np.float64, reset=False)
         return nominal_stress(self.law_, self._stretches(X))
@@ -92,12 +102,12 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         return clone(self)
 
     def forget(self) -> None:
-        """Drop everything that a training found, so that the regressor is not fitted."""
+        """Delete the results of a fit, so that the regressor is unfitted."""
         for key in [key for key in vars(self) if key.endswith("_")]:
             delattr(self, key)
 
     def _stretches(self, X: np.ndarray) -> np.ndarray:
-        """Two columns of positive stretches; a ValueError if they are not."""
+        """Return X; raise ValueError unless it has two columns of positive stretches."""
         if X.shape[1] != 2:
             raise ValueError(f"X must have two columns, the stretch along the stress and the one across it, but n_features = {X.shape[1]}")
         if not (X > 0).all():
@@ -105,8 +115,8 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         return X
 
     def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Checked data: stretches, stresses and roots of weights of rows with a weight above zero, and which they are."""
-        self.forget()  # a training that fails leaves nothing of an earlier one
+        """Return stretches, stresses and roots of weights of the rows with a weight above zero, and the mask of these rows."""
+        self.forget()  # results of an earlier fit must not outlive a failed one
         self._validate_params()
         X, y = validate_data(self, in_order(X, self.columns, "X"), y, dtype=np.float64, y_numeric=True)
         root = np.sqrt(_check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True))
@@ -116,22 +126,17 @@ class StressRegressor(RegressorMixin, BaseEstimator):
         X = self._stretches(X)
         return X[used], y[used], root[used], used
 
+    def _bulk(self, shear_modulus: float) -> float:
+        """Return the bulk modulus of a law."""
+        return self.bulk_modulus or self.bulk_ratio * shear_modulus
+
     def _store(
         self, law: Law, names: Sequence[str], values: np.ndarray, jacobian: np.ndarray, squares: float, at_bound: Sequence[str] = ()
     ) -> None:
-        """Keep what was found.
+        """Set the results of a fit: the law, its parameters, and their covariance.
 
-        Parameters
-        ----------
-        law : Law
-        names : sequence of str
-            Of the parameters.
-        values : ndarray, shape (n_parameters,)
-        jacobian : ndarray, shape (n_samples, n_parameters)
-            Of the weighted residuals by the parameters.
-        squares : float
-            Sum of the squares of the weighted residuals.
-        at_bound : sequence of str
+        `jacobian` holds the derivatives of the weighted residuals by the parameters, shape (n_samples, n_parameters), and `squares` is the
+        sum of the squared residuals.
         """
         self.law_, self.parameter_names_, self.parameters_, self.at_bound_ = law, list(names), values, list(at_bound)
         n_samples, count = jacobian.shape

@@ -1,4 +1,4 @@
-"""Samples as the paper draws them, Algorithm 1."""
+"""Samples of bond forces by the paper's Algorithm 1."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from .sampling import checked_range, force_factor, force_on_bonds, log_stretches
 from .targets import Samples
 
 LENGTHS, ORIENTATIONS = 2, 5
-"""Bond lengths for every deformation gradient of Algorithm 1, and orientations for every length."""
+"""Bond lengths for each deformation gradient of Algorithm 1, and orientations for each length: enough for both to be spread, and few
+enough for a thousand gradients among 10,000 samples."""
 
 
 def algorithm_1(
@@ -25,27 +26,27 @@ def algorithm_1(
     nondimensional: bool = True,
     random_state: int = 0,
 ) -> Samples:
-    """Loops over principal stretches, within them over bond lengths, within these over bond orientations.
+    """Draw samples of bond forces by the paper's Algorithm 1: loops over principal stretches, bond lengths and bond orientations.
 
-    The paper says "for various"; here lengths and orientations are drawn evenly from their ranges, stretches evenly in the logarithm.
-    (On a full grid of values a network can be exact at the grid's few stretches and wrong by percents between them.  Drawn evenly
-    themselves, two stretches out of a thousand pairs come near the corner of least stretches, where C33 is largest, and a network is
-    wrong there by ten times its error elsewhere.)
+    The paper loops over "various" values. Here lengths and orientations are drawn uniformly from their ranges, and stretches uniformly in
+    the logarithm. On a full grid of values a network can be exact at the few stretches of the grid and wrong by percents between them. If
+    stretches themselves were uniform, only two in a thousand pairs would be near the corner of least stretches, where C33 is greatest, and
+    a network would be wrong there by ten times its error elsewhere.
 
     Parameters
     ----------
     law : Law
     n_samples : int
-        About how many: one pair of stretches for every `LENGTHS` x `ORIENTATIONS` of them.
+        Number of samples, rounded to whole pairs of stretches: ten samples have the same pair.
     stretch_range : tuple of float
-        Of both principal stretches.
+        Least and greatest principal stretch.
     horizon : float
-        delta; lengths run over (0, delta].
+        Horizon delta; lengths are in (0, delta].
     weight : str
         Weight function.
     nondimensional : bool
-        Lengths in units of the horizon, forces as t kappa/(w l mu) [1]; else lengths as they are, forces by Eq. (2) on a full circular
-        horizon, in the unit of the shear modulus over the horizon's cubed.
+        Whether lengths are in units of the horizon, and forces are t kappa/(w l mu). Otherwise lengths have the unit of the horizon, and
+        forces, by Eq. (2) on a full circular horizon, that of the shear modulus over the cube of the horizon's.
     random_state : int
         Seed.
 

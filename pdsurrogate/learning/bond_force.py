@@ -1,21 +1,20 @@
-"""The bond force as a target: how its samples are drawn, and how fitted models of it are judged and turned into surrogates."""
+"""The bond force as a target: its samples, pipeline, errors, domain and surrogates."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..body import WEIGHT_FUNCTIONS
-from ..forces import Domain, LearntBondForce
+from ..forces import Domain
 from ..materials import Law
-from .export import force_of, regressor_of, shift_and_scale, taken_over
+from .export import force_of, shift_and_scale, taken_over
 from .pipeline import bond_force_pipeline, feature_set_of, parts_of
-from .sampling import COLUMNS, PERTURBATION, TARGETS, bond_states_reached, range_of_stretches, wide_bonds
-from .target import InputAwareTargetRegressor
-from .targets import Samples, Target, hull_of
+from .sampling import COLUMNS, TARGETS, bond_states_reached, range_of_stretches, wide_bonds
+from .targets import REPORT_SEED, REPORTED_STATES, Range, Samples, Target
 from .validation import force_report, relative_errors
 
 WIDE = (0.5, 4.0)
-"""Principal stretches of which the card of a surrogate trained on fewer states reports errors as well: those of the default samples."""
+"""Principal stretches of the default samples; the card of a surrogate trained on a smaller range reports its errors in this one as well."""
 
 
 class _BondForce(Target):
@@ -23,23 +22,14 @@ class _BondForce(Target):
     units = "dimensionless; rotation in radians; length in horizons; force in w l mu / kappa"
     weight_function = "any: the force learnt is dimensionless, t kappa / (w l mu); known are " + ", ".join(WEIGHT_FUNCTIONS)
 
-    def reached(self, law: Law, low: float, high: float) -> bool:
-        return bond_states_reached(law, low, high)
+    reached = staticmethod(bond_states_reached)
+    pipeline = staticmethod(bond_force_pipeline)
+    surrogate = staticmethod(taken_over)
 
     def draw(
-        self,
-        law: Law,
-        n_samples: int,
-        stretch_range: tuple[float, float],
-        near_rest: float,
-        random_state: int,
-        off_surface: float | None = None,
+        self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int, off_surface: float = 2 / 3
     ) -> Samples:
-        share = 2 / 3 if off_surface is None else off_surface
-        return Samples(*wide_bonds(law, n_samples, stretch_range, near_rest, share, random_state), self)
-
-    def pipeline(self, regressor, **options) -> InputAwareTargetRegressor:
-        return bond_force_pipeline(regressor, **options)
+        return Samples(*wide_bonds(law, n_samples, stretch_range, near_rest, off_surface, random_state), self)
 
     def predicted_by(self, model) -> bool:
         try:
@@ -50,15 +40,6 @@ class _BondForce(Target):
     def errors(self, predicted: np.ndarray, samples: Samples) -> dict[str, float]:
         return relative_errors(predicted, samples.y)
 
-    def domain(self, law: Law, samples: Samples) -> Domain:
-        found, hull = self.domain_of_states(law, samples.X), hull_of(samples.design)
-        bulk = found.least_bulk, found.greatest_bulk
-        if samples.design.get("off_surface"):
-            # The bounds of the perturbation itself, which the samples nearly fill.
-            reach = np.exp(samples.design.get("perturbation", PERTURBATION)["log_C33"])
-            bulk = float(1 / reach), float(reach)
-        return Domain(*samples.design["stretch_range"], *bulk, hull)
-
     def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
         stretch, rotation, J, C33 = (X[:, COLUMNS.index(name)] for name in ("stretch", "rotation", "J", "C33"))
         # Components of the stretch tensor U, which stretch and rotation of a bond and the area ratio define.
@@ -67,22 +48,12 @@ class _BondForce(Target):
         bulk = J**2 * C33
         return Domain(low, high, float(bulk.min()), float(bulk.max()))
 
-    def surrogate(self, model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None) -> tuple[LearntBondForce, dict]:
-        return taken_over(model, law, domain, name, states)
-
-    def report(self, model, law: Law, stretch_range: tuple[float, float], n_samples: int, random_state: int) -> dict:
+    def report(self, model, law: Law, stretch_range: Range, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED) -> dict:
         return force_report(force_of(model), law, stretch_range, n_samples, random_state)
 
-    def more_reports(self, surrogate, law: Law, stretch_range: tuple[float, float]) -> dict[str, dict]:
-        if stretch_range[0] > WIDE[0] and self.reached(law, *np.log(WIDE)):
-            return {"outside_box": force_report(surrogate.bond_force, law, WIDE)}
-        return {}
-
-    def shape(self, law: Law) -> dict[str, float]:
-        return law.shape
-
-    def regressor(self, model):
-        return regressor_of(model) if isinstance(model, InputAwareTargetRegressor) else model
+    def more_reports(self, surrogate, law: Law, stretch_range: Range) -> dict[str, dict]:
+        wider = stretch_range[0] > WIDE[0] and self.reached(law, *np.log(WIDE))
+        return {"outside_box": self.report(surrogate, law, WIDE)} if wider else {}
 
     def scaling(self, model) -> dict:
         try:

@@ -15,18 +15,18 @@ class CardText:
     Parameters
     ----------
     description : str
-        What the artefact is for, in a sentence.
+        Purpose of the artefact, in a sentence.
     cross_validation : list of dict, optional
         Errors by fold, as `pdsurrogate.cross_validate` returns them.
     search : list of dict, optional
-        What was tried, and its errors; by default the table of the search, if the model is one.
+        Parameters that a search tried, and their errors; by default the table of the model if that is a search.
     identification : dict, optional
-        How the parameters of the law were found (`pdsurrogate.identification.report`).
+        Report of the identification of the law (`pdsurrogate.identification.report`).
 
     Raises
     ------
     TypeError, ValueError
-        If a card cannot hold it; names what.
+        If a card cannot hold a value; names the value.
 
     Examples
     --------
@@ -50,5 +50,5 @@ class CardText:
 
     @classmethod
     def of(cls, text: str | CardText) -> CardText:
-        """Return a description as a text that says nothing else."""
+        """Return a text with the given description only; return a `CardText` unchanged."""
         return text if isinstance(text, cls) else cls(text)

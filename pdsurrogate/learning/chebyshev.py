@@ -8,24 +8,24 @@ from numbers import Integral
 from typing import ClassVar
 
 import numpy as np
-from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+from .base import BaseRegressor
 
 MOST_TERMS = 10_000
-"""Terms of a polynomial: with as many samples the matrix of the least squares has 0.8 GB."""
+"""Most terms of a polynomial: with as many samples the matrix of the least squares has 0.8 GB."""
 
 
-class ChebyshevRegressor(RegressorMixin, BaseEstimator):
-    """Least squares on products of Chebyshev polynomials of the features, up to a total degree.
+class ChebyshevRegressor(BaseRegressor):
+    """Least-squares fit of products of Chebyshev polynomials of the features, up to a total degree.
 
-    Features are mapped to [-1, 1] by their range in the training data.  No iteration and no random choice.
+    Features are mapped to [-1, 1] by their range in the training data. The fit has no iterations and no random choices.
 
     Parameters
     ----------
     degree : int or tuple of int, default=6
-        Total degree of the products; or one degree for each feature, the products then being those whose degrees, each over that of
-        its feature, add up to at most 1.
+        Greatest total degree of a product; or one degree for each feature: the degrees in a product, each divided by that of its feature,
+        then add up to at most 1.
 
     Attributes
     ----------
@@ -33,6 +33,7 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
         Degree of each feature in each term.
     coef_ : ndarray, shape (n_terms, n_outputs)
     centre_, half_width_ : ndarray, shape (n_features,)
+        Map of the features to [-1, 1].
     n_features_in_ : int
 
     Examples
@@ -50,11 +51,6 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
     def __init__(self, degree=6):
         self.degree = degree
 
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.target_tags.multi_output = True
-        return tags
-
     def fit(self, X, y, sample_weight=None):
         """Fit the coefficients.
 
@@ -63,7 +59,7 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
         sample_weight : array-like, shape (n_samples,), optional
-            Of the squared errors; samples of weight 0 do not count for the range of the features either.
+            Weights of the squared errors; the range of the features is that of samples with a weight above 0.
 
         Returns
         -------
@@ -72,35 +68,24 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If the degrees make more than `MOST_TERMS` terms; says which would not.
+            If the degrees make more than `MOST_TERMS` terms; names the greatest degree that does not.
         """
-        self._validate_params()
-        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
-        y = np.asarray(y, dtype=np.float64)
-        self._single_output = y.ndim == 1
-        Y = y.reshape(len(X), -1)
-        if sample_weight is not None:
-            weights = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+        X, Y, weights = self._checked(X, y, sample_weight)
+        if weights is not None:
             X, Y, weights = (array[weights > 0] for array in (X, Y, weights))
         low, high = X.min(axis=0), X.max(axis=0)
         self.centre_ = (low + high) / 2
         self.half_width_ = np.where(high > low, (high - low) / 2, 1.0)
         self.powers_ = self._checked_powers(X.shape[1])
         terms = self._terms(X)
-        if sample_weight is not None:
+        if weights is not None:
             root = np.sqrt(weights)[:, None]
             terms, Y = terms * root, Y * root
         self.coef_ = np.linalg.lstsq(terms, Y, rcond=1e-13)[0]
         return self
 
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "coef_")
-
-    def predict(self, X):
-        """Predict targets, shape (n_samples,) or (n_samples, n_outputs) as in training."""
-        check_is_fitted(self)
-        Y = self._terms(validate_data(self, X, dtype=np.float64, reset=False)) @ self.coef_
-        return Y[:, 0] if self._single_output else Y
+    def _outputs(self, X):
+        return self._terms(X) @ self.coef_
 
     def _checked_powers(self, n_features):
         """Return the degrees of each feature in each term."""
@@ -114,6 +99,7 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
         return np.array(powers)
 
     def _degrees(self, n_features):
+        """Return the greatest degree of each feature."""
         if isinstance(self.degree, Integral):
             return [int(self.degree)] * n_features
         if len(self.degree) != n_features or not all(isinstance(value, Integral) and 0 <= value <= 24 for value in self.degree):
@@ -121,6 +107,7 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
         return [int(value) for value in self.degree]
 
     def _terms(self, X):
+        """Return the values of all terms, shape (n_samples, n_terms)."""
         basis = np.polynomial.chebyshev.chebvander((X - self.centre_) / self.half_width_, self.powers_.max())
         terms = np.ones((len(X), len(self.powers_)))
         for feature in range(X.shape[1]):
@@ -129,7 +116,7 @@ class ChebyshevRegressor(RegressorMixin, BaseEstimator):
 
 
 def _powers(degrees, share):
-    """All degrees of the features whose shares of their greatest add up to at most `share`."""
+    """Yield the degrees of the features in each product; divided by their greatest they add up to at most `share`."""
     if not degrees:
         yield ()
         return

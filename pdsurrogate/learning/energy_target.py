@@ -1,10 +1,9 @@
-"""Energies as targets: an energy of two invariants that a network learns together with its derivatives by them."""
+"""Energies as targets: a network learns an energy of two invariants together with its derivatives by them."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from sklearn.base import clone
@@ -13,30 +12,39 @@ from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.validation import check_is_fitted
 
 from ..forces import Domain, LearntEnergy
-from ..forces.bond_energy import EnergySurrogate
 from ..materials import Law
+from .named import NamedFunction
 from .sobolev import SobolevRegressor
 from .target import InputAwareTargetRegressor, check_targets
-from .targets import Samples, Target, hull_of
-from .validation import strain_bins
+from .targets import REPORT_SEED, REPORTED_STATES, Range, Samples, Target
+from .validation import relative_errors, strain_bins
 
 ANCHOR = (0.0, 0.0)
 """Features at rest, where the energy is zero."""
 
 
+class PipelineFunctions(NamedTuple):
+    """Functions of a module that a pipeline for an energy is made of; pickles store them by their names."""
+
+    features: NamedFunction
+    feature_names: NamedFunction
+    size: NamedFunction
+    derivatives_by_features: NamedFunction
+    derivatives_by_invariants: NamedFunction
+
+
 class EnergyTarget(Target):
-    """An energy as a function of two invariants, learnt with its derivatives by them.
+    """Energy as a function of two invariants, learnt with its derivatives by them.
 
     Attributes
     ----------
     surrogate_type : type
-        Force model that a fitted network becomes.
+        Type of the force model that a fitted network becomes.
     n_units : int
-        Units of the network, where the user gives no regressor.
+        Units of the network of a pipeline that is made without a regressor.
     flat : tuple of int
         Features by which the derivative is made zero at rest, where all features are zero.
-    log_features, feature_names, size, derivatives_by_features, derivatives_by_invariants : callable
-        Parts of the pipeline, which are functions of a module: pickles store them by their names.
+    functions : PipelineFunctions
     """
 
     units = "dimensionless; energy in the shear modulus"
@@ -44,11 +52,7 @@ class EnergyTarget(Target):
     surrogate_type: ClassVar[type[LearntEnergy]]
     n_units: ClassVar[int]
     flat: ClassVar[tuple[int, ...]]
-    log_features: ClassVar[Callable]
-    feature_names: ClassVar[Callable]
-    size: ClassVar[Callable]
-    derivatives_by_features: ClassVar[Callable]
-    derivatives_by_invariants: ClassVar[Callable]
+    functions: ClassVar[PipelineFunctions]
 
     @abstractmethod
     def states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -56,7 +60,7 @@ class EnergyTarget(Target):
 
     @abstractmethod
     def draw_logs(self, random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
-        """Return logarithms of principal stretches, even within their bounds but for a share near rest."""
+        """Return logarithms of principal stretches, uniform within their bounds except for a share near rest."""
 
     @abstractmethod
     def of_strain(self, random: np.random.Generator, strains: tuple[float, float], low: float, high: float, n_samples: int) -> np.ndarray:
@@ -74,19 +78,11 @@ class EnergyTarget(Target):
     def stability(self, model: LearntEnergy, law: Law, samples: Samples) -> dict[str, float]:
         """Return a model's energy at rest and bounds of its second derivatives, with those of the law."""
 
-    @abstractmethod
-    def bulk_range(self, law: Law, X: np.ndarray) -> tuple[float, float]:
-        """Return bounds of J3^2 of training states, for the card."""
-
-    @abstractmethod
-    def range_of(self, X: np.ndarray) -> tuple[float, float]:
-        """Return the least and the greatest principal stretch of states."""
-
     def samples_at(self, law: Law, stretches: np.ndarray, design: dict) -> Samples:
         """Return the samples at given principal stretches."""
         return Samples(*self.states(law, stretches), design, self, stretches)
 
-    def draw(self, law: Law, n_samples: int, stretch_range: tuple[float, float], near_rest: float, random_state: int) -> Samples:
+    def draw(self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int) -> Samples:
         low, high = stretch_range
         logs = self.draw_logs(np.random.default_rng(random_state), n_samples, low, high, near_rest)
         design = {
@@ -102,16 +98,13 @@ class EnergyTarget(Target):
         if regressor is not None and not isinstance(regressor, SobolevRegressor):
             raise ValueError(f"an energy is learnt with its derivatives, by a SobolevRegressor, not by a {type(regressor).__name__}")
         inner = SobolevRegressor(self.n_units, random_state=0) if regressor is None else clone(regressor)
-        inner.set_params(anchor=ANCHOR, flat=self.flat, size=self.size)
-        features = FunctionTransformer(self.log_features, feature_names_out=self.feature_names, check_inverse=False)
-        return InputAwareTargetRegressor(
-            Pipeline([("features", features), ("regressor", inner)]),
-            func=self.derivatives_by_features,
-            inverse_func=self.derivatives_by_invariants,
-        )
+        features, names, size, *targets = self.functions
+        inner.set_params(anchor=ANCHOR, flat=self.flat, size=size)
+        transformer = FunctionTransformer(features, feature_names_out=names, check_inverse=False)
+        return InputAwareTargetRegressor(Pipeline([("features", transformer), ("regressor", inner)]), *targets)
 
     def predicted_by(self, model) -> bool:
-        return isinstance(model, InputAwareTargetRegressor) and model.func is self.derivatives_by_features
+        return isinstance(model, InputAwareTargetRegressor) and model.func is self.functions.derivatives_by_features
 
     def network_of(self, model) -> SobolevRegressor:
         """Return the network of a pipeline for this energy; raise ValueError if the pipeline cannot become a surrogate."""
@@ -120,7 +113,7 @@ class EnergyTarget(Target):
             not self.predicted_by(model)
             or not isinstance(pipeline, Pipeline)
             or not isinstance(pipeline[-1], SobolevRegressor)
-            or getattr(pipeline[0], "func", None) is not self.log_features
+            or getattr(pipeline[0], "func", None) is not self.functions.features
         ):
             raise ValueError(
                 f"only a surrogate_pipeline for the target {self.name}, which ends in a SobolevRegressor, can become a surrogate of it"
@@ -137,25 +130,12 @@ class EnergyTarget(Target):
         arrays = np.ascontiguousarray(network.hidden_weights_), network.hidden_biases_.copy(), network.output_weights_.copy()
         return self.surrogate_type(name, network.activation, *arrays, domain, law.name, self.shape(law)), {}
 
-    def domain(self, law: Law, samples: Samples) -> Domain:
-        return Domain(*samples.design["stretch_range"], *self.bulk_range(law, samples.X), hull_of(samples.design))
-
-    def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
-        return Domain(*self.range_of(X), *self.bulk_range(law, X))
-
     def errors(self, predicted: np.ndarray, samples: Samples) -> dict[str, float]:
         """Return the relative errors of stress (``rms``, ``max``) and energy (``energy_rms``)."""
-        exact = self.stresses(samples.stretches, *samples.y.T[1:])
-        error = np.linalg.norm(self.stresses(samples.stretches, *predicted.T[1:]) - exact, axis=1)
-        size = np.sqrt((exact**2).sum(axis=1).mean())
-        energy, size_of_energy = predicted[:, 0] - samples.y[:, 0], np.sqrt((samples.y[:, 0] ** 2).mean())
-        return {
-            "rms": float(np.sqrt((error**2).mean()) / size),
-            "max": float(error.max() / size),
-            "energy_rms": float(np.sqrt((energy**2).mean()) / size_of_energy),
-        }
+        stresses = (self.stresses(samples.stretches, *values.T[1:]) for values in (predicted, samples.y))
+        return {**relative_errors(*stresses), "energy_rms": relative_errors(predicted[:, :1], samples.y[:, :1])["rms"]}
 
-    def report(self, model, law: Law, stretch_range: tuple[float, float], n_samples: int, random_state: int) -> dict:
+    def report(self, model, law: Law, stretch_range: Range, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED) -> dict:
         low, high = stretch_range
         samples = self.draw(law, n_samples, stretch_range, 0.0, random_state)
 
@@ -174,12 +154,6 @@ class EnergyTarget(Target):
             "by_strain": bins,
             **self.stability(model, law, samples),
         }
-
-    def more_reports(self, surrogate: EnergySurrogate, law: Law, stretch_range: tuple[float, float]) -> dict[str, dict]:
-        return {}
-
-    def regressor(self, model) -> SobolevRegressor:
-        return model.regressor_[-1]
 
     def scaling(self, model) -> dict:
         return {"folded": "features are standardised and targets scaled within the regressor; the payload is on plain features"}

@@ -1,10 +1,11 @@
-"""Conversion of a fitted model to the plain arrays that a simulation needs, exactly or by resampling."""
+"""Conversion of a fitted model of a bond force to the plain arrays that a run needs, exactly or by resampling."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 from sklearn.base import BaseEstimator, MetaEstimatorMixin
@@ -33,19 +34,19 @@ from .sampling import COLUMNS, wide_bonds
 from .target import InputAwareTargetRegressor, is_search
 
 STATES = 4000
-"""At most so many states of the training set tell how far a surrogate is from what it was made of."""
+"""Most states of the training set at which a surrogate is compared with the model that it was made of: 1 % of error in their RMS."""
 
 
 def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None) -> tuple[LearntBondForce, dict]:
     """Return the surrogate of a fitted model of a bond force, and a report of its resampling.
 
-    Networks of one to three hidden layers and `ChebyshevRegressor` are taken over as they are, scalings folded into their constants, and
-    the report is empty. Everything else is resampled onto a spline: of its own features where it has two or three, else of the isochoric
-    ones.
+    Networks of one to three hidden layers and `ChebyshevRegressor` are converted exactly, with scalings folded into their constants, and
+    the report is empty. Any other model is resampled onto a spline, of its own features if these are two or three, else of the isochoric
+    features.
 
-    The report states what was resampled and onto what, the error of resampling (``rms`` and ``max`` over the RMS of the force, on states
-    of the training set) and ``jump``, the greatest step of a function that is not continuous, in parts of the RMS of its outputs.
-    `states` are the bonds of the training set, for a model that does not keep them.
+    The report names the model and the spline, and states the error of resampling (``rms`` and ``max`` over the RMS of the force, on states
+    of the training set) and ``jump``, the greatest step of a discontinuous function relative to the RMS of its outputs. `states` are the
+    bonds of the training set, for a model that does not keep them.
     """
     model = best_of(model)
     if not isinstance(model, InputAwareTargetRegressor):
@@ -55,8 +56,8 @@ def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | 
     common = (name, feature_set, model.offsets_.astype(float), domain, law.name, law.shape)
     try:
         parts = parts_of(model)
-    except ValueError:  # it is not of the make that is folded exactly
-        return _of_another_make(model, common, law, domain)
+    except ValueError:  # no steps that are folded exactly
+        return _of_other_steps(model, common, law, domain)
     scaling, target = shift_and_scale(parts.scaling), shift_and_scale(parts.target)
     if isinstance(parts.regressor, ChebyshevRegressor):
         return PolynomialForce(*common, *_polynomial(parts.regressor, *scaling, *target)), {}
@@ -64,14 +65,10 @@ def taken_over(model, law: Law, domain: Domain, name: str, states: np.ndarray | 
 
 
 def best_of(model):
-    """The fitted estimator of a search over parameters; every other model as it is.
+    """Return the best fitted estimator of a search over parameters, and any other model unchanged.
 
-    A pipeline of a single step, by which a search may choose among models of several feature sets, is that step.
-
-    Raises
-    ------
-    ValueError
-        If the search was not run, or keeps no fitted estimator.
+    For a pipeline of a single step, with which a search can choose among models of several feature sets, return that step. Raise ValueError
+    for a search that is not fitted, or keeps no fitted estimator.
     """
     if is_search(model):
         check_is_fitted(model)
@@ -82,17 +79,9 @@ def best_of(model):
 
 
 def force_of(model) -> Callable:
-    """The bond force ``force(stretch, rotation, length, C33, J)`` of a model, dimensionless.
+    """Return the dimensionless bond force ``force(stretch, rotation, length, C33, J)`` of a model.
 
-    Parameters
-    ----------
-    model : estimator or object
-        As for `pdsurrogate.surrogate_of`; also a function of the five.
-
-    Raises
-    ------
-    ValueError
-        If it has none.
+    The model is as for `pdsurrogate.surrogate_of`, or a function of the five quantities. Raise ValueError for a model without such a force.
     """
     model = best_of(model)
     if isinstance(model, InputAwareTargetRegressor):
@@ -127,7 +116,7 @@ def force_of(model) -> Callable:
 
 
 def _checked_forces(function: Callable, *bond) -> np.ndarray:
-    """Return the forces that a user's function gives for bonds; raise ValueError if they are not two numbers for each bond."""
+    """Return the forces of a user's function for bonds; raise ValueError if they are not two numbers for each bond."""
     force = np.asarray(function(*bond))
     if force.shape != (len(bond[0]), 2):
         raise ValueError(f"a function of bonds must give t_n and t_tau of each, an array of shape {(len(bond[0]), 2)}, not {force.shape}")
@@ -135,6 +124,7 @@ def _checked_forces(function: Callable, *bond) -> np.ndarray:
 
 
 def _force_of_pipeline(model: InputAwareTargetRegressor) -> Callable:
+    """Return the dimensionless bond force of a fitted pipeline."""
     feature_set = feature_set_of(model)
     check_is_fitted(model)
     horizon = model.regressor_[0].kw_args["horizon"]
@@ -148,26 +138,27 @@ def _force_of_pipeline(model: InputAwareTargetRegressor) -> Callable:
 
 @contextmanager
 def _plain_arrays() -> Iterator[None]:
-    """Arrays for estimators that were fitted to tables with names of columns, without a word about that."""
+    """Silence scikit-learn's warning that an estimator fitted to a table is given an array."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="X does not have valid feature names")
         yield
 
 
 def _quietly(estimator, X) -> np.ndarray:
+    """Return the predictions of an estimator that may have been fitted to tables."""
     with _plain_arrays():
         return np.asarray(estimator.predict(X), dtype=float)
 
 
 def _thinned(X: np.ndarray | None, law: Law, domain: Domain) -> np.ndarray:
-    """At most `STATES` bonds of a training set; where none is known those of a wide design."""
+    """Return at most `STATES` bonds of a training set, or of wide samples if there is none."""
     if X is None:
         return wide_bonds(law, STATES, (domain.least_stretch, domain.greatest_stretch), 0.25, 2 / 3, 0)[0]
     return X[np.linspace(0, len(X) - 1, min(STATES, len(X))).astype(int)]
 
 
-def _of_another_make(model, common, law: Law, domain: Domain) -> tuple[LearntBondForce, dict]:
-    """A network with other steps around it, or anything else that predicts the outputs of a feature set."""
+def _of_other_steps(model, common, law: Law, domain: Domain) -> tuple[LearntBondForce, dict]:
+    """Return the surrogate of a pipeline with other steps than those folded exactly: of its network, or of its function."""
     feature_set, rest = common[1], model.regressor_[1:]
     horizon, names = model.regressor_[0].kw_args["horizon"], FEATURE_SETS[feature_set].names
     X = None if model.training_inputs_ is None else model.training_inputs_ / [1, 1, horizon, 1, 1]
@@ -184,24 +175,22 @@ def _of_another_make(model, common, law: Law, domain: Domain) -> tuple[LearntBon
 
 
 def _of_bonds(force: Callable, title: str, law: Law, domain: Domain, name: str, states) -> tuple[SplineForce, dict]:
-    """A function of bonds, on the isochoric features."""
+    """Return the spline of a function of bonds, in the isochoric features."""
     common = (name, "isochoric", np.zeros(2), domain, law.name, law.shape)
     return _of_function(isochoric_outputs_of(force), force, title, common, (1,), states)
 
 
 def _of_function(function, force, title, common, anchored, states) -> tuple[SplineForce, dict]:
-    """A spline of a function of features; `force` is the bond force that is meant, at whose `states` the two are compared."""
+    """Return the spline of a function of features; its bond force is compared with `force` at `states`."""
     name, feature_set, offsets, *described = common
     rest = feature_values(np.array([AT_REST]), feature_set)
     right = np.asarray(force(*states.T), dtype=float)
     size = np.sqrt((right**2).sum(axis=1).mean())
 
     def made_of(spline: Spline) -> SplineForce:
-        arrays = spline.low, spline.step, spline.coefficients
-        at_rest, found = offsets.copy(), SplineForce(name, feature_set, offsets, *described, *arrays)
-        for output in anchored:
-            at_rest[output] = found.outputs(rest)[0, output]
-        return SplineForce(name, feature_set, at_rest, *described, *arrays)
+        found, at_rest = SplineForce(name, feature_set, offsets, *described, *spline), offsets.copy()
+        at_rest[list(anchored)] = found.outputs(rest)[0, list(anchored)]
+        return replace(found, at_rest=at_rest)
 
     def errors(spline: Spline) -> np.ndarray:
         return np.linalg.norm(made_of(spline).bond_force(*states.T) - right, axis=1) / size
@@ -220,7 +209,7 @@ def _of_function(function, force, title, common, anchored, states) -> tuple[Spli
 
 
 def feature_box(feature_set: str, domain: Domain, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper ends of the features of all bonds of a domain and of given ones, and a margin."""
+    """Return the lower and upper ends of the features of the bonds of a domain and of given bonds, extended by a margin."""
     logs = np.linspace(np.log(domain.least_stretch), np.log(domain.greatest_stretch), 25)
     bulk = np.exp(np.linspace(np.log(domain.least_bulk), np.log(domain.greatest_bulk), 3))
     angles, lengths = np.linspace(0.01, np.pi / 2 - 0.01, 13), (0.05, 1.0)
@@ -234,8 +223,10 @@ def feature_box(feature_set: str, domain: Domain, states: np.ndarray) -> tuple[n
     return low - beyond, high + beyond
 
 
-def regressor_of(model: InputAwareTargetRegressor):
-    """The regressor within a fitted bond-force pipeline, below the transformation of the target."""
+def regressor_of(model):
+    """Return the regressor within a fitted pipeline, below features and scalings; any other model as it is."""
+    if not isinstance(model, InputAwareTargetRegressor):
+        return model
     last = model.regressor_[-1]
     return getattr(last, "regressor_", last)
 
@@ -258,6 +249,7 @@ def shift_and_scale(scaler: StandardScaler) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _layers(network, shift, scale, target_shift, target_scale):
+    """Return the layers of a network on plain features and outputs."""
     coefs = [np.array(weights, dtype=float) for weights in network.coefs_]
     intercepts = [np.array(biases, dtype=float) for biases in network.intercepts_]
     intercepts[0] = intercepts[0] - (shift / scale) @ coefs[0]
@@ -268,6 +260,7 @@ def _layers(network, shift, scale, target_shift, target_scale):
 
 
 def _polynomial(regressor, shift, scale, target_shift, target_scale):
+    """Return centre and half width of the features, and the coefficients of a polynomial on plain features and outputs."""
     centre = shift + scale * regressor.centre_
     coefficients = np.zeros((target_scale.size, *(regressor.powers_.max(axis=0) + 1)))
     for (i, j), values in zip(regressor.powers_, regressor.coef_ * target_scale, strict=True):

@@ -1,9 +1,9 @@
-"""Judge a model: its errors on samples left out, its report against the law, and whether it is worth storing."""
+"""Errors of fitted models: on samples left out, against the law, and whether they are small enough to store the model."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,17 +29,18 @@ from .targets import Samples, Target
 from .validation import relative_errors
 
 MEMBER_STATES = 5_000
-"""States of each set in which the members of a committee, and fitted pipelines, are compared with their laws."""
+"""States in each set at which members of a committee, and fitted pipelines in a run, are compared with their laws: they give an RMS
+to a percent, which is enough to refuse a model."""
 
 
 class TooInexact(ValueError):
-    """A fitted model that is too far from its law to be of use."""
+    """A fitted model whose error against its law is too large."""
 
 
 def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is stored as", purpose: str = "written") -> None:
-    """Raise `TooInexact` if the report of a model (`evaluate`) says that it is too far from its law; warn if it is far.
+    """Raise `TooInexact` if the error in the report of a model (`evaluate`) is above `MOST_STORED`; warn above `NOTED`.
 
-    `role` is what the law is to the model, and `purpose` what the model is not taken for, in messages.
+    `role` is the role of the law, and `purpose` the purpose for which the model is refused, in messages.
     """
     rms = errors["on_surface"]["rms"]
     if NOTED < rms <= MOST_STORED:
@@ -51,7 +52,7 @@ def check_worth_storing(errors: dict, what: str, law: Law, role: str = "is store
         )
     worst = max(errors.get("by_strain", ()), key=lambda row: row["rms"], default=None)
     if worst is not None and rms <= NOTED and worst["rms"] > MOST_STORED:
-        # Where forces at the ends of the range are enormous, all errors are small in comparison.
+        # Enormous forces at the ends of the range make all errors relatively small.
         low, high = worst["strain"]
         warnings.warn(
             f"{what} is off by {100 * worst['rms']:.2g} % of the force at strains from {low:g} to {high:g}, though by little of the "
@@ -86,7 +87,7 @@ def cross_validate(
     random_state : int
         Seed of the split.
     n_jobs : int
-        Fits that run at the same time.
+        Number of fits that run in parallel.
     progress : callable
         Called with the number of each fold, from 0, when its fit starts (with `n_jobs` above 1, when it is submitted).
 
@@ -114,20 +115,18 @@ def cross_validate(
     check_seed(random_state)
     check_called(progress, "progress")
     check_jobs(n_jobs)
-    splits = _reported(KFold(folds, shuffle=True, random_state=random_state).split(samples.X), progress)
-    errors = Parallel(n_jobs)(delayed(_errors_left_out)(clone(model), samples.take(train), samples.take(test)) for train, test in splits)
+
+    def task(fold: int, train: np.ndarray, test: np.ndarray):
+        progress(fold)
+        return delayed(_errors_left_out)(clone(model), samples.take(train), samples.take(test))
+
+    splits = KFold(folds, shuffle=True, random_state=random_state).split(samples.X)
+    errors = Parallel(n_jobs)(task(fold, *split) for fold, split in enumerate(splits))
     return [{"fold": number, **error} for number, error in enumerate(errors)]
 
 
-def _reported(splits: Iterable, progress: Callable[[int], None]) -> Iterator:
-    """Yield the splits, and call `progress` with the number of each."""
-    for fold, split in enumerate(splits):
-        progress(fold)
-        yield split
-
-
 def _errors_left_out(model, train: Samples, test: Samples) -> dict[str, float]:
-    """Fit a model to samples and return its errors on others."""
+    """Fit a model to samples and return its errors on other samples."""
     return test.target.errors(model.fit(train.X, train.y).predict(test.X), test)
 
 
@@ -139,12 +138,12 @@ def evaluate(
     Parameters
     ----------
     model : estimator, str, path, ForceModel, object or callable
-        A fitted `surrogate_pipeline`, a search over one, or another regressor of the five bond quantities: as they predict, before anything
-        is taken over or resampled; an artefact (NAME, NAME@VERSION or a path); a force model; an object with a ``bond_force``; or a
-        function ``force(stretch, rotation, length, C33, J)``.
+        A fitted `surrogate_pipeline`, a search over one, or another regressor of the five bond quantities, evaluated by its own
+        ``predict``; an artefact (NAME, NAME@VERSION or a path); a force model; an object with a ``bond_force``; or a function
+        ``force(stretch, rotation, length, C33, J)``.
     law : Law
     stretch_range : tuple of float, optional
-        Least and greatest principal stretch; by default those of the model's own domain, 0.5 to 4 where it states none.
+        Least and greatest principal stretch; by default those of the domain of the model, or 0.5 to 4 without a domain.
     n_samples : int
         States in each set.
     random_state : int
@@ -154,18 +153,18 @@ def evaluate(
     -------
     dict
         For bond forces see `pdsurrogate.learning.validation.force_report`. For energies: ``on_surface``: relative errors of the stress
-        (``rms``, ``max``) and of the energy (``energy_rms``) over the box of stretches, even in their logarithms (of an isochoric energy
-        over the part of it with product 1, where stresses are Kirchhoff's); ``by_strain``: these errors by bins of greatest principal
-        strain; ``at_rest``: size of energy and stress at rest; ``least_acoustic``: least second derivative of the energy along a rank-one
-        change m (x) n of F, unit m and n (of an isochoric energy along those that keep the volume), with ``least_acoustic_exact``: a
-        positive value means that short waves are stable (strong ellipticity). For the energy of a sheet ``least_curvature`` and
+        (``rms``, ``max``) and of the energy (``energy_rms``) over the box of stretches, uniform in their logarithms (for an isochoric
+        energy the stretches with product 1, and Kirchhoff stresses); ``by_strain``: these errors by bins of greatest principal strain;
+        ``at_rest``: size of energy and stress at rest; ``least_acoustic``: least second derivative of the energy along a rank-one change
+        m (x) n of F with unit m and n (for an isochoric energy changes that keep the volume), with ``least_acoustic_exact`` of the law:
+        positive values mean that short waves are stable (strong ellipticity). For the energy of a sheet also ``least_curvature`` and
         ``least_curvature_exact``: least eigenvalue of the second derivative by the logarithms of the stretches; for an isochoric energy
         ``shear_modulus`` at rest, which is 1 for the law.
 
     Raises
     ------
     TypeError, ValueError
-        If the model is none of these, or not fitted.
+        If the model is of another kind, or not fitted.
 
     Examples
     --------
@@ -180,7 +179,7 @@ def evaluate(
     if isinstance(model, str | Path):
         model = load_surrogate(model)
         if hasattr(model, "law") and isinstance(model, ForceSurrogate) and model.domain is None:
-            model.law = law  # the exact model serves every law
+            model.law = law  # the exact model is of no particular law
     model = best_of(model)
     if target_of(model) in (SHEET_ENERGY, ISOCHORIC_ENERGY):
         model = force_model_of(model, law)
@@ -190,7 +189,7 @@ def evaluate(
 
 
 def _evaluated_as(model) -> Target:
-    """Return the target that a model is compared as; raise TypeError for a force model that has neither a bond force nor an energy."""
+    """Return the target as which a model is evaluated; raise TypeError for a force model with neither a bond force nor an energy."""
     if isinstance(model, IsochoricNetwork):
         return ISOCHORIC_ENERGY
     if isinstance(model, EnergySurrogate):
@@ -201,10 +200,10 @@ def _evaluated_as(model) -> Target:
 
 
 def stated_against(model: LearntBondForce | LearntEnergy, law: Law, states: np.ndarray) -> LearntBondForce | LearntEnergy:
-    """Return a model with its errors against a law where it was fitted, as the card of an artefact states them; `TooInexact` if too far.
+    """Return a model with its errors against a law in its domain, as on the card of an artefact; raise `TooInexact` above the bound.
 
-    A run so judges a fitted pipeline, and the artefact that `pdsurrogate.store` makes of it, by the same measure. `states` are the inputs
-    that the model was fitted to: the domain of an energy is all of them, a bond force was also fitted to perturbed states.
+    A run judges a fitted pipeline in this way as it does the artefact that `pdsurrogate.store` makes of it. `states` are the inputs that
+    the model was fitted to; those of a bond force include states off the surface.
     """
     reach = model.domain.least_stretch, model.domain.greatest_stretch
     if isinstance(model, LearntEnergy):

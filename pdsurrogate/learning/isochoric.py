@@ -6,18 +6,19 @@ from itertools import product
 
 import numpy as np
 
-from ..forces import IsochoricNetwork
+from ..forces import Domain, IsochoricNetwork
 from ..forces.agreement import isochoric_stresses
 from ..forces.learnt_energy import ISOCHORIC_FEATURES
 from ..materials import Law, solid
-from .energy_target import EnergyTarget, checked_derivatives, checked_invariants
+from .energy_target import EnergyTarget, PipelineFunctions, checked_derivatives, checked_invariants
 from .named import named
 from .targets import Samples
 
 INVARIANTS, DERIVATIVES = ("I1bar", "I2bar"), ("W", "dW/dI1bar", "dW/dI2bar")
 
 STATES_OF_STABILITY, DIRECTIONS, STEP = 1000, 24, 1e-4
-"""States and pairs of directions at which stiffness against shear waves is asked for, and the amount of shear of its differences."""
+"""States and pairs of directions at which the stiffness against shear waves is evaluated, and the shear of its central differences, whose
+error is 1e-8 of the stiffness in double precision."""
 
 
 @named()
@@ -28,7 +29,7 @@ def log_isochoric_invariants(X) -> np.ndarray:
 
 @named()
 def isochoric_energy_size(features) -> np.ndarray:
-    """Return (I1bar + I2bar)/6, by which a rubber's energy grows, from the features."""
+    """Return (I1bar + I2bar)/6, the size of a rubber's energy, from the features."""
     return np.exp(features).mean(axis=1)
 
 
@@ -56,14 +57,16 @@ class _IsochoricEnergy(EnergyTarget):
     name, columns, outputs, stretch_range, n_samples = "isochoric-energy", INVARIANTS, DERIVATIVES, (0.25, 4.0), 1_000
     surrogate_type, n_units = IsochoricNetwork, 8
     flat = ()
-    log_features = staticmethod(log_isochoric_invariants)
-    feature_names = staticmethod(isochoric_feature_names)
-    size = staticmethod(isochoric_energy_size)
-    derivatives_by_features = staticmethod(isochoric_derivatives_by_features)
-    derivatives_by_invariants = staticmethod(isochoric_derivatives_by_invariants)
+    functions = PipelineFunctions(
+        log_isochoric_invariants,
+        isochoric_feature_names,
+        isochoric_energy_size,
+        isochoric_derivatives_by_features,
+        isochoric_derivatives_by_invariants,
+    )
 
     def reached(self, law: Law, low: float, high: float) -> bool:
-        # The corners decide.
+        # The corners of the box of stretches decide.
         corners = [(a, b, -a - b) for a, b in product((low, high, -low / 2, -high / 2), repeat=2)]
         squares = np.exp(2 * np.array([corner for corner in corners if low <= min(corner) and max(corner) <= high]).T)
         with np.errstate(all="ignore"):
@@ -73,9 +76,7 @@ class _IsochoricEnergy(EnergyTarget):
     def states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         squares = stretches**2
         I1, I2 = squares.sum(axis=1), (1 / squares).sum(axis=1)
-        # Theory (40) at J = 1: p = 2 (W1 + I1bar W2) and r = -2 W2.
-        p, _, r, W = solid.isochoric_response(law, I1, I2, np.ones_like(I1))
-        return np.stack([I1, I2], axis=1), np.stack([W, (p + I1 * r) / 2, -r / 2], axis=1)
+        return np.stack([I1, I2], axis=1), np.stack(_energy_and_derivatives(law, I1, I2), axis=1)
 
     def draw_logs(self, random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
         low, high = np.log(low), np.log(high)
@@ -87,7 +88,7 @@ class _IsochoricEnergy(EnergyTarget):
         logs, n_near = found[:n_samples], int(near_rest * n_samples)
         direction = random.standard_normal((n_near, 3))
         direction -= direction.mean(axis=1, keepdims=True)
-        # Strains from 0.1 % to 30 %, even in their logarithm, and within the bounds.
+        # Strains from 0.1 % to 30 %, uniform in their logarithm, and within the bounds.
         size = np.exp(random.uniform(np.log(1e-3), np.log(0.3), n_near)) / np.linalg.norm(direction, axis=1)
         most = np.minimum(low / direction.min(axis=1), high / direction.max(axis=1))
         logs[:n_near] = np.minimum(size, most)[:, None] * direction
@@ -97,7 +98,7 @@ class _IsochoricEnergy(EnergyTarget):
         direction = random.standard_normal((n_samples, 3))
         direction -= direction.mean(axis=1, keepdims=True)
         strain = np.minimum(np.exp(random.uniform(*np.log(strains), n_samples)), strains[1])
-        # The greatest strain is that of an extension or of a compression, whichever is the greater on the way from rest, as far as it goes.
+        # The greatest strain is that of the extension or of the compression along the direction, whichever reaches the value first.
         up, down = np.log1p(strain) / direction.max(axis=1), np.log1p(-np.minimum(strain, 1 - low)) / direction.min(axis=1)
         most = np.minimum(np.log(low) / direction.min(axis=1), np.log(high) / direction.max(axis=1))
         return np.exp(np.minimum(np.minimum(up, np.where(strain < 1 - low, down, np.inf)), most)[:, None] * direction)
@@ -115,27 +116,22 @@ class _IsochoricEnergy(EnergyTarget):
             "at_rest": float(abs(rest[0])),
             "shear_modulus": float(2 * (rest[1] + rest[2])),
             "least_acoustic": _least_acoustic(lambda I1, I2: model.isochoric_derivatives(I1, I2)[1:], squares),
-            "least_acoustic_exact": _least_acoustic(lambda I1, I2: _exact(law, I1, I2), squares),
+            "least_acoustic_exact": _least_acoustic(lambda I1, I2: _energy_and_derivatives(law, I1, I2)[1:], squares),
         }
 
-    def shape(self, law: Law) -> dict[str, float]:
-        return dict(law.shape)
-
-    def bulk_range(self, law: Law, X: np.ndarray) -> tuple[float, float]:
-        return 1.0, 1.0
-
-    def range_of(self, X: np.ndarray) -> tuple[float, float]:
+    def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
         squares = solid.principal_stretches((*X.T, np.ones(len(X))))[3:]
-        return float(np.sqrt(np.min(squares))), float(np.sqrt(np.max(squares)))
+        return Domain(float(np.sqrt(np.min(squares))), float(np.sqrt(np.max(squares))), 1.0, 1.0)
 
 
 ISOCHORIC_ENERGY = _IsochoricEnergy()
-"""W of a law, a function of I1bar and I2bar alone."""
+"""W of a law, a function of I1bar and I2bar."""
 
 
-def _exact(law: Law, I1, I2):
-    p, _, r, _ = solid.isochoric_response(law, I1, I2, np.ones_like(I1))
-    return (p + I1 * r) / 2, -r / 2
+def _energy_and_derivatives(law: Law, I1, I2):
+    """Return W and its derivatives by the invariants, from theory (40) at J = 1: p = 2 (W1 + I1bar W2) and r = -2 W2."""
+    p, _, r, W = solid.isochoric_response(law, I1, I2, np.ones_like(I1))
+    return W, (p + I1 * r) / 2, -r / 2
 
 
 def _least_acoustic(derivatives, squares) -> float:
@@ -150,7 +146,7 @@ def _least_acoustic(derivatives, squares) -> float:
         moved = a2 @ squares
 
         def slope(t, an=an, n2=n2, moved=moved):
-            # Of F (I + t a (x) n) at the principal stretches of F.
+            # The derivative by t at F (I + t a (x) n), with the principal stretches of F.
             I1 = squares.sum(axis=0) + 2 * t * (an @ squares) + t * t * moved
             I2 = (1 / squares).sum(axis=0) - 2 * t * (an @ (1 / squares)) + t * t * (n2 @ (1 / squares))
             by_1, by_2 = derivatives(I1, I2)

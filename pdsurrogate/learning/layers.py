@@ -1,4 +1,4 @@
-"""Networks taken out of fitted estimators: their layers, with the affine steps around them folded in."""
+"""Layers of networks in fitted estimators, with the affine steps around them folded in."""
 
 from __future__ import annotations
 
@@ -12,26 +12,19 @@ from ..kernels.network import MOST_HIDDEN, network_outputs
 Layers = tuple[tuple[np.ndarray, np.ndarray], ...]
 
 TORCH_ACTIVATIONS = {"Sigmoid": "logistic", "Tanh": "tanh", "ReLU": "relu"}
-"""Those of torch that the kernels have, by the names of their modules."""
+"""Names of activations in the kernels by the names of modules of torch."""
 
 AGREEMENT = 1e-5
-"""Greatest difference of what was taken over from what the estimator predicts, in parts of the RMS: single precision of torch."""
+"""Greatest difference of the layers from the predictions of the estimator, relative to the RMS: single precision of torch."""
 
 
 def network_of(estimator, features: np.ndarray) -> tuple[str, Layers] | None:
-    """Activation and layers of an estimator that is a network the kernels evaluate; None of every other.
+    """Return activation and layers of a fitted estimator that is a network the kernels evaluate; None for any other estimator.
 
-    Taken are scikit-learn's ``MLPRegressor`` and what has ``coefs_``, ``intercepts_`` and ``activation`` like it, and skorch's regressors
-    whose module is a sequence of linear layers and one activation; also as the last step of a pipeline whose other steps are affine, and
-    with an affine transformation of the target.  What is found is compared with what the estimator predicts, so that a module with another
-    forward pass, or a step that is not affine, is no network.
-
-    Parameters
-    ----------
-    estimator : estimator
-        Fitted.
-    features : ndarray, shape (m, n)
-        At which the two are compared.
+    Such are scikit-learn's ``MLPRegressor`` and estimators with the same ``coefs_``, ``intercepts_`` and ``activation``, and skorch's
+    regressors whose module is a sequence of linear layers with one kind of activation between; also as the last step of a pipeline whose
+    other steps are affine, and with an affine transformation of the target. The layers are compared with the predictions of the estimator
+    at `features`, shape (m, n), so that a module with another forward pass, or a step that is not affine, is not accepted.
     """
     found = _layers_of(estimator, features.shape[1])
     if found is None:
@@ -48,11 +41,11 @@ def network_of(estimator, features: np.ndarray) -> tuple[str, Layers] | None:
 
 
 def _layers_of(estimator, n_features: int) -> tuple[str, Layers] | None:
+    """Return activation and layers as if all steps were affine."""
+    if isinstance(estimator, Pipeline) and len(estimator.steps) == 1:
+        return _layers_of(estimator[0], n_features)
     if isinstance(estimator, Pipeline):
-        before = estimator[:-1]
-        if len(before.steps) == 0:
-            return _layers_of(estimator[-1], n_features)
-        matrix, shift = _affine(before.transform, n_features)
+        matrix, shift = _affine(estimator[:-1].transform, n_features)
         found = _layers_of(estimator[-1], len(shift))
         if found is None:
             return None
@@ -74,13 +67,13 @@ def _layers_of(estimator, n_features: int) -> tuple[str, Layers] | None:
 
 
 def _affine(transform, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Matrix and shift of x -> x M + c, of a transformation that is one."""
+    """Return M and c of an affine transformation x -> x M + c."""
     values = np.asarray(transform(np.vstack([np.zeros((1, count)), np.eye(count)])), dtype=float)
     return values[1:] - values[0], values[0]
 
 
 def _layers_of_module(module) -> tuple[str, Layers] | None:
-    """Linear layers with one activation between them, in the order in which a module of torch lists them."""
+    """Return the activation and the linear layers of a module of torch, in the order in which the module lists them."""
     leaves = [leaf for leaf in module.modules() if not list(leaf.children())]
     names = [type(leaf).__name__ for leaf in leaves]
     kinds = set(names[1::2])

@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
 from itertools import pairwise
-from numbers import Integral, Real
 from typing import ClassVar
 
 import numpy as np
-from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state
-from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+from sklearn.utils._param_validation import StrOptions
 from threadpoolctl import threadpool_limits
 
 from ..kernels.network import network_outputs
 from .activations import ACTIVATIONS
-from .listening import tell
-from .marquardt import improved
-from .repeated import distinct_samples
+from .base import COUNT, SHARE, BasePerceptron
+from .marquardt import CONSTRAINTS, accepted_steps
 
 
-class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
+@dataclass(eq=False, repr=False)
+class LevenbergMarquardtRegressor(BasePerceptron):
     """Multilayer perceptron for regression, trained by Levenberg-Marquardt on the squared error.
 
-    The data are split into training, validation and test parts as in MATLAB's Neural Net Fitting tool, which the
-    paper used: training stops when the validation error has not improved for a number of iterations, and the network
-    of the best validation error is kept.  The Jacobian is formed whole, so this is for small networks and up to some
-    10^5 samples.  Inputs and targets should be scaled to unit variance.  A sample that is given more than once is one sample of as much
-    weight, so that it never stands on both sides of the split.
+    As in MATLAB's Neural Net Fitting tool, which the paper used, the samples are split into training, validation and test parts: training
+    stops when the validation error has not improved for a number of iterations, and the network of the least validation error is kept.
+    The whole Jacobian is formed, so the regressor is for small networks and up to some 10^5 samples. Inputs and targets should be scaled to
+    unit variance. Repeated samples are merged into one sample of their total weight, so that none is in two parts.
 
     Parameters
     ----------
@@ -37,7 +35,7 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
     max_iter : int, default=500
         Most iterations, each an accepted step.
     validation_fraction, test_fraction : float, default=0.15
-        Parts of the samples kept for early stopping, and for `test_score_`.
+        Shares of the samples kept for early stopping, and for `test_score_`.
     n_iter_no_change : int, default=50
         Iterations without a better validation error before training stops.
     tol : float, default=1e-4
@@ -47,7 +45,7 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
     initial_damping : float, default=1e-2
         Marquardt's parameter at the start, relative to the diagonal of the normal matrix.
     random_state : int, RandomState instance or None, default=None
-        Of the split and the first weights.
+        Generator of the split and of the first weights.
 
     Attributes
     ----------
@@ -57,9 +55,9 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
     loss_ : float
         Mean squared error of the training part.
     validation_loss_ : float
-        Of the validation part; NaN if there is none.
+        Mean squared error of the validation part; NaN without one.
     test_score_ : float
-        R^2 of the test part; NaN if there is none.
+        R^2 of the test part; NaN without one.
     n_features_in_ : int
 
     References
@@ -76,47 +74,25 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
     True
     """
 
+    hidden_layer_sizes: int | Sequence[int] = (20,)
+    activation: str = "logistic"
+    _: KW_ONLY
+    max_iter: int = 500
+    validation_fraction: float = 0.15
+    test_fraction: float = 0.15
+    n_iter_no_change: int = 50
+    tol: float = 1e-4
+    n_init: int = 1
+    initial_damping: float = 1e-2
+    random_state: int | np.random.RandomState | None = None
+
     _parameter_constraints: ClassVar = {
-        "hidden_layer_sizes": ["array-like", Interval(Integral, 1, None, closed="left")],
+        **CONSTRAINTS,
+        "hidden_layer_sizes": ["array-like", *COUNT],
         "activation": [StrOptions(set(ACTIVATIONS))],
-        "max_iter": [Interval(Integral, 1, None, closed="left")],
-        "validation_fraction": [Interval(Real, 0, 1, closed="left")],
-        "test_fraction": [Interval(Real, 0, 1, closed="left")],
-        "n_iter_no_change": [Interval(Integral, 1, None, closed="left")],
-        "tol": [Interval(Real, 0, None, closed="left")],
-        "n_init": [Interval(Integral, 1, None, closed="left")],
-        "initial_damping": [Interval(Real, 0, None, closed="neither")],
-        "random_state": ["random_state"],
+        "validation_fraction": SHARE,
+        "test_fraction": SHARE,
     }
-
-    def __init__(
-        self,
-        hidden_layer_sizes=(20,),
-        activation="logistic",
-        max_iter=500,
-        validation_fraction=0.15,
-        test_fraction=0.15,
-        n_iter_no_change=50,
-        tol=1e-4,
-        n_init=1,
-        initial_damping=1e-2,
-        random_state=None,
-    ):
-        self.hidden_layer_sizes = hidden_layer_sizes
-        self.activation = activation
-        self.max_iter = max_iter
-        self.validation_fraction = validation_fraction
-        self.test_fraction = test_fraction
-        self.n_iter_no_change = n_iter_no_change
-        self.tol = tol
-        self.n_init = n_init
-        self.initial_damping = initial_damping
-        self.random_state = random_state
-
-    def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.target_tags.multi_output = True
-        return tags
 
     def fit(self, X, y, sample_weight=None):
         """Train the network.
@@ -126,7 +102,7 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
         sample_weight : array-like, shape (n_samples,), optional
-            Of the squared errors, in training, validation and test.  A whole number stands for as many samples, 0 for none.
+            Weights of the squared errors, in training, validation and test. A whole number stands for as many copies, 0 for none.
 
         Returns
         -------
@@ -137,7 +113,7 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         ValueError
             For parameters out of range, or data that scikit-learn would not accept.
         """
-        self._validate_params()
+        X, Y, share = self._distinct(X, y, sample_weight)
         if self.validation_fraction + self.test_fraction >= 1:
             raise ValueError("validation_fraction and test_fraction leave nothing to train on")
         sizes = np.atleast_1d(self.hidden_layer_sizes).astype(int)
@@ -146,15 +122,6 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
                 "there is at least one hidden layer, and every hidden layer needs at least one unit, "
                 f"hidden_layer_sizes is {self.hidden_layer_sizes}"
             )
-        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
-        y = np.asarray(y, dtype=np.float64)
-        self._single_output = y.ndim == 1
-        Y = y.reshape(len(X), -1)
-        if sample_weight is not None:
-            sample_weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
-        kept, share = distinct_samples(X, Y, sample_weight)
-        if kept is not None:
-            X, Y = X[kept], Y[kept]
         random = check_random_state(self.random_state)
 
         order = random.permutation(len(X))
@@ -163,13 +130,11 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
         network = _Network([X.shape[1], *sizes, Y.shape[1]], ACTIVATIONS[self.activation])
         # One thread: matrices this small gain nothing from more, and the result does not depend on how many there are.
         with threadpool_limits(1, user_api="blas"):
-            fitted, watched = _Part(X, Y, share, train), _Part(X, Y, share, validation)
-            trainings = [
-                self._train(network, network.first_weights(random, fitted.mean), fitted, watched, number) for number in range(self.n_init)
-            ]
+            fitted, watched = (_Part(network, X[rows], Y[rows], None if share is None else share[rows]) for rows in (train, validation))
+            trainings = [self._train(network.first_weights(random, fitted.mean), fitted, watched, number) for number in range(self.n_init)]
         best, weights, self.n_iter_ = min(trainings, key=lambda training: training[0])
         self.coefs_, self.intercepts_ = network.layers(weights)
-        self.loss_ = float(fitted.loss(network, weights))
+        self.loss_ = float(fitted.loss(weights))
         self.validation_loss_ = float(best) if n_validation else np.nan
         self.test_score_ = np.nan
         if n_test >= 2:
@@ -177,66 +142,42 @@ class LevenbergMarquardtRegressor(RegressorMixin, BaseEstimator):
             self.test_score_ = float(self.score(X[test], Y[test, 0] if self._single_output else Y[test], share))
         return self
 
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "coefs_")
-
-    def predict(self, X):
-        """Predict targets, shape (n_samples,) or (n_samples, n_outputs) as in training."""
-        check_is_fitted(self)
-        X = validate_data(self, X, dtype=np.float64, reset=False)
-        Y = network_outputs(X, zip(self.coefs_, self.intercepts_, strict=True), ACTIVATIONS[self.activation])
-        return Y[:, 0] if self._single_output else Y
-
-    def _train(self, network, weights, fitted, watched, number):
-        """The training of a number; returns the least validation loss, the weights that had it, and the number of iterations."""
-        damping = self.initial_damping
-
-        def loss_of(weights):
-            return fitted.loss(network, weights)
-
-        loss = loss_of(weights)
-        best, best_weights, waited = np.inf, weights, 0
-        iterations = 0
-        while iterations < self.max_iter:
+    def _train(self, first, fitted, watched, number):
+        """Return the least validation loss of a training, the weights that had it, and the number of iterations."""
+        best, best_weights, waited, iterations = np.inf, first, 0, 0
+        for weights, loss in accepted_steps(self, number, first, fitted.loss, fitted.normal_equations):
             iterations += 1
-            normal, gradient = network.normal_equations(weights, fitted.X, fitted.Y, fitted.root)
-            weights, new_loss, damping = improved(weights, loss, loss_of, normal, gradient, damping)
-            if new_loss is None:
-                break  # no damping makes the step an improvement: the training error is at its least to rounding
-            loss = new_loss
-            tell(number * self.max_iter + iterations, self.n_init * self.max_iter, loss)
-            current = watched.loss(network, weights) if len(watched.X) else loss
+            current = watched.loss(weights) if len(watched.X) else loss
+            waited += 1
             if current < best * (1 - self.tol):
                 best, best_weights, waited = current, weights, 0
-            else:
-                waited += 1
-                if waited >= self.n_iter_no_change:
-                    break
-        return best, best_weights, iterations
+            if waited == self.n_iter_no_change:
+                return best, best_weights, iterations
+        return best, best_weights, min(iterations + 1, self.max_iter)  # the step that could not be made counts
 
 
 class _Part:
-    """A part of the samples, with the roots of their weights, whose squares are 1 in the mean."""
+    """A part of the samples that a network is compared with; the weights of the samples have the mean 1."""
 
-    def __init__(self, X, Y, weights, chosen):
-        self.X, self.Y, self.root, self.mean = X[chosen], Y[chosen], 1.0, None
-        if weights is not None:
-            weights = weights[chosen]
-            self.root = np.sqrt(weights / weights.mean())[:, None] if len(weights) else 1.0
-        if len(self.X):
-            self.mean = (self.root**2 * self.Y).mean(axis=0)
+    def __init__(self, network, X, Y, weights):
+        self.network, self.X, self.Y = network, X, Y
+        self.root = 1.0 if weights is None or not len(X) else np.sqrt(weights / weights.mean())[:, None]
+        self.mean = (self.root**2 * Y).mean(axis=0) if len(X) else None
 
-    def loss(self, network, weights):
-        """Mean squared error."""
-        return ((self.root * (network.outputs(weights, self.X) - self.Y)) ** 2).mean()
+    def loss(self, weights):
+        """Return the mean squared error."""
+        return ((self.root * (self.network.outputs(weights, self.X) - self.Y)) ** 2).mean()
+
+    def normal_equations(self, weights):
+        """Return J^T J and J^T r of the residuals r, summed over samples and outputs."""
+        return self.network.normal_equations(weights, self.X, self.Y, self.root)
 
 
 class _Network:
     """A fully connected network as a function of one vector of weights."""
 
     def __init__(self, widths, activation):
-        self.widths, self.activation = widths, activation
-        self.shapes = list(pairwise(widths))
+        self.activation, self.shapes = activation, list(pairwise(widths))
         sizes = [n_in * n_out + n_out for n_in, n_out in self.shapes]
         self.starts = np.concatenate([[0], np.cumsum(sizes)])
 
@@ -259,7 +200,7 @@ class _Network:
         return network_outputs(X, zip(*self.layers(weights), strict=True), self.activation)
 
     def normal_equations(self, weights, X, Y, root):
-        """J^T J and J^T r of the residuals r = root (outputs - Y), summed over samples and outputs."""
+        """Return J^T J and J^T r of the residuals r = root (outputs - Y), summed over samples and outputs."""
         coefs, intercepts = self.layers(weights)
         inputs, slopes, values = [], [], X
         for W, b in zip(coefs[:-1], intercepts[:-1], strict=True):
@@ -268,8 +209,8 @@ class _Network:
             slopes.append(slope)
         residuals = root * (values @ coefs[-1] + intercepts[-1] - Y)
 
-        # The output layer's weights of one output do not touch another's: only the columns of this one are formed.  With one hidden layer
-        # these are the same for every output but for a factor, an output weight, so that their products are formed once.
+        # An output depends on its own weights of the output layer alone: only the columns of these are formed. With one hidden layer the
+        # columns of all outputs differ by a factor only, an output weight, and their products are formed once.
         hidden = self.starts[-2]
         n_last, n_outputs = self.shapes[-1]
         normal, gradient = np.zeros((self.starts[-1], self.starts[-1])), np.zeros(self.starts[-1])
@@ -277,24 +218,19 @@ class _Network:
         jacobian[:, hidden:-1] = root * values
         jacobian[:, -1:] = root
         one_layer = len(slopes) == 1
-        if one_layer:
-            self._fill(jacobian, coefs, inputs, slopes, root * slopes[0])
-            products = jacobian.T @ jacobian
         for output in range(n_outputs):
             if one_layer:
                 factor[:hidden] = np.tile(coefs[-1][:, output], hidden // n_last)
-            else:
-                self._fill(jacobian, coefs, inputs, slopes, root * slopes[-1] * coefs[-1][:, output])
+            if output == 0 or not one_layer:
+                self._fill(jacobian, coefs, inputs, slopes, root * slopes[-1] * (1.0 if one_layer else coefs[-1][:, output]))
                 products = jacobian.T @ jacobian
-            columns = np.concatenate(
-                [np.arange(hidden), hidden + np.arange(n_last) * n_outputs + output, [hidden + n_last * n_outputs + output]]
-            )
+            columns = np.concatenate([np.arange(hidden), hidden + np.arange(n_last + 1) * n_outputs + output])
             normal[np.ix_(columns, columns)] += factor[:, None] * products * factor
             gradient[columns] += factor * (jacobian.T @ residuals[:, output])
         return normal, gradient
 
     def _fill(self, jacobian, coefs, inputs, slopes, delta):
-        """Derivatives by the weights of the hidden layers, of which `delta` is that by the last one's arguments."""
+        """Write the derivatives by the weights of the hidden layers; `delta` are those by the arguments of the last one's activation."""
         for layer in range(len(slopes) - 1, -1, -1):
             start, (n_in, n_out) = self.starts[layer], self.shapes[layer]
             block = jacobian[:, start : start + n_in * n_out].reshape(len(jacobian), n_in, n_out)

@@ -1,4 +1,4 @@
-"""Progress of a training for a listener: pipelines do not pass on any progress of the regressors in them."""
+"""Progress of trainings, for a listener: scikit-learn's pipelines do not pass on the progress of the regressors in them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """Call `listener` after every iteration of trainings in this context with its number, the greatest number, and the loss."""
+    """Call `listener` after each iteration of a training in this context, with the iteration, the most iterations and the loss."""
     before = _listener.set(listener)
     try:
         yield
@@ -21,8 +21,8 @@ def listening(listener: Listener) -> Iterator[None]:
         _listener.reset(before)
 
 
-def tell(iteration: int, most: int, loss: float) -> None:
-    """Say that an iteration has ended, if anyone listens."""
+def report_iteration(iteration: int, most: int, loss: float) -> None:
+    """Call the listener of this context, if there is one, at the end of an iteration."""
     listener = _listener.get()
     if listener is not None:
         listener(iteration, most, loss)

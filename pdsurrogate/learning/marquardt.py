@@ -1,36 +1,50 @@
-"""A step of the Levenberg-Marquardt algorithm, whatever the network."""
+"""Training by the Levenberg-Marquardt algorithm, whatever the network."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
+from .base import COUNT, NOT_NEGATIVE, POSITIVE
+from .listening import report_iteration
+
 MOST_DAMPING = 1e12
+"""Damping, relative to the diagonal of the normal matrix, at which a step is below rounding and the training ends."""
+
+CONSTRAINTS = {
+    **dict.fromkeys(("max_iter", "n_iter_no_change", "n_init"), COUNT),
+    "tol": NOT_NEGATIVE,
+    "initial_damping": POSITIVE,
+    "random_state": ["random_state"],
+}
+"""Constraints on the parameters that all regressors trained by this algorithm have."""
+
+
+def accepted_steps(
+    regressor, number: int, weights: np.ndarray, loss_of: Callable[[np.ndarray], float], normal_equations: Callable
+) -> Iterator[tuple[np.ndarray, float]]:
+    """Yield the weights and the loss after each of at most ``max_iter`` accepted steps, and report them to a listener.
+
+    Training `number` of the ``n_init`` of a regressor starts from `weights`. ``normal_equations(weights)`` returns J^T J and J^T r of the
+    residuals r. It ends early where no damping makes a step an improvement: the loss is then at its least to rounding.
+    """
+    loss, damping, most = loss_of(weights), regressor.initial_damping, regressor.max_iter
+    for iteration in range(number * most + 1, (number + 1) * most + 1):
+        weights, loss, damping = improved(weights, loss, loss_of, *normal_equations(weights), damping)
+        if loss is None:
+            return
+        report_iteration(iteration, regressor.n_init * most, loss)
+        yield weights, loss
 
 
 def improved(
     weights: np.ndarray, loss: float, loss_of: Callable[[np.ndarray], float], normal: np.ndarray, gradient: np.ndarray, damping: float
 ) -> tuple[np.ndarray, float | None, float]:
-    """One accepted step: raise the damping until the loss falls, lower it after.
+    """Return weights, loss and damping after a step; the damping is raised until the loss falls, and the loss is None if it never does.
 
-    Parameters
-    ----------
-    weights : ndarray, shape (n,)
-    loss : float
-        There.
-    loss_of : callable
-        Loss at other weights.
-    normal, gradient : ndarray, shapes (n, n) and (n,)
-        J^T J and J^T r of the residuals r.
-    damping : float
-        Marquardt's parameter, relative to the diagonal of `normal`.
-
-    Returns
-    -------
-    weights, loss, damping
-        After the step; the loss is None if no damping makes the step an improvement.
+    The damping is relative to the diagonal of `normal`, and is lowered after the step.
     """
     diagonal = np.diag(normal) + 1e-12 * max(np.trace(normal), 1e-300)
     while damping < MOST_DAMPING:

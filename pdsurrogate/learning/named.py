@@ -1,4 +1,4 @@
-"""Functions that pipelines are made of: shown, copied and stored by their names."""
+"""Functions of pipelines with a readable ``repr`` and the names of their columns."""
 
 from __future__ import annotations
 
@@ -7,14 +7,9 @@ from functools import update_wrapper
 
 
 class NamedFunction:
-    """A function of a module whose ``repr`` is its name, with the names of the columns that it reads.
+    """Function of a module whose ``repr`` is its name, with the names of the columns of X and y that it reads, None for any.
 
-    A pickle holds the module and the name, as that of a plain function does.
-
-    Attributes
-    ----------
-    columns, targets : tuple of str, or None
-        Names of the columns of X and of y; None where the function does not care.
+    A pickle holds the module and the name only, as that of a plain function does.
     """
 
     def __init__(self, function: Callable, columns: tuple[str, ...] | None = None, targets: tuple[str, ...] | None = None) -> None:
@@ -37,6 +32,6 @@ def named(columns: tuple[str, ...] | None = None, targets: tuple[str, ...] | Non
 
 
 def columns_read(function) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None]:
-    """Return names of the columns of X and y that a function, or a partial of one, reads; None where it names none."""
+    """Return the names of the columns of X and y that a function, or a partial of one, reads; None where it has no names."""
     function = getattr(function, "func", function)
     return getattr(function, "columns", None), getattr(function, "targets", None)

@@ -1,10 +1,10 @@
-"""The pipeline that learns a bond force: features, scaling, nondimensional target, regressor."""
+"""Pipeline for a bond force: features, scaling, dimensionless target, regressor."""
 
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from sklearn.base import clone, is_regressor
@@ -25,19 +25,19 @@ from .sampling import COLUMNS, TARGETS, force_factor
 from .target import InputAwareTargetRegressor, check_targets, is_search
 
 ROUNDING = 1e-10
-"""Spread, in parts of the greatest output, below which an output is taken for constant."""
+"""Spread of an output, relative to the greatest output, below which the output counts as constant."""
 
 SHEARLESS = float(np.sqrt(np.finfo(float).eps))
-"""|U_nm|/U_nn up to which a bond counts as one without shear: T_nm/U_nm, which the outputs hold, has lost half of its digits there."""
+"""|U_nm|/U_nn up to which a bond counts as one without shear: T_nm/U_nm, a part of the outputs, has lost half of its digits there."""
 
 AT_REST = (1.0, 0.0, 1.0, 1.0, 1.0)
-"""Bond quantities of an undeformed bond as long as the horizon."""
+"""Bond quantities of an undeformed bond of the length of the horizon."""
 
 
 def bond_force_pipeline(
     regressor=None, features: str | None = None, horizon: float = 1.0, weight: str | None = None, shear_modulus: float = 1.0
 ) -> InputAwareTargetRegressor:
-    """Return a pipeline for bond forces that is not fitted; see `pdsurrogate.surrogate_pipeline`."""
+    """Return an unfitted pipeline for bond forces; see `pdsurrogate.surrogate_pipeline`."""
     features = "symmetric" if features is None else features
     if not isinstance(features, str) or features not in FEATURE_SETS:
         raise ValueError(f"unknown features {features!r}; there are {', '.join(FEATURE_SETS)}")
@@ -59,13 +59,7 @@ def bond_force_pipeline(
 
 
 def _for_two_outputs(regressor):
-    """A regressor of both outputs at once.
-
-    Raises
-    ------
-    ValueError
-        If it is no regressor.
-    """
+    """Return a regressor of both outputs at once; raise ValueError for an object that is not a regressor."""
     if isinstance(regressor, type) or not (hasattr(regressor, "fit") and hasattr(regressor, "predict")) or not is_regressor(regressor):
         title = regressor.__name__ if isinstance(regressor, type) else type(regressor).__name__
         more = "; give an instance of it" if isinstance(regressor, type) else ""
@@ -74,12 +68,12 @@ def _for_two_outputs(regressor):
 
 
 def _takes_two_outputs(regressor) -> bool:
-    """Return whether a regressor fits two targets at once: by its tag, or by a trial where the tag says no, as MLPRegressor's does."""
+    """Return whether a regressor fits two targets at once, by its tag; or by a trial, as MLPRegressor does although its tag says no."""
     if hasattr(regressor, "steps"):
         return _takes_two_outputs(regressor.steps[-1][1])
     if is_search(regressor):
         return _takes_two_outputs(regressor.estimator)
-    if get_tags(regressor).target_tags.multi_output or hasattr(regressor, "module"):  # a module of torch has the outputs that it has
+    if get_tags(regressor).target_tags.multi_output or hasattr(regressor, "module"):  # torch: the module defines its outputs
         return True
     trial = clone(regressor)
     if "max_iter" in trial.get_params(deep=False):
@@ -93,9 +87,8 @@ def _takes_two_outputs(regressor) -> bool:
             return False
 
 
-@dataclass(frozen=True)
-class Parts:
-    """Steps of a bond-force pipeline, fitted or not."""
+class Parts(NamedTuple):
+    """Steps of a bond-force pipeline, fitted or unfitted."""
 
     feature_set: str
     scaling: StandardScaler
@@ -104,45 +97,28 @@ class Parts:
 
 
 def feature_set_of(model) -> str:
-    """The feature set of a bond-force pipeline, fitted or not.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
+    """Return the name of the feature set of a bond-force pipeline, fitted or unfitted; raise ValueError for any other model."""
     pipeline = getattr(model, "regressor_", getattr(model, "regressor", None))
-    if not isinstance(model, InputAwareTargetRegressor) or not isinstance(pipeline, Pipeline) or len(pipeline.steps) < 2:
-        raise ValueError("a bond_force_pipeline is asked for: a pipeline whose first step are its features")
-    features = pipeline.steps[0][1]
-    if not isinstance(features, FunctionTransformer) or features.func is not feature_values:
-        raise ValueError("the pipeline's features must be those of bond_force_pipeline")
-    feature_set = features.kw_args["features"]
-    if getattr(model.func, "func", None) is not outputs_of_force or model.func.keywords["features"] != feature_set:
-        raise ValueError("the pipeline's target must be the one of bond_force_pipeline, of the same features")
-    return feature_set
+    if isinstance(model, InputAwareTargetRegressor) and isinstance(pipeline, Pipeline) and len(pipeline.steps) > 1:
+        features, outputs = pipeline.steps[0][1], model.func
+        right = getattr(features, "func", None) is feature_values and getattr(outputs, "func", None) is outputs_of_force
+        if right and features.kw_args["features"] == outputs.keywords["features"]:
+            return features.kw_args["features"]
+    raise ValueError("only a surrogate_pipeline for bond forces is taken: the features of bonds first, and their outputs as the target")
 
 
 def parts_of(model) -> Parts:
-    """The steps of a bond-force pipeline whose function the kernels evaluate as it is, scalings folded into its constants.
+    """Return the steps of a pipeline, fitted or unfitted, that the kernels evaluate exactly, with scalings folded into its constants.
 
-    Takes fitted pipelines and those that are not fitted yet, so that it is known before a training.
-
-    Raises
-    ------
-    ValueError
-        If it is of another make; says what is taken.
+    Raise ValueError, with what would be right, for a pipeline that has to be resampled.
     """
     feature_set = feature_set_of(model)
     pipeline = getattr(model, "regressor_", model.regressor)
-    if list(pipeline.named_steps) != ["features", "scaling", "regressor"]:
-        raise ValueError("only a bond_force_pipeline with steps features, scaling and regressor is taken over as it is")
-    _, scaling, last = pipeline.named_steps.values()
-    if not isinstance(scaling, StandardScaler) or not isinstance(last, TransformedTargetRegressor):
-        raise ValueError("the pipeline's scaling must be a StandardScaler and its regressor a TransformedTargetRegressor")
-    regressor, target = getattr(last, "regressor_", last.regressor), getattr(last, "transformer_", last.transformer)
-    if not isinstance(target, StandardScaler):
-        raise ValueError("the scaling of the target must be a StandardScaler")
+    scaling, last = pipeline.steps[1][1], pipeline.steps[-1][1]
+    regressor, target = (getattr(last, f"{key}_", getattr(last, key, None)) for key in ("regressor", "transformer"))
+    scaled = isinstance(scaling, StandardScaler) and isinstance(last, TransformedTargetRegressor) and isinstance(target, StandardScaler)
+    if len(pipeline.steps) != 3 or not scaled:
+        raise ValueError("only a surrogate_pipeline with features, a StandardScaler and a regressor with a scaled target is exact")
     if isinstance(regressor, ChebyshevRegressor):
         count = len(FEATURE_SETS[feature_set].names)
         if count != 2:
@@ -153,7 +129,7 @@ def parts_of(model) -> Parts:
 
 
 def _check_network(regressor) -> None:
-    """Check what a network is known by: its layers when it is fitted, its parameters before."""
+    """Raise ValueError unless the kernels evaluate a network, by its layers if it is fitted and else by its parameters."""
     fitted = [key for key in ("coefs_", "intercepts_") if hasattr(regressor, key)]
     if not hasattr(regressor, "activation") or len(fitted) == 1 or (not fitted and not hasattr(regressor, "hidden_layer_sizes")):
         raise ValueError(
@@ -168,7 +144,7 @@ def _check_network(regressor) -> None:
 
 
 def feature_transformer(features: str, horizon: float = 1.0) -> FunctionTransformer:
-    """Transformer from the five bond quantities to a feature set, lengths in units of the horizon."""
+    """Return a transformer from the five bond quantities to a feature set."""
     return FunctionTransformer(
         feature_values,
         kw_args={"features": features, "horizon": horizon},
@@ -179,7 +155,7 @@ def feature_transformer(features: str, horizon: float = 1.0) -> FunctionTransfor
 
 @named()
 def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.ndarray:
-    """Values of a feature set, shape (n, n_features)."""
+    """Return the values of a feature set, shape (n, n_features)."""
     a, b, U_mm, J, C33, length = _bond_state(X)
     chosen = FEATURE_SETS[features]
     return np.stack(chosen.inputs(chosen.shared(a, b, J, C33), a, b, U_mm, J, C33, length / horizon), axis=1)
@@ -187,33 +163,32 @@ def feature_values(X, features: str = "symmetric", horizon: float = 1.0) -> np.n
 
 @named(COLUMNS, TARGETS)
 def outputs_of_force(X, y, features: str, factor=None) -> np.ndarray:
-    """Return the dimensionless force as the outputs of a feature set, which the regressor is trained on.
+    """Return the outputs of a feature set that correspond to bond forces; the regressor is trained on them.
 
-    An output that only rounding moves is made constant: scaled to unit variance it would be noise that a regressor spends itself on.
-    A bond without shear does not say how its force grows with shear: where the outputs ask for that, they are NaN.
+    Outputs that vary by rounding only are made constant: scaled to unit variance they would be noise to fit. Outputs of a bond without
+    shear are NaN where they are derivatives by the shear, which its force does not determine.
     """
     a, b, U_mm, J, C33, length = _bond_state(X)
     check_targets(y, TARGETS)
     force = np.asarray(y) if factor is None else y / factor(length)[:, None]
-    stretch = X[:, 0]
-    T_nn, T_nm = ((force[:, 0] * a - force[:, 1] * b) / stretch, (force[:, 0] * b + force[:, 1] * a) / stretch)
+    T_nn, T_nm = along_and_across(*force.T, a, -b, X[:, 0]).T  # the rotation back
     chosen = FEATURE_SETS[features]
-    without = np.abs(b) <= SHEARLESS * a
-    b = np.where(without, 0.0, b)
+    without_shear = np.abs(b) <= SHEARLESS * a
+    b = np.where(without_shear, 0.0, b)
     with np.errstate(divide="ignore", invalid="ignore"):
         outputs = np.stack(chosen.outputs(chosen.shared(a, b, J, C33), T_nn, T_nm, a, b, U_mm, J, C33), axis=1)
-    undetermined = without & ~np.isfinite(outputs).all(axis=1)
+    undetermined = without_shear & ~np.isfinite(outputs).all(axis=1)
     outputs[undetermined] = np.nan
     if not undetermined.all():
-        told = outputs[~undetermined]
-        constant = np.ptp(told, axis=0) < ROUNDING * np.abs(told).max()
-        outputs[np.ix_(~undetermined, constant)] = np.median(told[:, constant], axis=0)
+        known = outputs[~undetermined]
+        constant = np.ptp(known, axis=0) < ROUNDING * np.abs(known).max()
+        outputs[np.ix_(~undetermined, constant)] = np.median(known[:, constant], axis=0)
     return outputs
 
 
 @named()
 def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
-    """The inverse of `outputs_of_force`."""
+    """Return bond forces from the outputs of a feature set, the inverse of `outputs_of_force`."""
     a, b, U_mm, J, C33, length = _bond_state(X)
     chosen = FEATURE_SETS[features]
     T_nn, T_nm, _ = chosen.traction(chosen.shared(a, b, J, C33), z[:, 0], z[:, 1], a, b, U_mm, J, C33)
@@ -222,6 +197,7 @@ def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
 
 
 def _bond_state(X):
+    """Return a, b, U_mm, J, C33 and length of bonds; raise ValueError for quantities that no bond has."""
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != len(COLUMNS):
         raise ValueError(f"X must have the {len(COLUMNS)} columns {', '.join(COLUMNS)}, not shape {X.shape}")

@@ -1,51 +1,53 @@
-"""Any function of two or three features, or of bonds, resampled onto a cubic spline that the kernels evaluate."""
+"""Resampling of functions of two or three features, or of bonds, onto a cubic spline that the kernels evaluate."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from ..kernels.bond_state import along_and_across
 from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.spline import SUPPORT, cubic_weights
 
 TOLERANCE = 1e-5
-"""Error of resampling, RMS of the force over the RMS of the force, that is asked for: below that of single precision in a simulation's sums
-and far below that of any fit."""
+"""Error of resampling, relative RMS of the force, at which it ends: below that of single precision in the sums of a run, and far below that
+of any fit."""
 
 CELLS = {2: (8, 16, 32, 64), 3: (6, 12, 24)}
-"""Cells along a feature that are tried one after the other, by the number of features."""
+"""Cells along a feature to try in this order, by the number of features."""
 
 CELLS_OF_JUMPS = {2: 16, 3: 12}
-"""Those for a function that jumps, as trees do: finer ones follow its steps more closely, and what is wanted is what lies under them."""
+"""Cells along a feature for a function with jumps, such as that of trees: more cells would follow its steps instead of its trend."""
 
 PER_CELL = 3
-"""Samples along each feature in a cell; a spline is their least-squares fit, so that steps and noise are averaged."""
+"""Samples along each feature in a cell, to which a spline is fitted by least squares, so that steps and noise are averaged."""
 
 WORTHWHILE = 0.8
-"""Share of its error that twice as many cells must leave at most; else what is left is no matter of cells."""
+"""Greatest share of the error that may remain with twice as many cells; otherwise more cells do not help."""
 
 MARGIN = 0.01
-"""Of the range of a feature that the box goes beyond it at either end."""
+"""Extension of the box at either end, as a share of the range of a feature."""
 
 JUMP = 1e-3
-"""Change over an interval of 1e-6 of the box, in parts of the RMS of the outputs, from which a function is said to jump."""
+"""Change over an interval of 1e-6 of the box, relative to the RMS of the outputs, that counts as a jump."""
 
 PAIRS, HALVINGS = 32, 20
-"""Neighbouring samples with the greatest changes that are looked into for jumps, and how often the way between is halved."""
+"""Number of pairs of neighbouring samples with the greatest changes that are searched for jumps, and of halvings of the interval between:
+2^-20 is the interval of 1e-6 of `JUMP`."""
 
 ANGLES = np.arange(8) * (np.pi / 8) + 0.2
-"""Directions of bonds to the greater principal stretch, at which a force is asked for its two outputs."""
+"""Angles of bonds to the greater principal stretch at which the outputs are fitted to a force: eight, none along an axis, where bonds have
+no shear."""
 
 LEAST_DISTORTION = 0.01
-"""Of tr Cbar/(2 Jbar) - 1: below it a function of bonds is continued along a straight line from there and from twice as much, as towards 0
-the shear of bonds says less and less about the outputs."""
+"""Value of tr Cbar/(2 Jbar) - 1 below which a function of bonds is extrapolated linearly from this value and its double: towards 0 the
+shear of bonds determines the outputs less and less."""
 
 
-@dataclass(frozen=True)
-class Spline:
-    """A cubic spline of even cells: `low` and `step` by feature, and `coefficients` by output."""
+class Spline(NamedTuple):
+    """Cubic spline of equal cells: `low` and `step` by feature, and `coefficients` by output."""
 
     low: np.ndarray
     step: np.ndarray
@@ -53,26 +55,9 @@ class Spline:
 
 
 def fitted_spline(function: Callable, low: np.ndarray, high: np.ndarray, cells: int) -> tuple[Spline, np.ndarray]:
-    """Least-squares spline of a function over a box, and the samples that it was fitted to.
+    """Return the least-squares spline of a function over a box, and its samples, shape (samples along a feature, …, 2).
 
-    Parameters
-    ----------
-    function : callable
-        Outputs, shape (m, 2), of features, shape (m, n).
-    low, high : ndarray, shape (n,)
-        Of the box.
-    cells : int
-        Along every feature.
-
-    Returns
-    -------
-    Spline
-    values : ndarray, shape (samples along a feature, …, 2)
-
-    Raises
-    ------
-    ValueError
-        If the function has a value that is not finite; says where.
+    `function` returns outputs, shape (m, 2), of features, shape (m, n). Raise ValueError, with the place, for a value that is not finite.
     """
     n = len(low)
     places = np.linspace(0, cells, PER_CELL * cells + 1)
@@ -95,21 +80,16 @@ def fitted_spline(function: Callable, low: np.ndarray, high: np.ndarray, cells: 
 
 
 def _grid(low, high, count) -> np.ndarray:
+    """Return the places of a grid over a box, shape (count^n, n)."""
     axes = [np.linspace(*ends, count) for ends in zip(low, high, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(low))
 
 
 def greatest_jump(function: Callable, low: np.ndarray, high: np.ndarray, values: np.ndarray) -> float:
-    """Greatest change of a function that is left when the way between neighbouring samples is halved, in parts of its RMS.
+    """Return the greatest change of a function that remains when intervals between neighbouring samples are halved, relative to its RMS.
 
-    Of a continuous function nothing is left; of one made of steps the greatest step near the samples.
-
-    Parameters
-    ----------
-    function, low, high
-        See `fitted_spline`.
-    values : ndarray
-        Its samples.
+    Nothing remains for a continuous function; for a piecewise constant one the greatest step near the samples. `values` are the samples
+    of `fitted_spline`.
     """
     n, count = len(low), values.shape[0]
     features = _grid(low, high, count).reshape(*[count] * n, n)
@@ -131,14 +111,9 @@ def greatest_jump(function: Callable, low: np.ndarray, high: np.ndarray, values:
 
 
 def resampled(function: Callable, low, high, error: Callable[[Spline], float]) -> tuple[Spline, float]:
-    """A spline of as many cells as the tolerance asks for, and the jump of the function (0 if it is continuous).
+    """Return a spline of as many cells as `TOLERANCE` needs, and the jump of the function (0 if it is continuous).
 
-    Parameters
-    ----------
-    function, low, high
-        See `fitted_spline`.
-    error : callable
-        Error of resampling of a spline.
+    ``error(spline)`` is the error of resampling.
     """
     n, jump, best, least = len(low), None, None, np.inf
     for cells in CELLS[n]:
@@ -157,15 +132,12 @@ def resampled(function: Callable, low, high, error: Callable[[Spline], float]) -
 
 
 def isochoric_outputs_of(force: Callable) -> Callable:
-    """The outputs of the isochoric features that a bond force has, by least squares over the directions of a bond.
+    """Return the function from the isochoric features to their outputs that fits a bond force best, by least squares over directions.
 
-    The states have J3 = 1, and bonds half as long as the horizon.  A force that is isotropic has the same outputs in all directions.
-
-    Parameters
-    ----------
-    force : callable
-        ``force(stretch, rotation, length, C33, J)``, dimensionless, shape (m, 2).
+    ``force(stretch, rotation, length, C33, J)`` is dimensionless, shape (m, 2). The states have J3 = 1 and bonds of half the horizon. An
+    isotropic force has the same outputs in all directions of a bond.
     """
+    isochoric = FEATURE_SETS["isochoric"]
 
     def function(features: np.ndarray) -> np.ndarray:
         found, low = outputs(np.maximum(features, [-np.inf, LEAST_DISTORTION])), features[:, 1] < LEAST_DISTORTION
@@ -185,13 +157,11 @@ def isochoric_outputs_of(force: Callable) -> Callable:
             a, b, c = first * cos**2 + second * sin**2, (second - first) * sin * cos, first * sin**2 + second * cos**2
             stretch = np.hypot(a, b)
             t = np.asarray(force(stretch, np.arctan2(b, a), np.full(len(J), 0.5), C33, J), dtype=float)
-            T = np.stack([t[:, 0] * a - t[:, 1] * b, t[:, 0] * b + t[:, 1] * a], axis=1) / stretch[:, None]
-            # T_nn and T_nm as they depend on the two outputs, which is linearly (`kernels.feature_sets.isochoric_traction`).
-            by_output = np.empty((len(J), 2, 2))
+            T = along_and_across(*t.T, a, -b, stretch)  # the rotation back
+            # T_nn and T_nm are linear in the two outputs (`kernels.feature_sets.isochoric_traction`).
+            by_output, shared = np.empty((len(J), 2, 2)), isochoric.shared(a, b, J, C33)
             for output, unit in enumerate(((1.0, 0.0), (0.0, 1.0))):
-                shared = FEATURE_SETS["isochoric"].shared(a, b, J, C33)
-                T_nn, T_nm, _ = FEATURE_SETS["isochoric"].traction(shared, *unit, a, b, c, J, C33)
-                by_output[:, 0, output], by_output[:, 1, output] = T_nn, T_nm
+                by_output[:, 0, output], by_output[:, 1, output], _ = isochoric.traction(shared, *unit, a, b, c, J, C33)
             normal += np.einsum("kij,kil->kjl", by_output, by_output)
             right += np.einsum("kij,ki->kj", by_output, T)
         return np.linalg.solve(normal, right[..., None])[..., 0]

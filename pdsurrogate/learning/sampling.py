@@ -1,4 +1,4 @@
-"""Training data of bond forces: states of bonds and the exact force of each."""
+"""Training data of bond forces: states of bonds, and the exact force in each of them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from ..arguments import check_share
 from ..body import WEIGHT_FUNCTIONS
+from ..kernels.bond_state import along_and_across
 from ..materials import Law, plane_stress
 from .named import named
 
@@ -19,10 +20,10 @@ TARGETS = ("t_n", "t_tau")
 def wide_bonds(
     law: Law, n_samples: int, stretch_range: tuple[float, float], near_rest: float, off_surface: float, random_state: int
 ) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Return X, y and the design of the wider samples (theory, section 5), even in log-stretch, in the order in which they are drawn.
+    """Return X, y and the design of the wide samples (theory, section 5), uniform in log-stretch, in the order in which they are drawn.
 
-    Off the plane-stress surface lambda_b, dtheta and C33 are perturbed independently, by amounts that shrink with the strain, and the
-    force is the exact one of the perturbed values.
+    The share `off_surface` of the states is off the plane-stress surface: lambda_b, dtheta and C33 are perturbed independently, by amounts
+    that shrink with the strain, and the force is the exact one of the perturbed values.
     """
     check_share(off_surface, "off_surface")
     low, high = stretch_range
@@ -50,15 +51,15 @@ def wide_bonds(
 
 
 def random_order(n_samples: int, near_rest: float, random_state: int) -> np.ndarray:
-    """Return the order that a design hands its samples out in: it draws a share near rest first, and folds of them would not be alike."""
+    """Return a random order for samples of a design, whose first samples are those near rest: folds would differ without it."""
     return np.arange(n_samples) if near_rest == 0 else np.random.default_rng([random_state, 1]).permutation(n_samples)
 
 
 def log_stretches(random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
-    """Logarithms of principal stretches, shape (n_samples, 2): even within their bounds, but for a share near rest.
+    """Return logarithms of principal stretches, shape (n_samples, 2), uniform within their bounds except for a share near rest.
 
-    That share has strains from 0.1 % to 30 %, even in the logarithm of the strain; where the bounds are nearer, they end there, and
-    begin at a tenth of that if it is less than 0.1 %.
+    The share `near_rest` has strains from 0.1 % to 30 %, uniform in the logarithm of the strain. Nearer bounds limit the strain, and it
+    begins at a tenth of the limit where that is less than 0.1 %.
     """
     logs = random.uniform(np.log(low), np.log(high), (n_samples, 2))
     n_near = int(near_rest * n_samples)
@@ -71,17 +72,21 @@ def log_stretches(random: np.random.Generator, n_samples: int, low: float, high:
 
 
 PERTURBATION = {"log_stretch": 0.15, "rotation": 0.08, "log_C33": 0.35, "full_from_strain": 0.2}
-"""Greatest perturbations of a bond off the surface, and the log-strain from which they have their full size."""
+"""Greatest perturbations of a bond off the surface, and the log-strain from which they have their full size.
+
+In a run J and C33 of a bond are means over two points, so that bonds leave the surface, the farther the greater the strain is (theory,
+section 5).
+"""
 
 
 def perturbation_within(low: float, high: float) -> dict[str, float]:
-    """Return the perturbation of a range of stretches: as `PERTURBATION`, or as far as that gets at the greatest strain of the range."""
+    """Return the greatest perturbation in a range of stretches: `PERTURBATION`, or less where the range ends below its full size."""
     share = min(1.0, max(np.log(high), -np.log(low)) / PERTURBATION["full_from_strain"])
     return {key: float(share * value) for key, value in PERTURBATION.items()}
 
 
 def perturb(U_nn, U_nm, C33, strain, random, perturbation):
-    """Move bonds off the plane-stress surface; `strain` is their greatest log-strain, 0 for those that stay."""
+    """Return U_nn, U_nm and C33 perturbed off the plane-stress surface; `strain` is the greatest log-strain, 0 for bonds to keep."""
     scale = np.minimum(1, strain / perturbation["full_from_strain"])
     stretch = np.hypot(U_nn, U_nm) * np.exp(perturbation["log_stretch"] * scale * random.uniform(-1, 1, scale.size))
     rotation = np.arctan2(U_nm, U_nn) + perturbation["rotation"] * scale * random.uniform(-1, 1, scale.size)
@@ -90,8 +95,8 @@ def perturb(U_nn, U_nm, C33, strain, random, perturbation):
 
 
 def bond_states_reached(law: Law, low: float, high: float) -> bool:
-    """Return whether a law has the bond states of `wide_bonds` between two logarithms of principal stretches; the corners decide."""
-    # The perturbation stretches one direction at a held area; its rotation adds a little, hence the margins.
+    """Return whether a law is finite in all states of `wide_bonds` between two log-stretches; the corners of the box decide."""
+    # The perturbation stretches one direction at constant area; its rotation adds a little, for which the factors 1.3 and 1.1 allow.
     stretch, thickness = 1.3 * PERTURBATION["log_stretch"], 1.1 * PERTURBATION["log_C33"]
     logs = np.array([(first, second) for first in (low, high) for second in (low, high)])
     for move in (-stretch, 0, stretch):
@@ -113,7 +118,7 @@ def range_of_stretches(trace, J) -> tuple[float, float]:
 def states_of_strain(
     law: Law, strains: tuple[float, float], stretch_range: tuple[float, float], n_samples: int, random_state: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return X and y of on-surface states whose greatest principal strain |lambda - 1| lies in a bin, even in its logarithm."""
+    """Return X and y of states on the surface whose greatest principal strain |lambda - 1| lies in a bin, uniform in its logarithm."""
     low, high = stretch_range
     random = np.random.default_rng(random_state)
     first, second = stretches_of_strain(random, strains, low, high, n_samples)
@@ -124,9 +129,9 @@ def states_of_strain(
 def stretches_of_strain(
     random: np.random.Generator, strains: tuple[float, float], low: float, high: float, n_samples: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Principal stretches in a range whose greatest strain |lambda - 1|, that of the first, lies in a bin, even in its logarithm.
+    """Return principal stretches in a range; the greatest strain |lambda - 1|, that of the first, is in a bin, uniform in its logarithm.
 
-    It is a compression or an extension, whichever of them the range has.
+    The first stretch is a compression or an extension, where the range has both at random.
     """
     greatest = np.minimum(np.exp(random.uniform(*np.log(strains), n_samples)), strains[1])
     compressive = (random.random(n_samples) < 0.5) | (1 + greatest > high)
@@ -136,19 +141,13 @@ def stretches_of_strain(
 
 @named()
 def force_factor(length, horizon: float, weight: str, shear_modulus: float):
-    """W l mu/kappa: what a dimensionless bond force is multiplied by to give that of Eq. (2) on a full circular horizon."""
+    """Return w l mu/kappa, the factor from a dimensionless bond force to that of Eq. (2) on a full circular horizon."""
     function = WEIGHT_FUNCTIONS[weight]
     return function.function(length, horizon) * length * shear_modulus / (function.moments[0] * horizon**4)
 
 
 def checked_range(stretch_range) -> tuple[float, float]:
-    """A range of principal stretches, which the undeformed state lies within: forces, domains and errors all start from there.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
+    """Return a range of principal stretches as two numbers; raise ValueError unless the undeformed state is within it."""
     try:
         low, high = map(float, stretch_range)
     except (TypeError, ValueError):
@@ -161,7 +160,7 @@ def checked_range(stretch_range) -> tuple[float, float]:
 
 
 def on_surface(law, stretch_1, stretch_2, angle):
-    """U_nn, U_nm, J and the plane-stress C33 of bonds at an angle to the principal axes."""
+    """Return U_nn, U_nm, J and the C33 of plane stress of bonds at an angle to the principal axes."""
     cos, sin = np.cos(angle), np.sin(angle)
     J = stretch_1 * stretch_2
     C33 = plane_stress.thickness_stretch_squared(law, stretch_1**2 + stretch_2**2, J)
@@ -173,4 +172,4 @@ def force_on_bonds(law, U_nn, U_nm, J, C33, length):
     T_nn, T_nm, _ = plane_stress.bond_traction(law, U_nn, U_nm, J, C33)
     stretch = np.hypot(U_nn, U_nm)
     X = np.stack([stretch, np.arctan2(U_nm, U_nn), length, C33, J], axis=1)
-    return X, np.stack([T_nn * U_nn + T_nm * U_nm, T_nm * U_nn - T_nn * U_nm], axis=1) / stretch[:, None]
+    return X, along_and_across(T_nn, T_nm, U_nn, U_nm, stretch)

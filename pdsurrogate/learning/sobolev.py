@@ -2,36 +2,37 @@
 
 from __future__ import annotations
 
-from numbers import Integral, Real
+from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
 import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils import check_random_state, column_or_1d
-from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+from sklearn.utils._param_validation import StrOptions
+from sklearn.utils.validation import check_is_fitted, validate_data
 from threadpoolctl import threadpool_limits
 
 from ..kernels.activations import ACTIVATIONS, SMOOTH
-from .listening import tell
-from .marquardt import improved
-from .repeated import distinct_samples
+from .base import COUNT, NOT_NEGATIVE, POSITIVE, checked_samples, distinct_samples
+from .marquardt import CONSTRAINTS, accepted_steps
 
 
+@dataclass(eq=False, repr=False)
 class SobolevRegressor(RegressorMixin, BaseEstimator):
     """A small network of one hidden layer, trained by the Levenberg-Marquardt algorithm on a scalar function and its gradient together.
 
-    With targets of shape (n,) it is fitted to values alone; with targets of shape (n, 1 + n_features), to the value in the first column and
-    its derivatives by the features in the others, and it predicts the same.  The derivatives predicted are those of the value predicted.
+    Targets of shape (n,) are values; targets of shape (n, 1 + n_features) are the value in the first column and its derivatives by the
+    features in the others. Predictions have the shape of the targets, and the derivatives predicted are those of the value predicted.
 
     Parameters
     ----------
     n_units : int, default=12
     activation : {"algebraic", "logistic", "tanh"}, default="algebraic"
     gradient_weight : float, default=1.0
-        Weight of the derivatives' residuals beside the values', each over their spread.
+        Weight of the residuals of the derivatives relative to those of the values, each divided by their spread.
     anchor : array-like, shape (n_features,), default=None
-        Where the function is zero, exactly.
+        Features at which the function is exactly zero.
     flat : tuple of int, default=()
         Features by which the derivative is zero at the anchor.
     size : callable, default=None
@@ -39,7 +40,7 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
     max_iter : int, default=400
         Most iterations, each an accepted step.
     alpha : float, default=1e-12
-        Penalty on the mean square of the output weights, beside residuals of order one: large weights that cancel each other cost digits.
+        Penalty on the mean square of the output weights; residuals are of order one. Large weights that cancel each other cost digits.
     tol : float, default=1e-3
         Training ends when the loss falls by less than this, relatively, over `n_iter_no_change` iterations.
     n_iter_no_change : int, default=50
@@ -48,7 +49,7 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
     initial_damping : float, default=1e-2
         Marquardt's parameter at the start, relative to the diagonal of the normal matrix.
     random_state : int, RandomState instance or None, default=None
-        Of the first weights.
+        Generator of the first weights.
 
     Attributes
     ----------
@@ -56,9 +57,9 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
     hidden_biases_, output_weights_ : ndarray, shape (n_units,)
     intercept_ : float
     slopes_ : ndarray, shape (n_features,)
-        Of a linear function of ``X - anchor`` that is added: what makes the derivatives named in `flat` vanish.
+        Coefficients of a linear function of ``X - anchor`` that is added, by which the derivatives named in `flat` vanish.
     loss_ : float
-        Mean squared residual of the values, in their variance.
+        Mean squared residual of the values, divided by their variance.
     n_iter_ : int
     n_features_in_ : int
 
@@ -74,51 +75,31 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
     100
     """
 
+    n_units: int = 12
+    activation: str = "algebraic"
+    _: KW_ONLY
+    gradient_weight: float = 1.0
+    anchor: Sequence[float] | np.ndarray | None = None
+    flat: Sequence[int] = ()
+    size: Callable[[np.ndarray], np.ndarray] | None = None
+    max_iter: int = 400
+    alpha: float = 1e-12
+    tol: float = 1e-3
+    n_iter_no_change: int = 50
+    n_init: int = 1
+    initial_damping: float = 1e-2
+    random_state: int | np.random.RandomState | None = None
+
     _parameter_constraints: ClassVar = {
-        "n_units": [Interval(Integral, 1, None, closed="left")],
+        **CONSTRAINTS,
+        "n_units": COUNT,
         "activation": [StrOptions(set(SMOOTH))],
-        "gradient_weight": [Interval(Real, 0, None, closed="neither")],
+        "gradient_weight": POSITIVE,
         "anchor": ["array-like", None],
         "flat": ["array-like"],
         "size": [callable, None],
-        "random_state": ["random_state"],
-        "max_iter": [Interval(Integral, 1, None, closed="left")],
-        "alpha": [Interval(Real, 0, None, closed="left")],
-        "tol": [Interval(Real, 0, None, closed="left")],
-        "n_iter_no_change": [Interval(Integral, 1, None, closed="left")],
-        "n_init": [Interval(Integral, 1, None, closed="left")],
-        "initial_damping": [Interval(Real, 0, None, closed="neither")],
+        "alpha": NOT_NEGATIVE,
     }
-
-    def __init__(
-        self,
-        n_units=12,
-        activation="algebraic",
-        gradient_weight=1.0,
-        anchor=None,
-        flat=(),
-        size=None,
-        max_iter=400,
-        alpha=1e-12,
-        tol=1e-3,
-        n_iter_no_change=50,
-        n_init=1,
-        initial_damping=1e-2,
-        random_state=None,
-    ):
-        self.n_units = n_units
-        self.activation = activation
-        self.gradient_weight = gradient_weight
-        self.anchor = anchor
-        self.flat = flat
-        self.size = size
-        self.max_iter = max_iter
-        self.alpha = alpha
-        self.tol = tol
-        self.n_iter_no_change = n_iter_no_change
-        self.n_init = n_init
-        self.initial_damping = initial_damping
-        self.random_state = random_state
 
     def fit(self, X, y, sample_weight=None):
         """Fit the network.
@@ -128,7 +109,7 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, 1 + n_features)
         sample_weight : array-like, shape (n_samples,), optional
-            Of the squared residuals.  A whole number stands for as many samples, 0 for none.
+            Weights of the squared residuals. A whole number stands for as many copies, 0 for none.
 
         Returns
         -------
@@ -140,17 +121,13 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
             For parameters out of range, or data that scikit-learn would not accept.
         """
         self._validate_params()
-        X, y = validate_data(self, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
-        y = np.asarray(y, dtype=np.float64)
+        X, y, share = checked_samples(self, X, y, sample_weight)
         d = X.shape[1]
         self._with_gradient = y.ndim == 2 and y.shape[1] == 1 + d
         if not self._with_gradient:
             y = column_or_1d(y, warn=True)[:, None]
-        if sample_weight is not None:
-            sample_weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
-        kept, share = distinct_samples(X, y, sample_weight)
-        if kept is not None:
-            X, y = X[kept], y[kept]
+        kept, share = distinct_samples(X, y, share)
+        X, y = X[kept], y[kept]
         anchor = None if self.anchor is None else np.asarray(self.anchor, dtype=float).reshape(d)
         flat = list(self.flat)
         if flat and anchor is None:
@@ -175,8 +152,10 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
             weights *= np.sqrt(share / share.mean())[:, None]
         random = check_random_state(self.random_state)
         network = _Function(d, self.n_units, self.activation, anchor is not None, flat)
+        data = scaled, target / unit, weights * unit  # all of order one
         with threadpool_limits(1, user_api="blas"):
-            theta = self._train(network, scaled, target / unit, weights * unit, random)
+            trainings = [self._train(network, network.first(random), *data, number) for number in range(self.n_init)]
+        _, theta, self.n_iter_ = min(trainings, key=lambda training: training[0])
         W, b, v, constant = network.parts(theta)
         self.hidden_weights_ = W / spread[:, None]
         self.hidden_biases_ = b - mean @ self.hidden_weights_
@@ -203,42 +182,42 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
         return outputs if self._with_gradient else outputs[:, 0]
 
     def _outputs(self, X):
-        value, slope, _ = ACTIVATIONS[self.activation](X @ self.hidden_weights_ + self.hidden_biases_)
-        gradient = (slope * self.output_weights_) @ self.hidden_weights_.T + self.slopes_
-        return np.column_stack([value @ self.output_weights_ + self.intercept_ + (X - self.anchor_) @ self.slopes_, gradient])
+        parameters = self.hidden_weights_, self.hidden_biases_, self.output_weights_
+        outputs = values_and_slopes(X, *parameters, self.activation, 1 + X.shape[1])
+        outputs[:, 0] = outputs[:, 0] + self.intercept_ + (X - self.anchor_) @ self.slopes_
+        outputs[:, 1:] += self.slopes_
+        return outputs
 
-    def _train(self, network, X, Y, weights, random):
-        """Return parameters of the network for features, targets and weights of residuals that are all of order one."""
-        trainings = [self._descend(network, network.first(random), X, Y, weights, number) for number in range(self.n_init)]
-        _, theta, self.n_iter_ = min(trainings, key=lambda training: training[0])
-        return theta
-
-    def _descend(self, network, theta, X, Y, weights, number):
-        columns = Y.shape[1]
-
-        penalty = np.zeros(theta.size)
+    def _train(self, network, first, X, Y, weights, number):
+        """Return the last loss of a training from `first` parameters, the last parameters, and the number of iterations."""
+        columns, penalty = Y.shape[1], np.zeros(first.size)
         penalty[network.output_weights] = self.alpha * Y.size
 
         def loss_of(theta):
             return (((network.outputs(theta, X, columns) - Y) * weights) ** 2).mean() + (penalty * theta**2).sum() / Y.size
 
-        damping, loss, iterations = self.initial_damping, loss_of(theta), 0
-        losses = [loss]
-        while iterations < self.max_iter:
+        def normal_equations(theta):
             outputs, jacobian = network.jacobian(theta, X, columns)
             A = (jacobian * weights[:, :, None]).reshape(-1, theta.size)
-            gradient = A.T @ ((outputs - Y) * weights).ravel() + penalty * theta
-            normal = A.T @ A + np.diag(penalty)
-            theta, new_loss, damping = improved(theta, loss, loss_of, normal, gradient, damping)
-            if new_loss is None:
-                break  # no damping makes the step an improvement: the loss is at its least to rounding
-            loss = new_loss
-            iterations += 1
+            return A.T @ A + np.diag(penalty), A.T @ ((outputs - Y) * weights).ravel() + penalty * theta
+
+        theta, losses, waiting = first, [loss_of(first)], self.n_iter_no_change
+        for trained, loss in accepted_steps(self, number, first, loss_of, normal_equations):
+            theta = trained
             losses.append(loss)
-            tell(number * self.max_iter + iterations, self.n_init * self.max_iter, loss)
-            if iterations > self.n_iter_no_change and loss > (1 - self.tol) * losses[-1 - self.n_iter_no_change]:
+            if len(losses) > waiting + 1 and loss > (1 - self.tol) * losses[-1 - waiting]:
                 break
-        return loss, theta, iterations
+        return losses[-1], theta, len(losses) - 1
+
+
+def values_and_slopes(X, W, b, v, activation: str, columns: int) -> np.ndarray:
+    """Return v . a(W x + b) and, with more columns than one, its derivatives by the features, shape (n, columns)."""
+    value, slope, _ = ACTIVATIONS[activation](X @ W + b)
+    outputs = np.empty((len(X), columns))
+    outputs[:, 0] = value @ v
+    if columns > 1:
+        outputs[:, 1:] = (slope * v) @ W.T
+    return outputs
 
 
 class _Function:
@@ -286,12 +265,9 @@ class _Function:
         return values
 
     def _raw(self, theta, X, columns):
-        W, b, v, constant = self.parts(theta)
-        value, slope, _ = ACTIVATIONS[self.activation](X @ W + b)
-        outputs = np.empty((len(X), columns))
-        outputs[:, 0] = value @ v + constant
-        if columns > 1:
-            outputs[:, 1:] = (slope * v) @ W.T
+        *parameters, constant = self.parts(theta)
+        outputs = values_and_slopes(X, *parameters, self.activation, columns)
+        outputs[:, 0] += constant
         return outputs
 
     def _raw_jacobian(self, theta, X, columns):

@@ -1,4 +1,4 @@
-"""Write a fitted model into an artefact with a full card."""
+"""Artefacts of fitted models, with full cards."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from sklearn.base import BaseEstimator
 
 from ..arguments import check_is, check_path, kind_of
 from ..artifacts import new_artifact, next_version, own_folder, save_artifact
+from ..forces import ForceModel
 from ..materials import Law
 from ..materials.law import checked_law
 from .card_text import CardText
-from .export import best_of, title_of
+from .export import best_of, regressor_of, title_of
 from .fitting import MEMBER_STATES, check_worth_storing
 from .pipeline import feature_set_of
 from .surrogates import checked_surrogate
-from .targets import Samples, Target
+from .targets import REPORTED_STATES, Samples, Target
 
 MOST_WORDS = 200
-"""Characters of a parameter on a card."""
+"""Most characters of a parameter on a card: a nested estimator is written as its ``repr``, which may run to pages."""
 
 
 def store(
@@ -41,22 +42,22 @@ def store(
     Parameters
     ----------
     model : estimator or object
-        Model fitted to `samples`: a `surrogate_pipeline`, whatever its regressor, or a search over one; for bond forces also another
+        Model fitted to `samples`: a `surrogate_pipeline` with any regressor, or a search over one; for bond forces also another
         regressor of the five bond quantities, or an object with a ``bond_force``, see `pdsurrogate.surrogate_of`.
     samples : Samples
         Dimensionless samples; their design gives the domain in which the model holds.
     law : Law
     folder : str, path or None
-        Folder of artefacts; this one becomes ``folder/NAME/VERSION``. None stands for ``artifacts`` in the working folder, where artefacts
-        are found by name, or for ``own-artifacts`` where that is a checkout of this package, whose ``artifacts`` holds the shipped ones
+        Folder of artefacts, in which ``NAME/VERSION`` is created. None stands for ``artifacts`` in the working folder, where artefacts are
+        found by name; or for ``own-artifacts`` in a checkout of this package, whose ``artifacts`` holds the shipped artefacts
         (`pdsurrogate.artifacts.own_folder`).
     name : str
     version : str or None
-        None for the next one: versions never change once written.
+        Version, which never changes once written; None for the next one.
     text : str or CardText
         Purpose of the artefact in a sentence; or that with tables and the identification of the law for the card.
     members : sequence of tuple, optional
-        A committee in the same artefact: for each member its fitted model, the samples that it was fitted to, and its law. Runs take
+        Committee in the same artefact: for each member its fitted model, the samples that it was fitted to, and its law. Runs use
         `model`; ``NAME#3`` is the third member, and ``NAME#all`` reports the deviation of the members as well.
 
     Returns
@@ -67,7 +68,7 @@ def store(
     Raises
     ------
     TooInexact
-        If the model is off by more than `pdsurrogate.artifacts.card.MOST_STORED` on the plane-stress surface; nothing is written then.
+        If the error of the model on the plane-stress surface is above `pdsurrogate.artifacts.card.MOST_STORED`; nothing is written then.
     TypeError, ValueError
         If the model is not fitted, or does not predict the target of the samples.
     ArtifactError
@@ -92,20 +93,23 @@ def store(
     new_artifact(folder, name, version)
     text, target, title = CardText.of(text), samples.target, f"{name}@{version}"
     _check_members(members, target)
-    surrogate, resampling = checked_surrogate(model, law, samples, title)
-    low, high = samples.design["stretch_range"]
-    errors = target.report(surrogate, law, (low, high), 20_000, 1_000_003)
-    check_worth_storing(errors, title, law)
-    committee, cards = _committee(members, title, target)
+    surrogate, resampling, stated = _surrogate_and_entry(model, samples, law, title)
+    stated["errors"].update(target.more_reports(surrogate, law, tuple(samples.design["stretch_range"])))
+    committee, cards = [], []
+    for number, member in enumerate(members, 1):
+        found, _, entry = _surrogate_and_entry(*member, f"{title}#{number}", MEMBER_STATES)
+        box = entry["errors"]["box"]
+        committee.append(found)
+        cards.append({**entry, "errors": {"box": {key: box[key] for key in ("stretch_range", "n_samples", "on_surface")}}})
     search = search_table(model) if text.search is None and hasattr(model, "cv_results_") else text.search
     model = best_of(model)
-    regressor = target.regressor(model)
+    regressor = regressor_of(model)
     card = {
         "name": name,
         "version": version,
         "kind": surrogate.kind,
         "description": text.description,
-        "material": {"law": law.name, "trained_with": law.describe(), "shape": target.shape(law)},
+        **stated,
         "weight_function": target.weight_function,
         "features": {
             "set": surrogate.feature_set,
@@ -129,8 +133,6 @@ def store(
             **({"identification": text.identification} if text.identification else {}),
             **({"resampling": resampling} if resampling else {}),
         },
-        "domain": asdict(surrogate.domain),
-        "errors": {"box": errors, **target.more_reports(surrogate, law, (low, high))},
         "made_with": versions(),
         "members": cards,
     }
@@ -139,7 +141,7 @@ def store(
 
 
 def _check_members(members: Sequence[tuple], target: Target) -> None:
-    """Raise TypeError or ValueError for members that a committee of a target cannot have."""
+    """Raise TypeError or ValueError for invalid members of a committee of a target."""
     if not isinstance(members, list | tuple):
         raise TypeError(f"members must be a list of tuples, each a fitted model, its samples and its law, not {kind_of(members)}")
     if members and not target.has_committees:
@@ -153,27 +155,20 @@ def _check_members(members: Sequence[tuple], target: Target) -> None:
         checked_law(member[2])
 
 
-def _committee(members: Sequence[tuple], title: str, target: Target) -> tuple[list, list[dict]]:
-    """Return the surrogates of the members of a committee and their entries on the card; raise `TooInexact` for one that is too far off."""
-    surrogates, cards = [], []
-    for number, (model, samples, law) in enumerate(members, 1):
-        which = f"{title}#{number}"
-        surrogate, _ = checked_surrogate(model, law, samples, which)
-        report = target.report(surrogate, law, tuple(samples.design["stretch_range"]), MEMBER_STATES, 1_000_003)
-        check_worth_storing(report, which, law)
-        surrogates.append(surrogate)
-        cards.append(
-            {
-                "material": {"law": law.name, "trained_with": law.describe(), "shape": target.shape(law)},
-                "domain": asdict(surrogate.domain),
-                "errors": {"box": {key: report[key] for key in ("stretch_range", "n_samples", "on_surface")}},
-            }
-        )
-    return surrogates, cards
+def _surrogate_and_entry(model, samples: Samples, law: Law, title: str, n_samples: int = REPORTED_STATES) -> tuple[ForceModel, dict, dict]:
+    """Return the surrogate of a fitted model, the report of its resampling, and its material, domain and errors for the card.
+
+    Raise `TooInexact` for a surrogate that is too far from its law.
+    """
+    surrogate, resampling = checked_surrogate(model, law, samples, title)
+    errors = samples.target.report(surrogate, law, tuple(samples.design["stretch_range"]), n_samples)
+    check_worth_storing(errors, title, law)
+    material = {"law": law.name, "trained_with": law.describe(), "shape": samples.target.shape(law)}
+    return surrogate, resampling, {"material": material, "domain": asdict(surrogate.domain), "errors": {"box": errors}}
 
 
 def search_table(search) -> list[dict]:
-    """Return the rows of a fitted search over parameters for a card: what was tried, and the mean and the spread of its scores."""
+    """Return the table of a fitted search over parameters for a card: the parameters, and mean and spread of their scores."""
     found = search.cv_results_
     scores = "mean_test_score" if "mean_test_score" in found else f"mean_test_{search.refit}"
     rows = zip(found["params"], found[scores], found[scores.replace("mean", "std")], strict=True)
@@ -181,7 +176,7 @@ def search_table(search) -> list[dict]:
 
 
 def _in_words(value) -> str:
-    """Return a bond-force pipeline by its features and its regressor, and all else as Python shows it."""
+    """Return the features and the regressor of a bond-force pipeline as text, and the ``repr`` of any other value."""
     try:
         features = feature_set_of(value)
     except ValueError:
@@ -191,7 +186,7 @@ def _in_words(value) -> str:
 
 
 def _plain(parameters: dict) -> dict:
-    """Return parameters of an estimator as a card keeps them: numbers and names as they are, and all else in words."""
+    """Return parameters of an estimator for a card: numbers, text and lists unchanged, any other value as text."""
 
     def plain(value):
         if isinstance(value, tuple | list):
@@ -204,7 +199,7 @@ def _plain(parameters: dict) -> dict:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of everything that shapes an artefact."""
+    """Return the versions of the packages that influence an artefact."""
     found = {"python": platform.python_version()}
     for package in ("pdsurrogate", "numpy", "scipy", "scikit-learn", "joblib"):
         try:

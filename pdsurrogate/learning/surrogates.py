@@ -1,4 +1,4 @@
-"""Samples, pipelines and surrogates of a target that the user names."""
+"""Samples, pipelines and surrogates by the name of a target."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from .target import InputAwareTargetRegressor
 from .targets import Samples, Target
 
 TARGETS = {target.name: target for target in (BOND_FORCE, SHEET_ENERGY, ISOCHORIC_ENERGY)}
-"""Targets by the names that users give."""
+"""Targets by the names that public functions take."""
 
 
 def target_called(name: str) -> Target:
-    """Return the target of a name; raise ValueError if there is none."""
+    """Return the target with a name; raise ValueError for an unknown name."""
     if not isinstance(name, str) or name not in TARGETS:
         raise ValueError(f"target must be one of {', '.join(TARGETS)}, not {name!r}")
     return TARGETS[name]
 
 
 def target_of(model) -> Target | None:
-    """Return the target that a pipeline predicts, fitted or not; None for other estimators."""
+    """Return the target that a pipeline, fitted or unfitted, predicts; None for other estimators."""
     return next((target for target in TARGETS.values() if target.predicted_by(model)), None)
 
 
@@ -44,26 +44,26 @@ def training_samples(
     target: str = "bond-force",
     off_surface: float | None = None,
 ) -> Samples:
-    """Draw training samples of a law, even in log-stretch and in random order, a share of them near rest (theory, section 5).
+    """Draw training samples of a law, uniform in log-stretch and in random order, a share of them near rest (theory, section 5).
 
     Parameters
     ----------
     law : Law
     n_samples : int, optional
-        By default 8,000 of a bond force, 2,000 of the energy of a sheet and 1,000 of an isochoric energy.
+        Number of samples; by default 8,000 for a bond force, 2,000 for the energy of a sheet and 1,000 for an isochoric energy.
     stretch_range : tuple of float, optional
-        Least and greatest principal stretch; by default 0.5 to 4, of the energy of a sheet 0.5 to 5, and of an isochoric energy 0.25 to 4
+        Least and greatest principal stretch; by default 0.5 to 4, for the energy of a sheet 0.5 to 5, and for an isochoric energy 0.25 to 4
         for three stretches of product 1.
     near_rest : float
-        Share of states with strains from 0.1 % to 30 % or as far as the range goes, even in the logarithm of the strain.
+        Share of states with strains from 0.1 % to 30 %, or to the end of the range, uniform in the logarithm of the strain.
     random_state : int
         Seed.
     target : {"bond-force", "sheet-energy", "isochoric-energy"}
-        What is learnt: the bond force of a sheet, the energy of a sheet under plane stress, or the energy W(I1bar, I2bar) for plane strain,
-        three dimensions and every bulk modulus.
+        Quantity to learn: the bond force of a sheet, the energy of a sheet under plane stress, or the energy W(I1bar, I2bar) for plane
+        strain, three dimensions and every bulk modulus.
     off_surface : float, optional
         For bond forces, the share of states off the plane-stress surface, two thirds by default: stretch, rotation and C33 are perturbed
-        independently there, by amounts that shrink with the strain, and the force is the exact one of the perturbed values.
+        independently, by amounts that shrink with the strain, and the force is the exact one of the perturbed values.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def training_samples(
     Raises
     ------
     TypeError, ValueError
-        If an argument is not as described, or the law does not have all states of the range.
+        If an argument is invalid, or the law is not finite in all states of the range.
 
     Examples
     --------
@@ -103,10 +103,10 @@ def training_samples(
 
 
 def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0), target: str = "bond-force") -> tuple[float, float]:
-    """Return the part of a range of principal stretches in which a law has every state of `training_samples`.
+    """Return the part of a range of principal stretches in which a law is finite in all states of `training_samples`.
 
-    A law that locks ends within any range. Both bounds are then drawn in, evenly in their logarithms, until the perturbed corners of the
-    box are short of the limit.
+    For a law that locks within the range, the logarithms of both bounds are reduced by one factor until the perturbed corners of the box
+    are short of the limit.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0
 
 
 def _reachable_share(law: Law, reached: Callable[[float], bool]) -> float:
-    """Return the share of a range of log-stretches of which a law has all states; `reached` says whether it has those of a share."""
+    """Return the share of a range of log-stretches in which a law is finite; ``reached(share)`` tells whether it is in a share."""
     if reached(1.0):
         return 1.0
     inside, outside = 0.0, 1.0
@@ -149,7 +149,7 @@ def _reachable_share(law: Law, reached: Callable[[float], bool]) -> float:
         inside, outside = (middle, outside) if reached(middle) else (inside, middle)
     if inside == 0:
         raise ValueError(f"{law.name}: it locks too near the undeformed state for a surrogate")
-    # The energy grows without bound towards the limit; a twentieth short of it a smooth model can still follow.
+    # The energy grows without bound towards the limit; a smooth model can follow it up to a twentieth short of it.
     return 0.95 * inside
 
 
@@ -163,20 +163,19 @@ def surrogate_pipeline(
 ) -> InputAwareTargetRegressor:
     """Make a scikit-learn pipeline (features, scaling, dimensionless target, regressor) that predicts a target from ``Samples.X``.
 
-    Energies are zero at rest by construction, and so is the stress; residuals of their training are divided by the size of a rubber's
-    energy.
+    Energies and their stresses are zero at rest by construction; residuals of their training are divided by the size of a rubber's energy.
 
     Parameters
     ----------
     regressor : estimator, optional
-        For bond forces, any regressor of scikit-learn's make, pipelines and searches among them: one that takes a single target is fitted
-        to each output by itself; by default a Levenberg-Marquardt network of 20 units. For energies, a `SobolevRegressor`, whose `anchor`,
-        `flat` and `size` are set here; by default one of 12 units, of 8 for an isochoric energy.
+        For bond forces, any regressor with the interface of scikit-learn, including pipelines and searches; a regressor of a single target
+        is fitted to each output separately; by default a Levenberg-Marquardt network of 20 units. For energies, a `SobolevRegressor`, whose
+        `anchor`, `flat` and `size` are set here; by default one of 12 units, or 8 for an isochoric energy.
     target : {"bond-force", "sheet-energy", "isochoric-energy"}
-        What the pipeline predicts, see `training_samples`.
+        Quantity to predict, see `training_samples`.
     features : str, optional
-        For bond forces, the features that the regressor sees, one of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`; "symmetric" by
-        default. With "symmetric" and "isochoric" ones the force is isotropic, mirror symmetric, and zero at rest by construction.
+        For bond forces, the features of the regressor, one of `pdsurrogate.kernels.feature_sets.FEATURE_SETS`; "symmetric" by default. With
+        "symmetric" and "isochoric" features the force is isotropic, mirror symmetric, and zero at rest by construction.
     horizon : float
         For bond forces, the unit of length of the samples' third column.
     weight : str, optional
@@ -187,14 +186,14 @@ def surrogate_pipeline(
     Returns
     -------
     InputAwareTargetRegressor
-        The pipeline takes tables (pandas) with the names of the columns, in any order, and refuses other names. With "symmetric" and
-        "isochoric" features it leaves samples without shear (rotation 0) out with a warning: they do not determine how the force grows
+        Pipeline that accepts tables (pandas) with the names of the columns in any order, and refuses other names. With "symmetric" and
+        "isochoric" features it leaves out samples without shear (rotation 0), with a warning: they do not determine how the force grows
         with shear.
 
     Raises
     ------
     ValueError
-        If the target or the features are unknown, the regressor is none, or an option does not belong to the target.
+        If the target or the features are unknown, the regressor is not a regressor, or an option does not belong to the target.
 
     Examples
     --------
@@ -205,13 +204,11 @@ def surrogate_pipeline(
     (500, 2)
     """
     chosen = target_called(target)
-    options = {"features": features, "horizon": horizon, "weight": weight, "shear_modulus": shear_modulus}
     if chosen is BOND_FORCE:
-        return chosen.pipeline(regressor, **options)
-    defaults = {"features": None, "horizon": 1.0, "weight": None, "shear_modulus": 1.0}
-    given = [key for key, value in options.items() if value != defaults[key]]
-    if given:
-        raise ValueError(f"{given[0]} is for the target bond-force; {target} has none")
+        return chosen.pipeline(regressor, features, horizon, weight, shear_modulus)
+    given = {"features": features is not None, "horizon": horizon != 1, "weight": weight is not None, "shear_modulus": shear_modulus != 1}
+    if any(given.values()):
+        raise ValueError(f"{max(given, key=given.get)} is for the target bond-force; {target} has none")
     return chosen.pipeline(regressor)
 
 
@@ -221,7 +218,7 @@ def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> Le
     Parameters
     ----------
     model : estimator or object
-        A fitted `surrogate_pipeline`, whatever its regressor, or a search over one. For bond forces also another fitted regressor of the
+        A fitted `surrogate_pipeline` with any regressor, or a search over one. For bond forces also another fitted regressor of the
         five bond quantities (columns of ``Samples.X``), or an object with a ``bond_force(stretch, rotation, length, C33, J)`` or an
         ``energy(I1bar, I2bar)``.
     law : Law
@@ -233,13 +230,13 @@ def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> Le
     Returns
     -------
     NetworkForce, PolynomialForce, SplineForce, EnergyNetwork or IsochoricNetwork
-        Networks of one to three hidden layers and `ChebyshevRegressor` are taken over as they are, scalings folded into their constants;
-        every other regressor of a bond force is resampled onto a spline.
+        Networks of one to three hidden layers and `ChebyshevRegressor` are converted exactly, with scalings folded into their constants;
+        any other regressor of a bond force is resampled onto a spline.
 
     Raises
     ------
     TypeError, ValueError
-        If the model does not predict the samples' target, is not fitted, or has no finite value somewhere in the domain.
+        If the model does not predict the target of the samples, is not fitted, or is not finite somewhere in the domain.
 
     Examples
     --------
@@ -257,7 +254,7 @@ def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> Le
 
 
 def checked_surrogate(model, law: Law, samples: Samples, name: str) -> tuple[LearntBondForce | LearntEnergy, dict]:
-    """Return `surrogate_of` of checked arguments with the report of its resampling; refuse a pipeline of another target."""
+    """Return the surrogate of a model, and the report of its resampling; raise ValueError for a pipeline of another target."""
     model, target = best_of(model), samples.target
     found = target_of(model)
     if found is not None and found is not target:
@@ -272,7 +269,7 @@ def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearntBond
     ----------
     model : estimator
     law : Law
-        Law that the pipeline is taken to be fitted to: a pipeline does not know its material.
+        Law of the training data, which a pipeline does not hold.
     name : str
 
     Returns
@@ -282,7 +279,7 @@ def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearntBond
     Raises
     ------
     ValueError
-        If the model is no such pipeline, is not fitted, or was read from a file, which does not hold the training states.
+        If the model is not such a pipeline, is not fitted, or was read from a file, which does not hold the training states.
 
     Examples
     --------

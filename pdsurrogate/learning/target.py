@@ -1,4 +1,4 @@
-"""A regressor whose target is transformed by functions that see the inputs."""
+"""Regressor with a transformation of the target that depends on the inputs."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, get_ro
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, has_fit_parameter, validate_data
 
 from ..arguments import in_order
+from .base import distinct_samples
 from .named import columns_read
-from .repeated import distinct_samples
 
 
 def check_targets(y, names) -> None:
-    """Raise ValueError if a target has other columns than those named."""
+    """Raise ValueError if a target does not have the named columns."""
     if np.shape(y)[1:] != (len(names),):
         raise ValueError(f"y must have the {len(names)} columns {', '.join(names)}, not shape {np.shape(y)}")
 
@@ -31,55 +31,47 @@ def is_search(model) -> bool:
     return isinstance(model, BaseEstimator) and (hasattr(model, "param_grid") or hasattr(model, "param_distributions"))
 
 
-def weight_parameter(estimator) -> str:
-    """Return the name of sample weights in ``fit`` of an estimator; for nested pipelines, with the names of their last steps."""
+def weighted_part(estimator) -> tuple[str, object]:
+    """Return the name of sample weights in ``fit`` of an estimator, and the regressor that they are for.
+
+    In a pipeline the name is prefixed with that of the last step, however deeply pipelines are nested.
+    """
     if isinstance(estimator, Pipeline):
         name, last = estimator.steps[-1]
-        return f"{name}__{weight_parameter(last)}"
-    if isinstance(estimator, TransformedTargetRegressor) and estimator.regressor is not None:
-        return weight_parameter(estimator.regressor)
-    if isinstance(estimator, MultiOutputRegressor) or is_search(estimator):
-        return weight_parameter(estimator.estimator)
-    return "sample_weight"
-
-
-def _takes_weights(estimator) -> bool:
-    """Return whether the regressor to which `weight_parameter` leads takes sample weights."""
-    if isinstance(estimator, Pipeline):
-        return _takes_weights(estimator.steps[-1][1])
+        parameter, regressor = weighted_part(last)
+        return f"{name}__{parameter}", regressor
     if isinstance(estimator, TransformedTargetRegressor):
-        return estimator.regressor is None or _takes_weights(estimator.regressor)
+        return weighted_part(LinearRegression() if estimator.regressor is None else estimator.regressor)
     if isinstance(estimator, MultiOutputRegressor) or is_search(estimator):
-        return _takes_weights(estimator.estimator)
-    return has_fit_parameter(estimator, "sample_weight")
+        return weighted_part(estimator.estimator)
+    return "sample_weight", estimator
 
 
 class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimator):
     """Fit a regressor to ``func(X, y)`` and predict with ``inverse_func(X, ...)``.
 
-    As `sklearn.compose.TransformedTargetRegressor`, but for transformations that depend on the inputs, such as a known size that the
-    target is divided by.  On request the prediction of chosen outputs is made exactly zero at one input, by taking
-    off what the regressor gives there.
+    Like `sklearn.compose.TransformedTargetRegressor`, but with transformations that depend on the inputs, such as a division by a known
+    size of the target. Chosen transformed outputs can be made exactly zero at one input, by subtracting the prediction there.
 
     Parameters
     ----------
     regressor : estimator, default=None
         Any regressor; LinearRegression if None.
     func, inverse_func : callable, default=None
-        ``func(X, y)`` and its inverse ``inverse_func(X, z)``; the identity if None.  `func` gives NaN for a sample that does not determine
-        its target, which is left out of the training.  Where `func` names the columns that it reads (`pdsurrogate.learning.named`), tables
-        are put in that order, and tables with other names are refused.
+        ``func(X, y)`` and its inverse ``inverse_func(X, z)``; the identity if None. Samples for which `func` returns NaN are left out of
+        the training, with a warning. If `func` has names of columns (`pdsurrogate.learning.named`), the columns of tables are reordered by
+        them, and tables with other names are refused.
     anchor : array-like, shape (n_features,), default=None
-        Input at which the transformed outputs named in `anchored_outputs` are zero.
+        Input at which the transformed outputs with the numbers `anchored_outputs` are zero.
     anchored_outputs : tuple of int, default=()
 
     Attributes
     ----------
     regressor_ : estimator
     offsets_ : ndarray, shape (n_outputs,)
-        Taken off the transformed outputs.
+        Values subtracted from the transformed outputs.
     training_inputs_ : ndarray, shape (n_samples, n_features), or None
-        What it was fitted to; None of one that was read from a file.
+        Inputs of the training; None after reading from a file.
     n_features_in_ : int
 
     Examples
@@ -114,10 +106,10 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         X : array-like, shape (n_samples, n_features)
         y : array-like, shape (n_samples,) or (n_samples, n_outputs)
         sample_weight : array-like, shape (n_samples,), optional
-            For the regressor, or the last step of a pipeline, whatever that is nested in.  A whole number stands for as many copies of a
-            sample, 0 for none: repeated samples are merged into weights where the regressor takes weights, so that both are the same
-            training.  Scalings are those of the distinct samples.  With scikit-learn's metadata routing the weights go where a part of
-            `regressor` requests them, and to the regressor where none does.
+            Weights for the regressor, or for the last step of a pipeline at any depth. A whole number stands for as many copies of a
+            sample, 0 for none: if the regressor accepts weights, repeated samples are merged into weights, so that both trainings are the
+            same. Scalings are those of the distinct samples. With scikit-learn's metadata routing the weights go to the parts of
+            `regressor` that request them, and to the regressor if none does.
 
         Returns
         -------
@@ -126,23 +118,22 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         Raises
         ------
         ValueError
-            If only one of `func` and `inverse_func` is given, the columns of a table have other names than `func` reads, or the transformed
-            target is not finite.
+            If only one of `func` and `inverse_func` is given, the columns of a table have other names than those of `func`, or the
+            transformed target is not finite.
         """
         if (self.func is None) != (self.inverse_func is None):
             raise ValueError("func and inverse_func are given together or not at all")
         for key in ("regressor_", "offsets_", "training_inputs_"):
-            vars(self).pop(key, None)  # those of an earlier training, which this one replaces
+            vars(self).pop(key, None)  # of an earlier training, which must not outlive a failed one
         columns, targets = columns_read(self.func)
         X, y = validate_data(self, in_order(X, columns, "X"), in_order(y, targets, "y"), multi_output=True, y_numeric=True)
         regressor = clone(self.regressor) if self.regressor is not None else LinearRegression()
         rows = np.arange(len(X))
         if sample_weight is not None:
             sample_weight = _check_sample_weight(sample_weight, X, ensure_non_negative=True)
-        if _takes_weights(regressor):
+        if has_fit_parameter(weighted_part(regressor)[1], "sample_weight"):
             kept, sample_weight = distinct_samples(X, y, sample_weight)
-            if kept is not None:
-                X, y, rows = X[kept], y[kept], kept
+            X, y, rows = X[kept], y[kept], rows[kept]
         z = y if self.func is None else np.asarray(self.func(X, y))
         undetermined = np.isnan(z).reshape(len(X), -1).any(axis=1)
         if undetermined.any():
@@ -166,14 +157,14 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         return self
 
     def _fit_weighted(self, regressor, X, z, weights) -> None:
-        """Fit the regressor, with weights where they belong."""
+        """Fit the regressor, with the weights, if any, for the part that accepts them."""
         if weights is None:
             regressor.fit(X, z)
         elif get_config()["enable_metadata_routing"] and self._routes_weights():
             regressor.fit(X, z, sample_weight=weights)
         else:
             with config_context(enable_metadata_routing=False):
-                regressor.fit(X, z, **{weight_parameter(regressor): weights})
+                regressor.fit(X, z, **{weighted_part(regressor)[0]: weights})
 
     def _routes_weights(self) -> bool:
         """Return whether a part of the regressor requests weights by scikit-learn's metadata routing."""
@@ -183,14 +174,14 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
         return hasattr(self, "offsets_")
 
     def get_metadata_routing(self):
-        """Return where metadata go, as scikit-learn asks: here, or to the parts of the regressor where these request them."""
+        """Return scikit-learn's routing of metadata: to this estimator, or to the parts of the regressor that request them."""
         own = super().get_metadata_routing()
         if own.consumes("fit", ["sample_weight"]) or not self._routes_weights():
             return own
         return MetadataRouter(owner=self).add(regressor=self.regressor, method_mapping=MethodMapping().add(caller="fit", callee="fit"))
 
     def __getstate__(self):
-        # The inputs tell where a fitted model holds (`force_model_of`) as long as it is in memory; a file of it comes with a card.
+        # `force_model_of` finds the domain of a model in memory from its inputs; a file has the domain on the card of its artefact.
         return {key: value for key, value in super().__getstate__().items() if key != "training_inputs_"}
 
     def predict(self, X):

@@ -1,4 +1,4 @@
-"""Targets that surrogates learn (bond force, energy of a sheet, isochoric energy), and samples of them."""
+"""Targets that surrogates learn (bond force, energy of a sheet, isochoric energy) and their samples."""
 
 from __future__ import annotations
 
@@ -10,11 +10,18 @@ import numpy as np
 
 from ..forces import Domain, LearntBondForce, LearntEnergy
 from ..materials import Law
+from .sampling import PERTURBATION
+
+Range = tuple[float, float]
+"""Least and greatest principal stretch."""
+
+REPORTED_STATES, REPORT_SEED = 20_000, 1_000_003
+"""States in each set of a report of errors, whose RMS they give to a percent, and their seed, which is none that samples are drawn with."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples of what a surrogate learns, as `pdsurrogate.training_samples` draws them.
+    """Training samples of a surrogate, as `pdsurrogate.training_samples` returns them.
 
     Attributes
     ----------
@@ -25,7 +32,7 @@ class Samples:
     design : dict
         Everything that is needed to draw the samples again.
     target : Target
-        What is learnt from them.
+        Quantity that y holds.
     stretches : ndarray, shape (n, 2) or (n, 3), optional
         Principal stretches of the states, for energies.
 
@@ -58,17 +65,17 @@ class Target(ABC):
     Attributes
     ----------
     name : str
-        Name by which users ask for it.
+        Name in the argument ``target`` of public functions.
     columns, outputs : tuple of str
-        Columns of X and y of its samples.
+        Columns of X and y of the samples.
     stretch_range : tuple of float
-        Least and greatest principal stretch of samples, where the user gives no range.
+        Default of the least and the greatest principal stretch of samples.
     n_samples : int
-        Number of samples, where the user gives none.
+        Default of the number of samples.
     units : str
         Units of features and targets, for cards.
     weight_function : str
-        What the card says of weight functions.
+        Text about weight functions, for cards.
     has_committees : bool
         Whether an artefact may hold a committee.
     """
@@ -76,7 +83,7 @@ class Target(ABC):
     name: ClassVar[str]
     columns: ClassVar[tuple[str, ...]]
     outputs: ClassVar[tuple[str, ...]]
-    stretch_range: ClassVar[tuple[float, float]]
+    stretch_range: ClassVar[Range]
     n_samples: ClassVar[int]
     units: ClassVar[str]
     weight_function: ClassVar[str]
@@ -87,12 +94,12 @@ class Target(ABC):
         """Return whether a law has all states of samples whose principal stretches have logarithms from `low` to `high`."""
 
     @abstractmethod
-    def draw(self, law: Law, n_samples: int, stretch_range: tuple[float, float], near_rest: float, random_state: int, **options) -> Samples:
+    def draw(self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int, **options) -> Samples:
         """Return samples in the order in which they are drawn; `options` are those of `pdsurrogate.training_samples`."""
 
     @abstractmethod
     def pipeline(self, regressor, **options):
-        """Return a pipeline that is not fitted; `options` are those of `pdsurrogate.surrogate_pipeline`."""
+        """Return an unfitted pipeline; `options` are those of `pdsurrogate.surrogate_pipeline`."""
 
     @abstractmethod
     def predicted_by(self, model) -> bool:
@@ -103,10 +110,6 @@ class Target(ABC):
         """Return the relative errors (``rms``, ``max``) of predictions, of the shape of ``samples.y``."""
 
     @abstractmethod
-    def domain(self, law: Law, samples: Samples) -> Domain:
-        """Return the domain of a surrogate that is fitted to samples of a design."""
-
-    @abstractmethod
     def domain_of_states(self, law: Law, X: np.ndarray) -> Domain:
         """Return the domain of a surrogate that is fitted to states (columns `columns`) of an unknown design."""
 
@@ -114,29 +117,32 @@ class Target(ABC):
     def surrogate(
         self, model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None
     ) -> tuple[LearntBondForce | LearntEnergy, dict]:
-        """Return the surrogate of a fitted model and a report of its resampling, empty where the surrogate is the model's own function."""
+        """Return the surrogate of a fitted model and a report of its resampling, empty for a surrogate that equals the model."""
 
     @abstractmethod
-    def report(self, model, law: Law, stretch_range: tuple[float, float], n_samples: int, random_state: int) -> dict:
+    def report(self, model, law: Law, stretch_range: Range, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED) -> dict:
         """Return the report of `pdsurrogate.evaluate`."""
 
-    @abstractmethod
-    def more_reports(self, surrogate, law: Law, stretch_range: tuple[float, float]) -> dict[str, dict]:
-        """Return reports over further ranges of stretches for the card, by title."""
+    def domain(self, law: Law, samples: Samples) -> Domain:
+        """Return the domain of a surrogate that is fitted to samples of a design."""
+        found, design = self.domain_of_states(law, samples.X), samples.design
+        bulk = found.least_bulk, found.greatest_bulk
+        if design.get("off_surface"):
+            # The bounds of the perturbation, which the samples nearly reach.
+            reach = np.exp(design.get("perturbation", PERTURBATION)["log_C33"])
+            bulk = float(1 / reach), float(reach)
+        # The hull of the test data, for an energy without a law.
+        hull = None if design.get("hull") is None else tuple(tuple(map(float, plane)) for plane in design["hull"])
+        return Domain(*design["stretch_range"], *bulk, hull)
 
-    @abstractmethod
+    def more_reports(self, surrogate, law: Law, stretch_range: Range) -> dict[str, dict]:
+        """Return reports over further ranges of stretches for the card, by title."""
+        return {}
+
     def shape(self, law: Law) -> dict[str, float]:
         """Return the dimensionless parameters of a law that the target depends on."""
-
-    @abstractmethod
-    def regressor(self, model):
-        """Return the regressor inside a fitted model, below features and scalings."""
+        return dict(law.shape)
 
     @abstractmethod
     def scaling(self, model) -> dict:
-        """Return what the card says of the scalings of a fitted model."""
-
-
-def hull_of(design: dict) -> tuple[tuple[float, float, float], ...] | None:
-    """Return the hull of the test data (`Domain.hull`) of an energy without a law, for a design that has one."""
-    return None if design.get("hull") is None else tuple(tuple(map(float, plane)) for plane in design["hull"])
+        """Return the scalings of a fitted model for its card."""

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import torch
+from sklearn.utils import check_random_state
 from skorch import NeuralNetRegressor
 from skorch.callbacks import EarlyStopping, LRScheduler
 from skorch.dataset import Dataset
@@ -16,70 +17,58 @@ class Algebraic(torch.nn.Module):
     """x / sqrt(1 + x^2)."""
 
     def forward(self, x):
-        """Evaluate."""
+        """Return the values."""
         return x * torch.rsqrt(1 + x * x)
 
 
-ACTIVATIONS = {
-    "algebraic": Algebraic,
-    "logistic": torch.nn.Sigmoid,
-    "tanh": torch.nn.Tanh,
-    "relu": torch.nn.ReLU,
-}
-
-
-class Perceptron(torch.nn.Module):
-    """A fully connected network in double precision."""
-
-    def __init__(self, widths, activation):
-        super().__init__()
-        layers = []
-        for n_in, n_out in pairwise(widths[:-1]):
-            layers += [torch.nn.Linear(n_in, n_out, dtype=torch.float64), ACTIVATIONS[activation]()]
-        self.layers = torch.nn.Sequential(*layers, torch.nn.Linear(widths[-2], widths[-1], dtype=torch.float64))
-
-    def forward(self, X):
-        """Outputs of the network."""
-        return self.layers(X)
+ACTIVATIONS = {"algebraic": Algebraic, "logistic": torch.nn.Sigmoid, "tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 
 
 class WeightedSquares(torch.nn.Module):
-    """Mean squared error with weights, which are the last column of the targets."""
+    """Mean squared error; the last column of the targets holds the weights of the samples."""
 
     def forward(self, outputs, targets):
-        """Evaluate."""
+        """Return the loss."""
         return (targets[:, -1:] * (outputs - targets[:, :-1]) ** 2).mean()
 
 
-def train(X, Y, weights, widths, activation, learning_rate, max_epochs, batch_size, validation_fraction, patience, seed):
-    """Train a network; returns its weights, its biases, the epochs it took, and its validation loss (NaN if there was no such part)."""
+def train(regressor, X, Y, weights):
+    """Return weights, biases, the number of epochs and the validation loss of a network, NaN without a validation part.
+
+    The network and its training have the parameters of `regressor`, a `TorchMLPRegressor`.
+    """
     if weights is not None:
         Y = np.column_stack([Y, weights / weights.mean()])
+    seed = int(check_random_state(regressor.random_state).randint(2**31 - 1))
+    outputs = Y.shape[1] - (weights is not None)
+    widths = [X.shape[1], *np.atleast_1d(regressor.hidden_layer_sizes).astype(int).tolist(), outputs]
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         split, callbacks = None, []
         order = np.random.default_rng(seed).permutation(len(X))
-        kept = int(validation_fraction * len(X))
+        kept = int(regressor.validation_fraction * len(X))
         if kept:
             validation, order = order[:kept], order[kept:]
             split = predefined_split(Dataset(X[validation], Y[validation]))
-            callbacks.append(("stop", EarlyStopping(patience=patience, load_best=True)))
-        schedule = torch.optim.lr_scheduler.CosineAnnealingLR
-        callbacks.append(("rate", LRScheduler(schedule, T_max=max_epochs, eta_min=learning_rate / 100)))
+            callbacks.append(("stop", EarlyStopping(patience=regressor.patience, load_best=True)))
+        rate, most = regressor.learning_rate, regressor.max_epochs
+        callbacks.append(("rate", LRScheduler(torch.optim.lr_scheduler.CosineAnnealingLR, T_max=most, eta_min=rate / 100)))
+        linear = [torch.nn.Linear(n_in, n_out, dtype=torch.float64) for n_in, n_out in pairwise(widths)]
+        layers = [layer for hidden in linear[:-1] for layer in (hidden, ACTIVATIONS[regressor.activation]())]
         net = NeuralNetRegressor(
-            Perceptron(widths, activation),
+            torch.nn.Sequential(*layers, linear[-1]),
             criterion=torch.nn.MSELoss if weights is None else WeightedSquares,
             optimizer=torch.optim.Adam,
-            lr=learning_rate,
-            max_epochs=max_epochs,
-            batch_size=min(batch_size, len(order)),
+            lr=rate,
+            max_epochs=most,
+            batch_size=min(regressor.batch_size, len(order)),
             train_split=split,
             callbacks=callbacks,
             iterator_train__shuffle=True,
             verbose=0,
         )
         net.fit(X[order], Y[order])
-    linear = [layer for layer in net.module_.layers if isinstance(layer, torch.nn.Linear)]
+    linear = [layer for layer in net.module_ if isinstance(layer, torch.nn.Linear)]
     coefs = [layer.weight.detach().numpy().T.copy() for layer in linear]
     intercepts = [layer.bias.detach().numpy().copy() for layer in linear]
     losses = [row["valid_loss"] for row in net.history if "valid_loss" in row] if split is not None else []

@@ -101,6 +101,7 @@ class FitTask:
         # Imported here, since only a fit needs scikit-learn.
         from threadpoolctl import threadpool_limits
 
+        from ..learning import store
         from ..learning.fitting import TooInexact
 
         began = time.perf_counter()
@@ -112,7 +113,8 @@ class FitTask:
                 try:
                     design, pipeline = settings.design(law), settings.pipeline()[0]
                     pipeline.fit(design.X, design.y)
-                    settings.store(pipeline, design, law, folder, *SURROGATE, settings.cross_validate(pipeline, design))
+                    text = settings.text(law, settings.cross_validate(pipeline, design))
+                    store(pipeline, design, law, folder, *SURROGATE, text)
                 except (TooInexact, ValueError) as error:
                     return str(error)
         card = artifacts.load_card(place)

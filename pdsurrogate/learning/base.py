@@ -1,0 +1,85 @@
+"""Base classes of the regressors of this room: checked training data, and predictions in the shape of the targets."""
+
+from __future__ import annotations
+
+from numbers import Integral, Real
+
+import numpy as np
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils._param_validation import Interval
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+from ..kernels.network import network_outputs
+from .activations import ACTIVATIONS
+
+COUNT = [Interval(Integral, 1, None, closed="left")]
+NOT_NEGATIVE = [Interval(Real, 0, None, closed="left")]
+POSITIVE = [Interval(Real, 0, None, closed="neither")]
+SHARE = [Interval(Real, 0, 1, closed="left")]
+"""Constraints on parameters of estimators."""
+
+
+def checked_samples(regressor: BaseEstimator, X, y, sample_weight=None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Return X, y and the weights, if any, in double precision; raise ValueError for data that scikit-learn would not accept."""
+    X, y = validate_data(regressor, X, y, dtype=np.float64, multi_output=True, y_numeric=True)
+    if sample_weight is not None:
+        sample_weight = _check_sample_weight(sample_weight, X, dtype=np.float64, ensure_non_negative=True)
+    return X, np.asarray(y, dtype=np.float64), sample_weight
+
+
+def distinct_samples(X: np.ndarray, y: np.ndarray, weights: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the rows to keep so that no sample repeats and none has weight 0, and their weights, None where all are 1.
+
+    Copies of a sample and one sample with the sum of their weights give the same training. Where nothing repeats and all weights are 1,
+    all rows are kept in their order; elsewhere the samples kept are sorted. Raise ValueError if all weights are 0.
+    """
+    _, first, inverse = np.unique(np.column_stack([X, y]), axis=0, return_index=True, return_inverse=True)
+    if len(first) == len(X) and (weights is None or (weights == 1).all()):
+        return np.arange(len(X)), None
+    summed = np.bincount(inverse.ravel(), weights, len(first)).astype(float)
+    if not summed.any():
+        raise ValueError("all sample weights are zero")
+    kept, summed = first[summed > 0], summed[summed > 0]
+    return kept, None if (summed == 1).all() else summed
+
+
+class BaseRegressor(RegressorMixin, BaseEstimator):
+    """Base of regressors of one or several outputs, which predict one column where y had one dimension.
+
+    A subclass implements ``fit``, which takes its data from `_checked`, and ``_outputs``, which returns the outputs of X, shape
+    (n_samples, n_outputs). ``coef_`` or ``coefs_`` holds what was fitted.
+    """
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.target_tags.multi_output = True
+        return tags
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "coef_") or hasattr(self, "coefs_")
+
+    def predict(self, X):
+        """Predict targets, shape (n_samples,) or (n_samples, n_outputs) as in training."""
+        check_is_fitted(self)
+        outputs = self._outputs(validate_data(self, X, dtype=np.float64, reset=False))
+        return outputs[:, 0] if self._single_output else outputs
+
+    def _checked(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Return X, the columns of y, and the weights, if any."""
+        self._validate_params()
+        X, y, weights = checked_samples(self, X, y, sample_weight)
+        self._single_output = y.ndim == 1
+        return X, y.reshape(len(X), -1), weights
+
+
+class BasePerceptron(BaseRegressor):
+    """Base of regressors that are multilayer perceptrons: ``coefs_``, ``intercepts_`` and the parameter ``activation``."""
+
+    def _distinct(self, X, y, sample_weight) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Return the distinct samples, and their weights where not all are 1."""
+        X, Y, weights = self._checked(X, y, sample_weight)
+        kept, weights = distinct_samples(X, Y, weights)
+        return X[kept], Y[kept], weights
+
+    def _outputs(self, X):
+        return network_outputs(X, zip(self.coefs_, self.intercepts_, strict=True), ACTIVATIONS[self.activation])
