@@ -16,7 +16,7 @@ from ..forces.interfaces import SIGHT
 from ..forces.portions import EvaluationOfPortions
 from ..ranks import ALONE, HALO, Communicator, divided
 from ..ranks.communicator import Alone
-from ..scenes import Scene, SceneError
+from ..scenes import Scene, SceneError, SolverSpec, Units
 from ..scenes.amplitudes import amplitude_of
 from ..solvers.conditions import Loading, place_of
 from ..solvers.loads import LoadedForce, Loads
@@ -77,6 +77,16 @@ class Problem:
     areas: dict[str, float]
     measures: Measures
     critical_stretch: float | None
+
+    @property
+    def units(self) -> Units:
+        """Return the names of the units of the scene."""
+        return self.scene.units
+
+    @property
+    def solver(self) -> SolverSpec:
+        """Return the settings of the solution for equilibrium."""
+        return self.scene.solver
 
     def bind(self, precision: str | None = None) -> tuple[InternalForce, InternalForce | LoadedForce | RigidForce]:
         """Return the internal force of the body, and the force that solvers work with: it has loads, supports and rigid regions.

@@ -77,7 +77,7 @@ def solver_of(run: Run) -> EquilibriumSolver:
     SceneError
         If it does not work with the run's force.
     """
-    spec = run.scene.solver
+    spec = run.problem.solver
     solver = SOLVERS[spec.method]
     if solver.needs_energy and not run.loaded.has_energy:
         missing = f", and {run.loaded.no_energy_because}" if run.force.has_energy else f"; {run.model.name} has none"
@@ -183,7 +183,7 @@ def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, way: Way):
             patience = min(patience - taken, max(LEAST_PATIENCE, PATIENCE * np.mean(evaluations or 0)))
             if isinstance(error, RanAway) and ran_away is None:
                 ran_away = error  # with short increments from close below a greatest load solvers fail in other ways
-            spent = patience <= 0 or run.wasted >= min(MOST_WASTED, run.scene.solver.most_evaluations)
+            spent = patience <= 0 or run.wasted >= min(MOST_WASTED, run.problem.solver.most_evaluations)
             _take_back(run, solver, accepted, increments, error, ran_away or error, spent)
             continue
         ran_away, patience = None, np.inf
@@ -223,7 +223,7 @@ class _Accepted:
 def _follow(run: Run, solver: EquilibriumSolver, branch: Branch, way: Way, patience: float) -> Equilibrium:
     """Bring the run to equilibrium at the end of the present increment, within so many evaluations."""
     increments = way.increments
-    target, spec = increments.target, run.scene.solver
+    target, spec = increments.target, run.problem.solver
     guess = _best(run, run.loading.course.guesses(run.positions, run.parameter, target, run.earlier), target)
     on_the_way = COARSE if run.loaded.nearly_incompressible else FINE
     tolerance = spec.tolerance if increments.ends else max(spec.tolerance, on_the_way)
@@ -310,7 +310,7 @@ def _record_reached(run: Run, solver: EquilibriumSolver) -> None:
     target, run.target = run.target, run.parameter
     # What a coarse tolerance let pass close below a greatest load need not be an equilibrium.
     with suppress(*FAILURES):
-        _record(run, _solve(run, solver, run.parameter, run.scene.solver.tolerance, run.positions.copy(), LEAST_PATIENCE))
+        _record(run, _solve(run, solver, run.parameter, run.problem.solver.tolerance, run.positions.copy(), LEAST_PATIENCE))
     run.target = target
 
 

@@ -43,7 +43,7 @@ class Record:
             **({"n_steps": run.steps} if "n_steps" in self._summary else {}),
             **({"critical_stretch": run.critical_stretch, "crack": run.crack} if run.crack is not None else {}),
         }
-        write_tables(run.folder, self._summary | reached, run.history, run.convergence, run.scene.units)
+        write_tables(run.folder, self._summary | reached, run.history, run.convergence, run.problem.units)
         ended = time.monotonic()
         self._due_with_state = ended + SHARE * (ended - began)
         self._due = max(self._due_with_state, ended + SECONDS)
