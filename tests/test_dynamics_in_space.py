@@ -7,7 +7,7 @@ from pdsurrogate.body import Body
 from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.results import measures
-from pdsurrogate.run import transient
+from pdsurrogate.run import checkpoints
 from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes import Scene
@@ -128,7 +128,7 @@ TORN = {
 
 
 def test_a_programme_in_space_that_is_killed_while_bonds_break_resumes_to_the_same_bits(tmp_path, monkeypatch):
-    monkeypatch.setattr(transient, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
+    monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
 
     class Stop(Exception):
         """A kill."""

@@ -9,9 +9,9 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.run import transient
-from pdsurrogate.run.fracture import Damage
+from pdsurrogate.run.cracks import starts_of_cracks
+from pdsurrogate.run.damage import Damage
 from pdsurrogate.run.run import Run, Silent
-from pdsurrogate.run.transient import starts_of_cracks
 
 RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
 """With a density of 1, shear waves have a speed of 1."""

@@ -111,8 +111,8 @@ def isochoric_inputs(shared, a, b, U_mm, J, C33, length):
 def isochoric_traction(shared, o1, o2, a, b, U_mm, J, C33):
     """Return T = p (U - C33 U^-1) + r U^-1 with p = J3^(-2/3) o1 and r = o2; zero at rest if o2 is.
 
-    For laws that depend on I1bar only, r vanishes and p is 2 W1 J3^(-2/3). The components of T J are computed, and divided by J last: at rest
-    they are zero in exact arithmetic and in floating point, whatever the rounding of a quotient.
+    For laws that depend on I1bar only, r vanishes and p is 2 W1 J3^(-2/3). The components of T J are computed, and divided by J last: at
+    rest they are zero in exact arithmetic and in floating point, whatever the rounding of a quotient.
     """
     c = shared[0]
     p = c * o1

@@ -1,0 +1,258 @@
+"""Account of energy of a stage in dynamics: work of what holds and loads the body, and what motion, damping and breaking bonds take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..solvers import Diverging, ExplicitDynamics
+from ..solvers.conditions import Reactions
+from ..solvers.dynamics import Power
+from ..solvers.minimiser import EnergyMinimiser
+from ..solvers.motion import Motion
+from .run import Run
+
+STEPS_PER_ROW = 20
+"""Steps between rows of the history, which every output has as well.
+
+Work and damped energy are summed in every step by the trapezoidal rule; in the plane, with grips and a force that has no energy, over
+these rows, since no account can close.  The part of viscosity needs the forces at the positions.  They are evaluated in a row and, where
+the force has an energy, in every step from a bond's breaking until as many steps later, because they change fast there, and while what is
+held changes its velocity; in other steps they are followed (`ExplicitDynamics.elastic`)."""
+
+MOST_ENERGY = 1.5
+"""Share of the energy put in that motion and damping may take; more comes from an unstable step, or from a force that has no energy.
+
+The part above 1 is allowed of the most that had been put in at any time.  A force map has no energy of its own, so that the account of
+a body that is unloaded, and has given back nearly all it held, is off by a share of what it held, and not of what is left."""
+
+GAP_WARNED, GAP_FAILED = 0.01, 0.05
+"""Gaps of the account over the energy put in: beyond the first a warning is given, beyond the second the run fails."""
+
+MEND_GAP = "a smaller dynamics.safety or more dynamics.viscosity mends it"
+"""Advice where an account is off: within a shorter step forces are closer to linear, and viscosity takes motion as short as a bond."""
+
+LEAST_UNEVENNESS = 0.01
+"""Departure of what is held from its present velocity, over its way within the viscosity, from which elastic forces are evaluated and not
+followed: the work of holders that viscosity takes would be off by as much."""
+
+
+@dataclass
+class Account:
+    """Numbers of an account, which a checkpoint keeps; energies are per unit thickness.
+
+    Attributes
+    ----------
+    time : float
+        Time since the stage began.
+    initial_energy : float
+        Energy of motion and strain at the start.
+    work, damped_energy, released_energy : float
+        Work of all that holds and loads the body, and energy taken by the damping and released by breaking bonds since then.
+    power, damped_power : list of float
+        `Power` when it was last found.
+    rate_time, damped_time : float
+        Times when these were found: at the last row of the history or in a step since.
+    row_time : float
+        Time of the last row.
+    most_put_in : float
+        Greatest sum of initial energy and work at any row.
+    gap, greatest_gap : float
+        Energy at the last row less that put in; and the greatest of these, of either sign.
+    on_planes, levers : list or None
+        Reactions of planes at the positions, see `ExplicitDynamics.elastic`.
+    last_break : int
+        Step in which a bond last broke.
+    outputs : int
+        Number of states written so far.
+    """
+
+    time: float = 0.0
+    initial_energy: float = 0.0
+    work: float = 0.0
+    damped_energy: float = 0.0
+    released_energy: float = 0.0
+    power: list[float] = field(default_factory=lambda: [*Power()])
+    damped_power: list[float] = field(default_factory=lambda: [*Power()])
+    rate_time: float = 0.0
+    damped_time: float = 0.0
+    row_time: float = 0.0
+    most_put_in: float = 0.0
+    gap: float = 0.0
+    greatest_gap: float = 0.0
+    on_planes: list | None = None
+    levers: list | None = None
+    last_break: int = -STEPS_PER_ROW
+    outputs: int = 0
+
+
+class Bookkeeping:
+    """Bookkeeping of the account of a stage.
+
+    Parameters
+    ----------
+    run : Run
+    integrator : ExplicitDynamics
+    motion : Motion
+        Loading parameter in time.
+    viscosity : float
+        Retardation time of the stage.
+    timed : bool
+        Whether the stage has a duration of its own.
+
+    Attributes
+    ----------
+    account : Account
+    every_step : bool
+        Whether work and damped energy are summed in every step.
+    closes : bool
+        Whether the force has an energy, so that the account closes.
+    """
+
+    def __init__(self, run: Run, integrator: ExplicitDynamics, motion: Motion, viscosity: float, timed: bool) -> None:
+        self._run, self._integrator, self._motion, self._viscosity, self.account = run, integrator, motion, viscosity, Account()
+        self.closes = run.force.has_energy
+        self.every_step = timed or run.body.dimension == 3 or self.closes
+        # Below this an energy is rounding: a body at rest holds none, and any motion would be more than was put in.
+        modulus = max(law.shear_modulus for law, _ in run.force.laws)
+        self._rounding = EnergyMinimiser.ROUNDING[run.force.precision] * modulus * run.body.share.sum(run.body.volumes)
+
+    def kinetic_energy(self) -> float:
+        """Return the kinetic energy at the positions, or of the half step before where work is summed over rows."""
+        integrator = self._integrator
+        kinetic = integrator.kept_energy(integrator.velocities_around())[1] if self.every_step else integrator.kinetic_energy()
+        if not np.isfinite(kinetic):
+            raise Diverging("the kinetic energy is not finite")
+        return kinetic
+
+    def reactions(self) -> Reactions:
+        """Return the reactions of all supports, by the forces that move the body."""
+        return self._run.loading.reactions(self._run.force, self._integrator.forces)
+
+    def count_release(self) -> None:
+        """Count the energy that breaking bonds took from the motion in the last step."""
+        if self.every_step:
+            arriving, leaving = self._integrator.kept_energy(self._integrator.velocities_around())
+            self.account.released_energy += arriving - leaving
+
+    def between_rows(self) -> None:
+        """Add work and damped energy in a step that has no row."""
+        if self.every_step:
+            self.add_work(self.reactions())
+            breaking = self.closes and self._integrator.steps - self.account.last_break < STEPS_PER_ROW
+            self.add_damping(evaluate=breaking or self._uneven())
+
+    def _uneven(self) -> bool:
+        """Return whether supports change velocity faster than the viscosity allows the elastic forces to be followed."""
+        viscosity, time, run = self._viscosity, self.account.time, self._run
+        if viscosity == 0:
+            return False
+        ahead = run.parameter + viscosity * self._motion.rate
+        return run.loading.unevenness(self._motion.at(time - self._integrator.last_step), run.parameter, ahead) > LEAST_UNEVENNESS
+
+    def add_work(self, reactions: Reactions) -> None:
+        """Add the work of what holds and loads since the last time; the force is still the one that moves the body."""
+        run, account = self._run, self.account
+        power = self._held_power = self._power_of_holders(reactions)
+        self._held_reactions = reactions
+        if run.loads is not None:
+            thickness, around = run.loaded.thickness(), self._integrator.velocities_around()
+            loads = (run.body.share.total(run.loads.power(run.positions, velocities, thickness)) for velocities in around)
+            power = power.plus(Power(*loads))
+        # At the start, when the account is empty, no time has gone by.
+        account.work += self._work_over(account.time - account.rate_time, Power(*account.power), power)
+        account.power, account.rate_time = [*power], account.time
+
+    def _power_of_holders(self, reactions: Reactions) -> Power:
+        """Return the power of all supports, moving as over the last step, and as over a step of that length to come."""
+        course, time, step = self._run.loading.course, self.account.time, self._integrator.last_step
+        before = course.power(reactions, self._motion, time, step)
+        after = course.power(reactions, self._motion, time + step, step) if self.every_step else before
+        return Power(before, 0.5 * (before + after), after)
+
+    def _work_over(self, elapsed: float, last: Power, power: Power) -> float:
+        """Return the work by the trapezoidal rule, over the time since the power was last computed."""
+        if self.every_step and elapsed < 1.5 * self._integrator.last_step:
+            return 0.5 * elapsed * (last.after + power.before)
+        return 0.5 * elapsed * (last.now + power.now)
+
+    def add_damping(self, evaluate: bool) -> None:
+        """Add the energy that the damping took since the last time.
+
+        The part of viscosity follows from the forces at the positions, which are evaluated there, and the force is left so, or followed.
+        """
+        account, integrator = self.account, self._integrator
+        if evaluate and self._viscosity > 0:
+            integrator.find_elastic()
+        power, elapsed, last = integrator.damped_power(), account.time - account.damped_time, Power(*account.damped_power)
+        if self.every_step and self._viscosity > 0:
+            # Viscosity takes its part of the work of what holds the body as well.
+            elastic = self._power_of_holders(self._elastic_reactions(evaluate))
+            power = power.plus(self._held_power).plus(elastic, -1.0)
+        if self.closes and account.last_break == integrator.steps:
+            # Bonds that broke in this step have changed the power since the last one; before it stood as it was.
+            quiet = max(0.0, elapsed - integrator.last_step)
+            account.damped_energy += quiet * last.now
+            elapsed -= quiet
+        account.damped_energy += self._work_over(elapsed, last, power)
+        account.damped_power, account.damped_time = [*power], account.time
+
+    def _elastic_reactions(self, evaluated: bool) -> Reactions:
+        """Return the forces of all holders without viscosity: of the force `evaluated` at the positions, or followed as `elastic` is."""
+        account, loading, on_points = self.account, self._run.loading, self._integrator.elastic_with_loads()
+        if evaluated:
+            found = loading.reactions(self._run.force, on_points)
+        else:
+            held, share = self._held_reactions, self._integrator.followed
+            planes = (account.on_planes, held.on_planes), (account.levers, held.levers)
+            on_planes, levers = (None if now is None else (1 - share) * np.reshape(old, now.shape) + share * now for old, now in planes)
+            found = loading.reactions_of(on_planes, levers, on_points)
+        account.on_planes, account.levers = found.on_planes.tolist(), None if found.levers is None else found.levers.tolist()
+        return found
+
+    def columns(self, kinetic: float, strain: float, first: bool) -> dict[str, float]:
+        """Return the energies of a row of the history; raise Diverging where motion and damping take more than was put in."""
+        account = self.account
+        account.row_time = account.time
+        if first:
+            account.initial_energy = kinetic + strain
+        put_in = account.initial_energy + account.work
+        account.most_put_in = max(account.most_put_in, put_in)
+        # Half as much again for what the trapezoidal rule and the points' own strain energy leave out.
+        allowed = put_in + (MOST_ENERGY - 1) * account.most_put_in + self._rounding
+        if not first and kinetic + account.damped_energy > allowed:
+            raise Diverging(
+                f"time {account.time:.4g}: the motion runs away: it and the damping have taken {kinetic + account.damped_energy:.3g} "
+                f"of the {put_in:.3g} that was put in"
+            )
+        if self.closes:
+            account.gap = kinetic + strain - put_in + account.damped_energy + account.released_energy
+            account.greatest_gap = max(account.greatest_gap, account.gap, key=abs)
+        return {"work": account.work, "kinetic_energy": kinetic, "damped_energy": account.damped_energy, "strain_energy": strain}
+
+    def entries(self) -> dict:
+        """Return the entries of the summary about the account."""
+        account, put_in = self.account, {"energy_put_in": float(self.account.most_put_in)}
+        if not self.closes:
+            remark = f"{self._run.model.name} has no energy: whether the motion keeps it is not known"
+            return put_in | {"energy_gap": None, "greatest_energy_gap": None, "remark": remark}
+        scale = max(account.most_put_in, self._rounding)
+        wide = abs(account.greatest_gap) > GAP_WARNED * scale
+        return put_in | {
+            "energy_gap": float(100 * account.gap / scale),
+            "greatest_energy_gap": float(100 * account.greatest_gap / scale),
+            "remark": f"{self._words_for_gap(account.greatest_gap)}; {MEND_GAP}" if wide else None,
+        }
+
+    def check(self) -> None:
+        """Raise Diverging where the account is off by so much that the motion is not that of the body."""
+        account = self.account
+        if abs(account.gap) > GAP_FAILED * account.most_put_in + self._rounding:
+            raise Diverging(f"time {account.time:.4g}: {self._words_for_gap(account.gap)}")
+
+    def _words_for_gap(self, gap: float) -> str:
+        put_in = max(self.account.most_put_in, self._rounding)
+        amount = self._run.problem.units.amount(put_in, "energy", ".3g")
+        share, what = 100 * abs(gap) / put_in, "gained from nothing" if gap > 0 else "lost"
+        return f"the account of energy is off by {share:.2g} %: {amount} were put in, and {abs(gap):.3g} were {what}"

@@ -1,0 +1,179 @@
+"""Cracks of a run: which bonds break, where cracks begin and how their tips move."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..body.share import SERIAL
+from ..forces import InvalidState
+from ..solvers import ExplicitDynamics
+from .account import Account
+from .run import Run
+
+logger = logging.getLogger(__name__)
+
+LEAST_RATIO = 0.1
+"""det F, of areas in the plane, below which a point that has lost bonds counts as failed: intact rubber in a tear stays above 0.5."""
+
+
+class Cracks:
+    """Breaking of bonds during a stage in dynamics, of a run with damage.
+
+    Parameters
+    ----------
+    run : Run
+    integrator : ExplicitDynamics
+    account : Account
+        Account of energy, which the release of broken bonds enters.
+    """
+
+    def __init__(self, run: Run, integrator: ExplicitDynamics, account: Account) -> None:
+        self._run, self._integrator, self._account, self._damage = run, integrator, account, run.damage
+        if run.crack is None:
+            run.crack = {"start": None, "tips": [], "broken_bonds": 0, "failed_points": 0, "through": False}
+
+    def evaluate_and_break(self) -> None:
+        """Break bonds that are stretched too far, and those of failed points, until the forces are those of the remaining bonds."""
+        run, integrator, share = self._run, self._integrator, self._run.body.share
+        run.force.place(run.positions)
+        pairs = self._damage.overstretched(run.force.positions)
+        if share.any(len(pairs) > 0):
+            self._break(pairs)
+        while True:
+            try:
+                integrator.evaluate()
+                error = None
+            except InvalidState as invalid:
+                error = invalid
+            failed = self._bonds_of_failed_points()
+            if share.any(len(failed) > 0):
+                # The evaluation was ahead by the viscosity.  What broke at these positions may have left a state that soon collapses, with
+                # huge forces: they cancel in the sum of both releases if both are found at the same positions.
+                run.force.place(run.positions)
+                self._break(failed)
+            elif error is not None:
+                raise error
+            else:
+                return
+
+    def _bonds_of_failed_points(self) -> np.ndarray:
+        """Return the intact pairs of points that have lost bonds and whose deformation gradient has collapsed.
+
+        The few bonds that are left at a crack front or on a fragment need not make a deformation gradient that means
+        anything: a point that they turn inside out, or press to a tenth of its area or volume, has lost its support, and they are broken.
+        A point with all its bonds is not affected; there det F <= 0 is an error.
+        """
+        run = self._run
+        bonds, n, mirror, share = run.body.bonds, len(run.body), run.body.ghosts.source, run.body.share
+        F = run.force.deformation_gradients()
+        ratio = F[:, 0, 0] * F[:, 1, 1] - F[:, 1, 0] * F[:, 0, 1] if F.shape[1] == 2 else np.linalg.det(F)
+        collapsed, crushed = np.flatnonzero(~(ratio > LEAST_RATIO)), run.force.collapsed_pairs()
+        if not share.any(len(collapsed) or len(crushed)):
+            return collapsed
+        broken = np.flatnonzero(self._damage.broken)
+        failed = np.zeros(len(run.body.all_points), dtype=bool)
+        failed[np.intersect1d(collapsed, np.concatenate([bonds.first[broken], bonds.second[broken]]))] = True
+        share.fill(failed[:n])
+        failed[n:] = failed[mirror]
+        failing = failed[bonds.first] | failed[bonds.second]
+        if share.any(len(crushed)):
+            # A bond whose own gradient has collapsed is broken where an end of it has lost others.
+            lost = np.zeros(len(run.body.all_points), dtype=bool)
+            lost[bonds.first[broken]] = lost[bonds.second[broken]] = True
+            share.fill(lost[:n])
+            failing[crushed[lost[bonds.first[crushed]] | lost[bonds.second[crushed]]]] = True
+        pairs = np.flatnonzero(failing & ~self._damage.broken)
+        if share.any(len(pairs)):
+            run.crack["failed_points"] += share.total(len(share.own_points(np.flatnonzero(failed[:n]))))
+        return pairs
+
+    def _break(self, pairs: np.ndarray) -> None:
+        """Break pairs in one event."""
+        run, crack, share = self._run, self._run.crack, self._run.body.share
+        counted = share.counted_pairs(run.body.bonds.first[pairs])
+        crack["broken_bonds"] += share.total(len(pairs) if counted is None else int(np.count_nonzero(counted)))
+        self._damage.break_bonds(pairs)
+        if crack["start"] is None:
+            places = starts_of_cracks(*self._damage.in_order(pairs), run.body.horizon)
+            start = {"event": "first bond broken", "time": run.elapsed + self._account.time, run.loading.parameter: run.parameter}
+            if "nominal_stress" in run.history[-1]:
+                start["nominal_stress"] = run.history[-1]["nominal_stress"]
+            crack["start"] = start | {"x": places[0], "tips": places}
+            logger.info("%s: the first bond broken is at %s", run.loading.at(run.parameter), places)
+        release = run.force.break_bonds(pairs)
+        if release is not None:
+            self._account.released_energy += share.total(release.energy)
+            self._integrator.kick(release.forces)
+        self._account.last_break = self._integrator.steps
+
+    def through(self) -> bool:
+        """Return whether the body has come apart between its supports."""
+        run, ends = self._run, self._run.loading.ends()
+        _, piece = run.loading.pieces(~self._damage.broken)
+        pieces = [run.body.share.union(piece[points]) for points in ends]
+        run.crack["through"] = not all(np.isin(pieces[0], others).any() for others in pieces[1:])
+        return run.crack["through"]
+
+    def output(self) -> None:
+        """Record the places of the crack tips at an output."""
+        run, crack = self._run, self._run.crack
+        entry = {"time": run.elapsed + self._account.time, run.loading.parameter: run.parameter, "broken_bonds": crack["broken_bonds"]}
+        places, events = self._damage.take_recent()
+        tips = crack_tips(places, run.body.horizon)
+        if tips and not any(output["tips"] for output in crack["tips"]):
+            # Now with cracks that began a little later.
+            crack["start"]["tips"] = starts_of_cracks(places, events, run.body.horizon)
+        # The tip of the largest crack stays where it was while nothing breaks.
+        last = crack["tips"][-1]["tip"] if crack["tips"] else None
+        crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
+
+
+def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
+    """Return the places where cracks have grown, the largest first: the front of each group of broken pairs within a horizon.
+
+    Parameters
+    ----------
+    places : ndarray, shape (k, d)
+        Middles of the pairs, in the order in which they broke.
+    horizon : float
+    """
+    # The front of a group is where its latest bonds broke: the last tenth of it, in the order of breaking.
+    return [places[members[-max(1, len(members) // 10) :]].mean(axis=0).tolist() for members in _groups(places, horizon)]
+
+
+def starts_of_cracks(places: np.ndarray, events: np.ndarray, horizon: float) -> list[list[float]]:
+    """Return the places where cracks began: one for each group of broken pairs that are joined by distances of up to a horizon.
+
+    Parameters
+    ----------
+    places : ndarray, shape (k, d)
+        Middles of the pairs.
+    events : ndarray of int, shape (k,)
+        Rising numbers of the events in which they broke.
+    horizon : float
+
+    Returns
+    -------
+    list of list of float
+        The middle of a pair for each group: of those that broke first the nearest to their mean.  Groups stand in the order in which they
+        began, the largest first of those that began together.
+    """
+    found = []
+    for members in _groups(places, horizon):
+        first = members[events[members] == events[members].min()]
+        off = places[first] - places[first].mean(axis=0)
+        found.append((events[first[0]], places[first[np.einsum("kc,kc->k", off, off).argmin()]].tolist()))
+    return [place for _, place in sorted(found, key=lambda start: start[0])]
+
+
+def _groups(places: np.ndarray, horizon: float) -> list[np.ndarray]:
+    """Return the numbers of places (k, d) that are joined by distances of up to a horizon, the largest group first."""
+    if not len(places):
+        return []
+    near = cKDTree(places).query_pairs(horizon, output_type="ndarray")
+    count, group = SERIAL.pieces(len(places), *near.T)
+    order = np.argsort(-np.bincount(group), kind="stable")[:count]
+    return [np.flatnonzero(group == number) for number in order]
