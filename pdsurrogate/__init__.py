@@ -76,11 +76,11 @@ _HOMES = {
     "algorithm_1": "learning.algorithm_1",
     "committee": "identification",
     "committee_spread": "identification",
-    "critical_stretch_of": "run.fracture",
+    "critical_stretch_of": "problem.fracture",
     "cross_validate": "learning",
     "evaluate": "learning",
     "fit_to_tests": "identification",
-    "greatest_bond_stretch": "run.fracture",
+    "greatest_bond_stretch": "run.damage",
     "load_card": "artifacts",
     "load_pipeline": "artifacts",
     "load_result": "results",
@@ -95,7 +95,7 @@ _HOMES = {
     "study": "studies",
     "surrogate_of": "learning",
     "surrogate_pipeline": "learning",
-    "tearing_energy": "run.fracture",
+    "tearing_energy": "problem.fracture",
     "training_samples": "learning",
 }
 

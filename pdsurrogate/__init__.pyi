@@ -6,6 +6,7 @@ from . import forces as forces
 from . import identification as identification
 from . import learning as learning
 from . import materials as materials
+from . import problem as problem
 from . import ranks as ranks
 from . import results as results
 from . import run as run
@@ -60,11 +61,11 @@ from .materials import NeoHookean as NeoHookean
 from .materials import Ogden as Ogden
 from .materials import Polyconvex as Polyconvex
 from .materials import Yeoh as Yeoh
+from .problem.fracture import critical_stretch_of as critical_stretch_of
+from .problem.fracture import tearing_energy as tearing_energy
 from .results import Result as Result
 from .results import load_result as load_result
-from .run.fracture import critical_stretch_of as critical_stretch_of
-from .run.fracture import greatest_bond_stretch as greatest_bond_stretch
-from .run.fracture import tearing_energy as tearing_energy
+from .run.damage import greatest_bond_stretch as greatest_bond_stretch
 from .run.preview import preview as preview
 from .run.simulate import SimulationFailed as SimulationFailed
 from .run.simulate import SimulationInterrupted as SimulationInterrupted

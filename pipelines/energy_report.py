@@ -152,7 +152,7 @@ def solvers() -> str:
                     pds.load_scene(scene, precision=precision) if precision else pds.load_scene(scene), pds.load_surrogate(ENERGY), Silent()
                 )
                 run.warm_up()
-                y = run.loading.stretched(run.positions, 1.0, stretch)
+                (y,) = run.loading.course.guesses(run.positions, 1.0, stretch, None)
                 run.loading.apply(stretch, run.force, y)
                 solver = SOLVERS[method](run.loading.free, run.body.volumes)
                 began = time.perf_counter()

@@ -7,8 +7,8 @@ from scipy.spatial import cKDTree
 
 from pdsurrogate.body.local_fit import boundary_rows
 from pdsurrogate.discretisation import discretise, grip_areas, surface_of
+from pdsurrogate.problem.regions import BodyRegions
 from pdsurrogate.scenes import Region, Scene, SceneError
-from pdsurrogate.solvers.regions import BodyRegions
 
 BOX = {"shape": "box", "size": [1.0, 0.8, 0.6], "lower": [-0.2, 0.1, 0.0]}
 GRIPS = ({"edge": "back", "travel": 0.5}, {"edge": "front", "travel": 0.5})

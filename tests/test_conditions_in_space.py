@@ -74,7 +74,7 @@ def test_a_turn_of_the_whole_body_leaves_no_force(force, faces):
     """By a right angle about any axis, with faces that stay planes of reflection, and edges and a corner where these meet."""
     run = run_of(force, prescribed=tuple({"region": face} | TURN for face in faces))
     assert (run.loading.free == 1).all()
-    (positions,) = run.loading.guesses(run.body.points, 0.0, 0.2, None)
+    (positions,) = run.loading.course.guesses(run.body.points, 0.0, 0.2, None)
     about = np.array(TURN["about"])
     np.testing.assert_allclose(positions, about + (run.body.points - about) @ rotation(AXIS, 18.0).T, atol=1e-12)
     positions = about + (run.body.points - about) @ rotation(AXIS, 90.0).T

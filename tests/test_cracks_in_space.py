@@ -5,8 +5,8 @@ import pytest
 
 import pdsurrogate as pds
 from pdsurrogate.materials import homogeneous
-from pdsurrogate.run import transient
-from pdsurrogate.run.fracture import critical_stretch_in
+from pdsurrogate.problem.fracture import critical_stretch_in
+from pdsurrogate.run import checkpoints, transient
 from pdsurrogate.run.run import Silent
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.scenes import Scene, SceneError, load_scene
@@ -73,7 +73,7 @@ def test_the_account_of_a_strip_has_no_error_of_the_time_step(monkeypatch):
 
 
 def test_a_crack_in_space_resumes_to_the_same_bits(torn, tmp_path, monkeypatch):
-    monkeypatch.setattr(transient, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
+    monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
 
     class Stop(Exception):
         """A kill."""

@@ -13,8 +13,8 @@ import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.forces import AnalyticBondForce, ForceSettings, InvalidState
 from pdsurrogate.results.checkpoint import NAME, CheckpointError
-from pdsurrogate.run import transient
-from pdsurrogate.run.fracture import Damage
+from pdsurrogate.run import checkpoints, transient
+from pdsurrogate.run.damage import Damage
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import simulate
 from pdsurrogate.solvers import Diverging, ExplicitDynamics
@@ -262,7 +262,7 @@ class Stop(Exception):
 def test_a_killed_run_resumes_to_the_same_bits(torn, tmp_path, monkeypatch, when):
     """Killed after a level, or between two outputs of the dynamics; a checkpoint after every row makes the kill fall anywhere."""
     whole, _ = torn
-    monkeypatch.setattr(transient, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
+    monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
 
     class Killing(Silent):
         def level(self, number, stretch):

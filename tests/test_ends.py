@@ -216,8 +216,8 @@ def test_checkpoints_on_the_way_come_by_the_clock(tmp_path, monkeypatch):
     scene, written = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.5]), []
     whole, checkpoint = simulate(scene, "analytic"), levels.Way.checkpoint
     monkeypatch.setattr(levels.Way, "checkpoint", lambda *given: (written.append(1), checkpoint(*given)))
-    monkeypatch.setattr("pdsurrogate.run.run.SECONDS_BETWEEN_CHECKPOINTS", 0.0)
-    monkeypatch.setattr("pdsurrogate.run.run.CHECKPOINT_SHARE", 0.0)
+    monkeypatch.setattr("pdsurrogate.run.checkpoints.SECONDS_BETWEEN_CHECKPOINTS", 0.0)
+    monkeypatch.setattr("pdsurrogate.run.checkpoints.CHECKPOINT_SHARE", 0.0)
     found = simulate(scene, "analytic", folder=tmp_path)
     assert len(written) == len(found.convergence) > 3
     assert found.history == whole.history

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.run import transient
-from pdsurrogate.run.fracture import Damage
+from pdsurrogate.run.damage import Damage
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.transient import starts_of_cracks
 

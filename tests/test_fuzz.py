@@ -302,7 +302,7 @@ def test_300_corrupted_checkpoints(checkpointed, tmp_path):
         (tmp_path / "checkpoint.npz").write_bytes(data)
         began = time.perf_counter()
         try:
-            found = Checkpoint.read(tmp_path, run.identity, shapes)
+            found = Checkpoint.read(tmp_path, run.checkpoints.identity, shapes)
             assert all(np.isfinite(array).all() for array in found.arrays.values())
         except CheckpointError:
             refused += 1
@@ -337,7 +337,7 @@ def test_a_checkpoint_cannot_fill_the_memory(checkpointed, tmp_path):
     for data in (file.getvalue(), claims):
         (tmp_path / "checkpoint.npz").write_bytes(data)
         with pytest.raises(CheckpointError):
-            Checkpoint.read(tmp_path, run.identity, {})
+            Checkpoint.read(tmp_path, run.checkpoints.identity, {})
 
 
 LITERALS = (

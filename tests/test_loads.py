@@ -11,8 +11,9 @@ from pdsurrogate.body import Body, ReflectionPlane, grid
 from pdsurrogate.body.surface import Following, Surface
 from pdsurrogate.forces import FORCES, ForceSettings, InvalidState
 from pdsurrogate.materials import NeoHookean, homogeneous, plane_stress
+from pdsurrogate.problem.loads import loads_of
 from pdsurrogate.solvers import EnergyMinimiser
-from pdsurrogate.solvers.loads import LoadedForce, Loads
+from pdsurrogate.solvers.loads import LoadedForce
 from pdsurrogate.stress_test.deformations import wavy
 
 LAW = NeoHookean(2.0, 200.0)
@@ -69,10 +70,10 @@ class Regions:
     def surface(self):
         return self._surface
 
-    def points(self, reference):
+    def points(self, reference, key):
         return np.arange(len(self._body)) if reference == "body" else np.array(reference.points)
 
-    def facets(self, reference):
+    def facets(self, reference, key):
         parts = self._surface.parts
         return np.flatnonzero(parts != "holes" if reference == "outline" else parts == reference)
 
@@ -100,7 +101,7 @@ def holed_sheet():
 
 
 def loads_on(body, surface, *loads, t=1.0, **options):
-    loads = Loads(scene_of(*loads, **options), body, Regions(body, surface))
+    loads = loads_of(scene_of(*loads, **options), body, Regions(body, surface))
     loads.set(t)
     return loads
 

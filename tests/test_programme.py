@@ -7,6 +7,7 @@ import pytest
 
 import pdsurrogate as pds
 from pdsurrogate.run import transient
+from pdsurrogate.run.checkpoints import Checkpoints
 from pdsurrogate.run.run import Run, Silent
 from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.solvers import Increments
@@ -122,15 +123,15 @@ def test_a_programme_resumes_to_the_same_bits(tmp_path, interrupted, monkeypatch
     """After an output in equilibrium within a step, in dynamics, and after dynamics."""
     scene = scene_of(({"to": 0.3, "outputs": 2}, dynamic(0.4, 0.1, 2), 0.2, 0.0), body=pds.Rectangle(size=(0.8, 0.8)))
     whole = simulate(scene, "bond-energy", folder=tmp_path / "whole")
-    checkpoint, written = Run.checkpoint, []
+    write, written = Checkpoints.write, []
 
-    def stopping(run, *rest):
-        checkpoint(run, *rest)
-        written.append(len(run.levels))
-        if len(run.levels) == interrupted:
+    def stopping(checkpoints, *rest):
+        write(checkpoints, *rest)
+        written.append(len(checkpoints._run.levels))
+        if written[-1] == interrupted:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(Run, "checkpoint", stopping)
+    monkeypatch.setattr(Checkpoints, "write", stopping)
     with pytest.raises(KeyboardInterrupt):
         simulate(scene, "bond-energy", folder=tmp_path / "cut")
     monkeypatch.undo()
@@ -150,10 +151,10 @@ def test_a_programme_resumes_to_the_same_bits(tmp_path, interrupted, monkeypatch
 def test_increments_are_chosen_by_what_the_first_guess_strains():
     """To stretch 3 in one step: its guess strains bonds by 2, four times what the solver may take at once."""
     run = Run(scene_of((2.0,)), pds.load_surrogate("analytic"), Silent())
-    assert run.loading.largest_increment(run.positions, 0.0, 2.0, None) == pytest.approx(0.5)
-    assert run.loading.largest_increment(run.positions, 0.0, 2.0, 0.1) == pytest.approx(0.1)
+    assert run.loading.course.largest_increment(run.positions, 0.0, 2.0, None) == pytest.approx(0.5)
+    assert run.loading.course.largest_increment(run.positions, 0.0, 2.0, 0.1) == pytest.approx(0.1)
     turned = Run(pds.load_scene("rotation", spacing=0.1), pds.load_surrogate("analytic"), Silent())
-    assert turned.loading.largest_increment(turned.positions, 0.0, 1.0, None) == 1.0
+    assert turned.loading.course.largest_increment(turned.positions, 0.0, 1.0, None) == 1.0
     result = simulate(scene_of((1.2,)), "analytic")
     taken = list(dict.fromkeys(row["increment"] for row in result.convergence if "residual" in row))
     assert taken == pytest.approx([0.3, 0.6, 0.9, 1.2])

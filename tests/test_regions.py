@@ -6,8 +6,8 @@ from meshes import write_plate
 
 import pdsurrogate as pds
 from pdsurrogate.discretisation import discretise, surface_of
+from pdsurrogate.problem.regions import BodyRegions
 from pdsurrogate.scenes import Region, SceneError, load_scene
-from pdsurrogate.solvers.regions import BodyRegions
 
 PLATE = {
     "name": "plate",
@@ -171,9 +171,9 @@ def said_of(kind, said, **changes):
     load = {"region": said, "traction": [1.0, 0.0]}
     where = {"prescribed": [{"region": said, "x1": 0.0}]} if kind == "points" else {"prescribed": (), "loads": [load]}
     scene = scene_of(**where, **changes)
-    reference = scene.prescribed[0].region if kind == "points" else scene.loads[0].region
+    key, entry = ("prescribed", scene.prescribed[0]) if kind == "points" else ("loads", scene.loads[0])
     with pytest.raises(ValueError, match=r"\S") as caught:
-        getattr(regions_of(scene)[1], kind)(reference)
+        getattr(regions_of(scene)[1], kind)(entry.region, f"{key}.0.region")
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
@@ -280,7 +280,7 @@ def test_groups_of_a_mesh(meshed):
     with pytest.raises(ValueError, match=r"^region: no part of the boundary lies in it$"):  # the seam is inside the material
         regions.facets(Region(group="seam"))
     with pytest.raises(ValueError, match=r"^prescribed.0.region: the mesh has no group 'pul'; did you mean pull\?$"):
-        regions.points(scene.prescribed[0].region)
+        regions.points(scene.prescribed[0].region, "prescribed.0.region")
     with pytest.raises(ValueError, match=r"the mesh has no group 'xyz'; it has soft, stiff, pull, cavity, seam$"):
         regions.points(Region(group="xyz"))
     with pytest.raises(ValueError, match=r"there is no boundary of holes.1; there are holes.0$"):

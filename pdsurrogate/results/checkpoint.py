@@ -12,7 +12,7 @@ from ..array_files import read_arrays
 from .contents import Contents
 from .files import write_with
 
-FORMAT = 7
+FORMAT = 8
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
 ANEW = "begin anew by --overwrite in the place of --resume"

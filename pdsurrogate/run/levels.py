@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..forces import InvalidState
+from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..scenes import SceneError
 from ..solvers import (
@@ -27,10 +28,10 @@ from ..solvers import (
 )
 from ..solvers.branch import Branch
 from ..solvers.equilibrium import is_rigid, strain_of, strain_rounding
+from .checkpoints import ACCEPTED
 from .interruption import Interrupted
-from .programme import Stage
-from .rows import compare, equilibrium_columns, level_row
-from .run import ACCEPTED, Run
+from .rows import equilibrium_columns, output_row
+from .run import Run
 
 logger = logging.getLogger(__name__)
 
@@ -97,7 +98,7 @@ def go_through(run: Run, solver: EquilibriumSolver, stage: Stage) -> bool:
     values, evaluations = np.linspace(run.begin, stage.to, stage.outputs + 1), [] if run.way is None else run.way.evaluations
     while run.outputs < stage.outputs:
         value = float(values[run.outputs + 1])
-        run.progress.level(run.stage, value)
+        run.report("level", run.stage, value)
         run.target = value
         last_output = (run.positions.copy(), run.parameter) if run.way is None else run.way.last_output
         way = run.way or Way.begun(run, stage, evaluations, last_output)
@@ -109,7 +110,7 @@ def go_through(run: Run, solver: EquilibriumSolver, stage: Stage) -> bool:
             return False
         run.outputs += 1
         _record(run, equilibrium)
-        run.checkpoint({"phase": "equilibrium", "gave_up": solver.gave_up}, {})
+        run.checkpoints.write({"phase": "equilibrium", "gave_up": solver.gave_up}, {})
     return True
 
 
@@ -138,7 +139,7 @@ class Way:
 
     @classmethod
     def begun(cls, run: Run, stage: Stage, evaluations: list[int], last_output: tuple[np.ndarray, float]) -> Way:
-        largest = run.loading.largest_increment(run.positions, run.parameter, run.target, stage.largest_increment)
+        largest = run.loading.course.largest_increment(run.positions, run.parameter, run.target, stage.largest_increment)
         return cls(Increments(run.parameter, run.target, largest), evaluations, last_output)
 
     def checkpoint(self, run: Run, solver: EquilibriumSolver) -> None:
@@ -146,7 +147,7 @@ class Way:
         kept = {"increments": self.increments.describe(), "evaluations": self.evaluations, "last_output": self.last_output[1]}
         arrays = {ACCEPTED + key: array for key, array in self.accepted.arrays.items()}
         arrays |= {f"{ACCEPTED}positions": self.accepted.positions, "last_output": self.last_output[0]}
-        run.checkpoint({"phase": "equilibrium", "gave_up": solver.gave_up, "way": kept}, arrays)
+        run.checkpoints.write({"phase": "equilibrium", "gave_up": solver.gave_up, "way": kept}, arrays)
 
     @classmethod
     def resumed(cls, run: Run, checkpoint: Checkpoint) -> Way | None:
@@ -186,7 +187,7 @@ def _go_to(run: Run, solver: EquilibriumSolver, branch: Branch, way: Way):
             _take_back(run, solver, accepted, increments, error, ran_away or error, spent)
             continue
         ran_away, patience = None, np.inf
-        if run.loading.adaptive:
+        if run.loading.course.adaptive:
             run.earlier = accepted.parameter, accepted.positions
             _lengthen(run, increments, evaluations, run.force.evaluations - began)
         else:
@@ -201,9 +202,7 @@ def _lengthen(run: Run, increments: Increments, evaluations: list[int], taken: i
     easy = not evaluations or taken <= HARD * np.mean(evaluations)
     evaluations.append(taken)
     if increments.accept(easy):
-        reason = f"increments of {increments.size:.3g} again, after one of {taken} evaluations"
-        row = {run.loading.parameter: run.target, "increment": run.parameter, "evaluation": run.force.evaluations, "reason": reason}
-        run.convergence.append(row)
+        run.note(run.parameter, reason=f"increments of {increments.size:.3g} again, after one of {taken} evaluations")
 
 
 class _Accepted:
@@ -225,7 +224,7 @@ def _follow(run: Run, solver: EquilibriumSolver, branch: Branch, way: Way, patie
     """Bring the run to equilibrium at the end of the present increment, within so many evaluations."""
     increments = way.increments
     target, spec = increments.target, run.scene.solver
-    guess = _best(run, run.loading.guesses(run.positions, run.parameter, target, run.earlier), target)
+    guess = _best(run, run.loading.course.guesses(run.positions, run.parameter, target, run.earlier), target)
     on_the_way = COARSE if run.loaded.nearly_incompressible else FINE
     tolerance = spec.tolerance if increments.ends else max(spec.tolerance, on_the_way)
     start, way.iterate = guess if way.iterate is None else _best(run, [guess, way.iterate], target), None
@@ -291,18 +290,16 @@ def _take_back(
     NotConverged, Diverging, InvalidState, RanAway, TooFar, Unstable
         The cause of the failure, with how far the loading came, where the increment is not shortened.
     """
-    parameter = run.loading.parameter
-    row = {parameter: run.target, "increment": increments.target, "evaluation": run.force.evaluations, "failure": str(error)}
-    run.convergence.append(row)
+    run.note(increments.target, failure=str(error))
     logger.info("increment to %s taken back: %s", run.loading.at(increments.target), error)
     accepted.restore(run, solver)
     size, first = increments.size, increments.share == 1
     if not spent and increments.shorten():
         return
-    reached = run.loading.reached(run.parameter)
+    reached = run.problem.reached(run.parameter)
     if first and not reached:
         raise cause
-    if run.loading.adaptive and run.parameter not in (run.begin, *(level["t"] for level in run.levels[-1:])):
+    if run.loading.course.adaptive and run.parameter not in (run.begin, *(level["t"] for level in run.levels[-1:])):
         _record_reached(run, solver)
     what = f"equilibrium was followed to {run.loading.at(run.parameter)}, and not further with increments down to {size:.2g}"
     raise type(cause)(f"{cause}; {what} ({reached})" if reached else f"{cause}; {what}") from cause
@@ -327,9 +324,9 @@ def _solve(
     def report(evaluations: int, residual: float) -> None:
         run.residual = residual
         logger.debug("%d evaluations, residual %.3g", began + evaluations, residual)
-        row = {run.loading.parameter: run.target, "increment": target, "evaluation": began + evaluations, "residual": residual}
-        run.convergence.append(row | ({"energy": run.strain_energy()} if run.force.has_energy else {}))
-        run.progress.residual(evaluations, residual, tolerance)
+        energy = {"energy": run.strain_energy()} if run.force.has_energy else {}
+        run.note(target, evaluation=began + evaluations, residual=residual, **energy)
+        run.report("residual", evaluations, residual, tolerance)
         _keep_or_stop(run, solver, way)
         if evaluations > patience:
             raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
@@ -350,7 +347,7 @@ def _keep_or_stop(run: Run, solver: EquilibriumSolver, way: Way | None) -> None:
     whose time is over goes on from here.
     """
     asked = run.interruption.asked
-    due = run.late or (asked and (run.interruption.out_of_time or not run.resumable))
+    due = run.checkpoints.late or (asked and (run.interruption.out_of_time or not run.checkpoints.resumable))
     asked, due = run.body.share.total((int(asked), int(due)))
     if due and way is not None:
         way.checkpoint(run, solver)
@@ -368,12 +365,11 @@ def _record(run: Run, equilibrium: Equilibrium) -> None:
     """
     drive = equilibrium.drive if _is_driven(run, run.parameter) else run.greatest_drive or None
     run.greatest_drive = max(run.greatest_drive, drive or 0.0)
-    level = level_row(run, drive)
+    level = output_row(run, drive=drive)
     level |= {"residual": equilibrium.residual, "evaluations": equilibrium.evaluations, "method": equilibrium.method}
     if drive and level["force_balance"] > MOST_OFF:
         off = f"{100 * level['force_balance']:.2g} % of what drives the body, and may leave {100 * MOST_OFF:g} %"
         raise Unbalanced(f"the sum of all loads and reactions is {off}")
-    compare(run, level)
     run.levels.append(level)
     reached = run.loading.at(run.parameter), equilibrium.evaluations, equilibrium.residual, equilibrium.method
     logger.info("%s: equilibrium after %d evaluations, residual %.2g, by %s", *reached)

@@ -16,16 +16,15 @@ from scipy.spatial import cKDTree
 
 from ..arguments import check_is
 from ..body import Body
-from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
+from ..problem import compile_scene
+from ..problem.prescriptions import region_of_hold
+from ..problem.problem import scene_errors
+from ..problem.regions import BodyRegions
 from ..results import figures, views
-from ..scenes import Scene, SceneError
+from ..scenes import Scene
 from ..scenes.model import EDGES
 from ..scenes.shapes import Precut
 from ..scenes.solids import DiscCut, ParallelogramCut
-from ..solvers.grips import points_of_hold
-from ..solvers.loads import Loads
-from ..solvers.regions import BodyRegions, along_edge
-from .run import loading_of
 
 PLAIN, MOST_CELLS_WITH_EDGES = "#d9dde3", 4000
 FEW = 8
@@ -74,17 +73,10 @@ def preview(scene: Scene) -> Figure:
     ['east: x2 = 0', 'west: x2 = 0', 'north: x1 = 0', 'south: x1 = 0', 'holes: pressure 1', 'probe']
     """
     check_is(scene, Scene, "scene", "load_scene gives")
-    check_size(scene, memory_here())
-    body, lower, upper = discretise(scene)
-    try:
-        regions = BodyRegions(scene, body, lower, upper, lambda: surface_of(scene, body, lower, upper))
-        marks = _marks(scene, body, lower, upper, regions)
-        for number, probe in enumerate(scene.probes):
-            regions.check_place(f"probes.{number}.at", probe.at)
-        loading_of(scene, body, lower, upper, regions, Loads(scene, body, regions) if scene.loads else None)
-    except ValueError as error:
-        raise SceneError(f"scene {scene.name}: {error}") from None
-    grip_areas(scene, lower, upper)
+    problem = compile_scene(scene)
+    body, regions = problem.body, problem.regions
+    with scene_errors(scene):
+        marks = _marks(scene, body, regions)
     with matplotlib.rc_context(figures.STYLE):
         if scene.dimension == 3:
             return _in_space(scene, body, marks)
@@ -100,11 +92,11 @@ def _outline(regions: BodyRegions) -> np.ndarray:
     return surface.nodes[surface.facets]
 
 
-def _marks(scene: Scene, body: Body, lower, upper, regions: BodyRegions) -> list[_Mark]:
+def _marks(scene: Scene, body: Body, regions: BodyRegions) -> list[_Mark]:
     """Return the labelled parts of the body, larger ones first, since later ones are drawn over them."""
     marks = [
-        _Mark(f"{regions.label(part.region, f'materials.{number}')}: {part.material.law}", regions.points(part.region))
-        for number, part in enumerate(scene.materials)
+        _Mark(f"{regions.label(part.region, key)}: {part.material.law}", regions.points(part.region, f"{key}.region"))
+        for key, part in ((f"materials.{number}", part) for number, part in enumerate(scene.materials))
     ]
     spoken = {entry.region for entry in (*scene.materials, *scene.prescribed, *scene.loads) if isinstance(entry.region, str)}
     marks += [_Mark(name, regions.points(name)) for name in scene.regions if name not in spoken]
@@ -112,10 +104,10 @@ def _marks(scene: Scene, body: Body, lower, upper, regions: BodyRegions) -> list
         axis, side = EDGES[grip.edge]
         arrow = side * np.eye(body.dimension)[axis] if grip.travel else None
         how = "grip" if grip.holds == "all" else "roller"
-        marks.append(_Mark(f"{grip.edge}: {how}", np.flatnonzero(along_edge(body, grip.edge, lower, upper).inside), arrow))
+        marks.append(_Mark(f"{grip.edge}: {how}", regions.points(grip.edge, "grips"), arrow))
     for number, hold in enumerate(scene.holds):
         held = "all" if hold.components is None else ", ".join(hold.components)
-        marks.append(_Mark(f"holds.{number}: {held}", points_of_hold(hold, body)))
+        marks.append(_Mark(f"holds.{number}: {held}", regions.points(region_of_hold(hold), f"holds.{number}")))
     for number, entry in enumerate(scene.prescribed):
         given = {f"x{axis}": value for axis, value in enumerate(entry.displacement, 1) if value is not None}
         told = [f"{key} = {value:g}" for key, value in given.items()]

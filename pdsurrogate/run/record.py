@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING
 
 from ..results.result import write_tables
-from .run import Run
+
+if TYPE_CHECKING:
+    from .run import Run
 
 SECONDS = 1.0
-"""Between two times of writing, at least, where no state was recorded."""
+"""Least time between two records where no state was recorded in between."""
 
 SHARE = 20
-"""Of the time that writing took, at least as many go by before the next."""
+"""Least time between two records, over the time that writing one took."""
 
 
 class Record:
-    """Progress that keeps the tables of a run in its folder, and passes reports on.
+    """Tables of a run in its folder, written as the run goes on.
 
     Parameters
     ----------
     run : Run
         With a folder.
     summary : dict
-        Of the run as it begins.
+        Summary of the run as it begins.
     """
 
     def __init__(self, run: Run, summary: dict) -> None:
-        self._run, self._summary, self._to = run, summary, run.progress
+        self._run, self._summary = run, summary
         self._began, self._due, self._due_with_state = time.monotonic(), 0.0, 0.0
 
     def keep(self) -> None:
@@ -46,33 +49,11 @@ class Record:
         self._due = max(self._due_with_state, ended + SECONDS)
 
     def state(self) -> None:
-        """Write what is new with a recorded state: the first at once, others as soon as writing is cheap enough."""
+        """Write the record after a state: the first at once, others as soon as writing is cheap enough."""
         if len(self._run.states) == 1 or time.monotonic() >= self._due_with_state:
             self.keep()
 
-    def _keep_if_due(self) -> None:
+    def keep_if_due(self) -> None:
+        """Write the record if the last one is old."""
         if time.monotonic() >= self._due:
             self.keep()
-
-    def compiling(self) -> None:
-        """Pass it on."""
-        self._to.compiling()
-
-    def level(self, number: int, parameter: float) -> None:
-        """Pass it on, and write what is new."""
-        self._to.level(number, parameter)
-        self._keep_if_due()
-
-    def residual(self, evaluations: int, residual: float, tolerance: float) -> None:
-        """Pass it on, and write what is new."""
-        self._to.residual(evaluations, residual, tolerance)
-        self._keep_if_due()
-
-    def dynamics(self, done: float, parameter: float, broken_bonds: int) -> None:
-        """Pass it on."""
-        self._to.dynamics(done, parameter, broken_bonds)
-
-    def account(self, steps: int, kinetic_energy: float, strain_energy: float) -> None:
-        """Pass it on, and write what is new."""
-        self._to.account(steps, kinetic_energy, strain_energy)
-        self._keep_if_due()

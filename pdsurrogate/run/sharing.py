@@ -14,6 +14,7 @@ from ..body.body import Cells
 from ..forces import ForceModel, ForceSettings
 from ..materials import Law
 from ..ranks import Communicator
+from ..ranks.communicator import Alone
 from ..scenes import Scene, SceneError
 
 
@@ -22,7 +23,7 @@ class Oversubscribed(RuntimeWarning):
 
 
 def refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folder: str | Path | None, resume: bool) -> None:
-    """Refuse ranks that were not all given the same, which would wait for each other.
+    """Refuse ranks that were given different input, which would wait for each other.
 
     Raises
     ------
@@ -38,8 +39,11 @@ def refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folde
         )
 
 
-def together(ranks: Communicator, check: Callable[[], object]) -> None:
-    """Do what only checks, and raise on all ranks the error that it raises on the first that has one."""
+def together(ranks: Alone | Communicator, check: Callable[[], object]) -> None:
+    """Run a check, and raise on all ranks the error that it raises on the first that has one."""
+    if ranks.size == 1:
+        check()
+        return
     error = None
     try:
         check()
@@ -49,7 +53,7 @@ def together(ranks: Communicator, check: Callable[[], object]) -> None:
 
 
 def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
-    """Return the threads of this rank: the number given, or else as many as are worth while, at most the cores per rank of its machine."""
+    """Return the number of threads of this rank: the one given, or else as many as pay, at most the cores per rank of its machine."""
     here = ranks.here()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = asked or max(1, min(paying, cores // here))
@@ -60,7 +64,7 @@ def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:
 
 
 def compile_first(ranks: Communicator, model: ForceModel, law: Law, settings: ForceSettings, dimension: int) -> None:
-    """Let the first rank compile what the others then load: they would all compile the same, on cores that one of them needs."""
+    """Let the first rank compile what the others then load: all would compile the same, on cores that one of them needs."""
     if ranks.rank == 0:
         cells = Cells.filling((0.0,) * dimension, (8.0 if dimension == 2 else 5.0,) * dimension, 1.0)
         points = cells.centres()

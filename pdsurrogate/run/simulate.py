@@ -5,12 +5,10 @@ from __future__ import annotations
 import logging
 import math
 import time
-import warnings
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from .. import artifacts
@@ -18,30 +16,30 @@ from ..arguments import check_is, check_path, check_seconds, check_whole_number
 from ..engine.compile import compilation_clock
 from ..engine.threads import thread_count
 from ..forces import ForceModel, InvalidState, OutsideDomain, OwnBondForce, OwnForceFailed, OwnForceInvalid, is_own_force
+from ..problem.materials import checked_models, models_of
 from ..ranks import communicator
 from ..results import Result
-from ..results.checkpoint import CheckpointError
 from ..results.contents import Contents
 from ..results.files import remove_leftovers
 from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, check_room, make_room, occupied
-from ..results.provenance import provenance
 from ..results.result import write_tables
 from ..scenes import Scene, SceneError, load_scene
-from ..scenes.model import RIGID
 from ..solvers import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from ..solvers.conditions import FoldedOver
 from .interruption import Interrupted, Interruption
-from .levels import Way, go_through, solver_of
-from .materials import checked_models, models_of
+from .progress import Progress, Silent
 from .record import Record
-from .run import Progress, Run, Silent
+from .run import Run
+from .sharing import refuse_different, together
+from .stages import SinglePrecisionLeft, go
+from .summary import result_of
 
 if TYPE_CHECKING:
     from sklearn.base import BaseEstimator
 
 logger = logging.getLogger(__name__)
 
-__all__ = ["Progress", "SimulationFailed", "SimulationInterrupted", "simulate"]
+__all__ = ["Progress", "SimulationFailed", "SimulationInterrupted", "SinglePrecisionLeft", "simulate"]
 
 
 class SimulationFailed(RuntimeError):
@@ -61,18 +59,6 @@ class SimulationFailed(RuntimeError):
     def __init__(self, message: str, result: Result) -> None:
         super().__init__(message)
         self.result = result
-
-
-class SinglePrecisionLeft(RuntimeWarning):
-    """A run takes double precision, since single does not resolve its strains.
-
-    Examples
-    --------
-    >>> import pdsurrogate as pds
-    >>> from pdsurrogate.run.simulate import SinglePrecisionLeft
-    >>> issubclass(SinglePrecisionLeft, RuntimeWarning)
-    True
-    """
 
 
 class SimulationInterrupted(SimulationFailed):
@@ -214,9 +200,6 @@ def simulate(
         raise ValueError("a folder is needed for the results, and its name is empty")
     ranks = communicator()
     if ranks.size > 1:
-        # Imported here: a run of one process knows nothing of others.
-        from .sharing import refuse_different, together
-
         refuse_different(ranks, scene, model, folder, resume)
         together(ranks, lambda: checked_models(scene, model))
         if ranks.rank:
@@ -231,35 +214,31 @@ def simulate(
         elif writes:
             check_room(folder, Contents.of(scene, [model, *models_of(scene, model)]), overwrite)
 
-    # Before any work.
-    if ranks.size == 1:
-        look_into_folder()
-    else:
-        together(ranks, look_into_folder)
+    together(ranks, look_into_folder)  # before any work
     # BLAS threads spin for a while after each call, on the cores that the kernels want next.
     held = occupied(folder) if writes else nullcontext()
     with held, thread_count(threads) as most, threadpool_limits(1, user_api="blas"), compilation_clock(progress.compiling) as clock:
         interruption = Interruption(math.inf if max_time is None else began + max_time, ranks.size == 1)
-        run = Run(scene, model, progress, folder, threads and most, interruption=interruption)
+        run = Run(scene, model, progress, folder, threads and most, interruption)
         size = len(run.body), len(run.body.bonds.first), run.threads
         logger.info("%s with %s: %d points, %d bonds, threads: %d", scene.name, model.name, *size)
         run.warm_up()
         if writes and not resume:
             make_room(folder, run.contents, overwrite)
         if folder is not None:
-            begun = _result(run, clock.seconds, began, UNDER_WAY, RUNNING)
+            begun = result_of(run, clock.seconds, began, UNDER_WAY, RUNNING)
             if writes:
-                run.progress = run.record_of_folder = Record(run, begun.summary)
+                run.record_of_folder = Record(run, begun.summary)
 
         def ended(message: str | None, status: str) -> Result:
-            result = _result(run, clock.seconds, began, message, status)
+            result = result_of(run, clock.seconds, began, message, status)
             if writes:
                 write_tables(folder, result.summary, result.history, result.convergence, scene.units)
             return result
 
         try:
             with run.interruption:
-                _go(run, resume)
+                go(run, resume)
         except (Interrupted, KeyboardInterrupt) as error:
             if isinstance(error, KeyboardInterrupt) and not interruption.told:
                 raise
@@ -309,167 +288,3 @@ def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
         "force must be a force model, the name of one, an artefact (NAME, NAME@VERSION or a path), a fitted "
         f"surrogate_pipeline, or an object with a bond_force or an energy, not {force!r}"
     )
-
-
-def _go(run: Run, resume: bool) -> None:
-    """Go through the stages of the programme that are left."""
-    if run.scene.fracture is not None:
-        # Imported here: a scene without damage compiles none.
-        from .fracture import Damage, critical_stretch_in
-
-        run.critical_stretch = critical_stretch_in(run.scene, run.law, run.body.horizon, run.model.family)
-        run.damage = Damage(run.body, run.critical_stretch)
-    solver, transient = solver_of(run), None
-    if resume:
-        transient = _take_up(run, solver)
-    if run.record_of_folder is not None:
-        run.record_of_folder.keep()
-    while run.stage < len(run.stages) and not (run.crack is not None and run.crack["through"]):
-        stage = run.stages[run.stage]
-        if stage.inertia is None:
-            try:
-                follows = run.stage + 1 if go_through(run, solver, stage) else _dynamics_after(run)
-            except TooSmall as error:
-                if not run.takes_double():
-                    raise
-                _take_double(run, error)
-                solver = solver_of(run)
-                continue
-            run.velocities = None
-        else:
-            transient = transient or _begun(run)
-            transient.go()
-            run.velocities, run.earlier, follows = transient.integrator.velocities, None, run.stage + 1
-            run.elapsed += transient.account.time
-            transient = None
-        run.stage, run.outputs, run.begin = follows, 0, run.parameter
-
-
-def _take_double(run: Run, error: TooSmall) -> None:
-    """Go on in double precision, and say so."""
-    reason = f"{error}: the forces are evaluated in double precision from here on"
-    row = {run.loading.parameter: run.target, "increment": run.parameter, "evaluation": run.force.evaluations, "reason": reason}
-    run.convergence.append(row)
-    if run.ranks.rank == 0:
-        warnings.warn(f"{run.loading.at(run.target)}: {reason}", SinglePrecisionLeft, stacklevel=4)
-    run.take_double()
-    run.loading.apply(run.parameter, run.loaded, run.positions)
-
-
-def _dynamics_after(run: Run) -> int:
-    """The next stage in dynamics, which takes over where a bond would break in equilibrium.
-
-    Raises
-    ------
-    Unstable
-        If there is none.
-    """
-    following = [number for number, stage in enumerate(run.stages) if number > run.stage and stage.inertia is not None]
-    if not following:
-        raise Unstable(f"a bond would break between {run.loading.at(run.parameter)} and here: what follows is not in equilibrium")
-    return following[0]
-
-
-def _transient(run: Run):
-    """The dynamics of the run's present stage."""
-    from .transient import Transient
-
-    return Transient(run, run.stages[run.stage])
-
-
-def _begun(run: Run):
-    transient = _transient(run)
-    transient.begin()
-    return transient
-
-
-def _take_up(run: Run, solver):
-    """Put a run where its checkpoint left it; returns the dynamics if it was in them."""
-    try:
-        checkpoint = run.restore()
-        if checkpoint.progress["phase"] == "dynamics":
-            transient = _transient(run)
-            transient.resume(checkpoint)
-            return transient
-        solver.gave_up = bool(checkpoint.progress["gave_up"])
-        run.way = Way.resumed(run, checkpoint)
-        run.loading.apply(run.parameter, run.loaded, run.positions)
-        return None
-    except CheckpointError:
-        raise
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise CheckpointError(f"the checkpoint in {run.folder} is damaged ({error}); run without resume") from None
-
-
-def _peak(history: list[dict]) -> dict | None:
-    """Return the row of the greatest nominal stress, which is the load that a body with a crack bears; None without rows."""
-    highest = max(history, key=lambda row: row["nominal_stress"], default=None)
-    return highest and {key: highest[key] for key in ("time", "stretch", "nominal_stress") if key in highest}
-
-
-def _result(run: Run, seconds_compile: float, began: float, failure: str | None, status: str) -> Result:
-    """Return the result that the run has reached so far."""
-    force, scene = run.force, run.scene
-    residuals = [level["residual"] for level in run.levels if "residual" in level]
-    if failure is not None and run.residual is not None and np.isfinite(run.residual):
-        residuals.append(run.residual)
-    outside = force.fraction_outside
-    total, total_size = run.body.share.total, run.body.share.size
-    directed = total(run.directed_bonds())
-    summary = {
-        "scene": scene.name,
-        "force": run.contents.force,
-        "material": run.law.describe(),
-        "plane": force.plane,
-        "thickness": 1.0,
-        "n_points": total_size(len(run.body)),
-        "n_bonds": total(run.counted_pairs()),
-        "n_directed_bonds": directed,
-        "n_ghost_points": total(int(run.body.share.counted(np.ones(len(run.body)))[run.body.ghosts.source].sum())),
-        "spacing": run.body.spacing,
-        "cell_size": run.body.cell.tolist(),
-        "horizon": run.body.horizon,
-        "precision": force.precision,
-        "correction": force.correction,
-        "support": scene.support,
-        **({"ranks": run.ranks.size} if run.ranks.size > 1 else {}),
-        "threads": run.threads,
-        "status": status,
-        "converged": failure is None,
-        "interrupted": status == INTERRUPTED,
-        "failure": failure,
-        "residual": max(residuals, default=None),
-        "n_force_evaluations": force.evaluations,
-        "seconds_total": time.perf_counter() - began,
-        "seconds_compile": seconds_compile,
-        "ns_per_directed_bond": 1e9 * force.seconds / max(1, force.timed * directed),
-        "fallback_fraction": outside if scene.outside in (None, "fallback") else 0.0,
-        "fraction_outside_domain": outside,
-        **({"beyond_data": run.beyond_data} if run.beyond_data else {}),
-        "unsupported_points": run.unsupported_points(),
-        "units": {**scene.units.model_dump(), "force": scene.units.force, "energy": scene.units.energy},
-        **({"grip_areas": run.grip_areas} if scene.stretched else {}),
-        "levels": run.levels,
-        **run.contents.describe(),
-        "provenance": provenance(),
-    }
-    if scene.materials:
-        summary["materials"] = [
-            {"region": part["region"], "material": law, **({} if law["law"] == RIGID else {"force": model.name})}
-            for part, law, model in zip(
-                scene.model_dump(mode="json", include={"materials"}, exclude_none=True, by_alias=True)["materials"],
-                [{"law": RIGID} if part.rigid else part.material.build().describe() for part in scene.materials],
-                run.models[1:],
-                strict=True,
-            )
-        ]
-    if any(stage.inertia is not None for stage in run.stages):
-        if scene.stretched:
-            stresses = [row["nominal_stress"] for row in [*run.levels, *run.history] if "nominal_stress" in row]
-            summary["peak_nominal_stress"] = max(stresses, default=None)
-        summary["n_steps"] = run.steps
-        summary["dynamics"] = run.dynamics
-    if run.crack is not None:
-        summary["critical_stretch"] = run.critical_stretch
-        summary["crack"] = run.crack | ({"peak": _peak(run.history)} if scene.stretched else {})
-    return Result(scene, run.body if run.whole is None else run.whole, summary, run.history, run.states, run.convergence)

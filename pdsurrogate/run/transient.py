@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import time as clock
 import warnings
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
@@ -12,27 +11,17 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..body import Body
 from ..body.share import SERIAL
 from ..forces import InvalidState
+from ..problem import Stage
 from ..results.checkpoint import Checkpoint
 from ..solvers import Diverging, ExplicitDynamics
 from ..solvers.conditions import Reactions
 from ..solvers.dynamics import Power
 from ..solvers.minimiser import EnergyMinimiser
 from .interruption import Interrupted
-from .programme import Stage
-from .rows import (
-    displacement_columns,
-    force_columns,
-    forces_by_name,
-    moment_columns,
-    moments_by_name,
-    output_row,
-    place_columns,
-    probe_columns,
-)
-from .run import SECONDS_BETWEEN_CHECKPOINTS, Run
+from .rows import component_columns, forces_by_name, moments_by_name, output_row, place_columns, state_columns
+from .run import Run
 
 logger = logging.getLogger(__name__)
 
@@ -101,8 +90,6 @@ class Account:
         Step in which a bond last broke.
     outputs : int
         States written so far.
-    recent, batches : list of int
-        Pairs broken since the last state was written, and which of the events they broke in.
     """
 
     time: float = 0.0
@@ -122,8 +109,6 @@ class Account:
     levers: list | None = None
     last_break: int = -STEPS_PER_ROW
     outputs: int = 0
-    recent: list[int] = field(default_factory=list)
-    batches: list[int] = field(default_factory=list)
 
 
 class Transient:
@@ -138,7 +123,7 @@ class Transient:
 
     def __init__(self, run: Run, stage: Stage) -> None:
         self.run, self.damage, self.spec, self.most_outputs = run, run.damage, stage.inertia, stage.outputs
-        self.account, self.motion, self._batch = Account(), self.spec.motion(run.begin, stage.to), 0
+        self.account, self.motion = Account(), self.spec.motion(run.begin, stage.to)
         self.viscosity = self._viscosity()
         self.integrator = ExplicitDynamics(
             run.force,
@@ -183,7 +168,7 @@ class Transient:
         was, and where its conditions change their velocity they do send one.
         """
         run, integrator, motion = self.run, self.integrator, self.motion
-        velocities = run.loading.velocities(run.positions, motion) if run.velocities is None else run.velocities
+        velocities = run.loading.course.velocities(run.positions, motion) if run.velocities is None else run.velocities
         integrator.velocities[:] = velocities * run.loading.free
         integrator.begin()
         self._limit_step()
@@ -199,12 +184,9 @@ class Transient:
 
     def resume(self, checkpoint: Checkpoint) -> None:
         """Take up what a checkpoint holds."""
-        run, integrator, kept = self.run, self.integrator, checkpoint.progress["dynamics"]
+        run, integrator, kept = self.run, self.integrator, checkpoint.progress["transient"]
         self.account = Account(**kept["account"])
-        self._batch = max(self.account.batches, default=-1) + 1
-        self._take_recent_of_whole()
         integrator.time_step, integrator.last_step, integrator.steps = kept["time_step"], kept["last_step"], kept["steps"]
-        run.steps = kept["all_steps"]
         integrator.velocities[:], integrator.forces[:] = checkpoint.arrays["velocities"], checkpoint.arrays["forces"]
         if self.viscosity > 0:
             integrator.elastic[:] = checkpoint.arrays["elastic"]
@@ -217,7 +199,6 @@ class Transient:
     def go(self) -> None:
         """Run to the end of the stage, or until the body has come apart."""
         run, account, integrator, motion = self.run, self.account, self.integrator, self.motion
-        saved = clock.monotonic()
         while account.outputs < self.most_outputs:
             try:
                 self.step()
@@ -229,7 +210,7 @@ class Transient:
             if integrator.steps % STEPS_PER_ROW == 0:
                 self._row()
                 broken = run.crack["broken_bonds"] if run.crack else 0
-                run.progress.dynamics(min(1.0, account.time / motion.duration), run.parameter, broken)
+                run.report("dynamics", min(1.0, account.time / motion.duration), run.parameter, broken)
             else:
                 self._take_between_rows()
             due = self._due()
@@ -241,11 +222,9 @@ class Transient:
                 if through:
                     break
             # What is resumed from has the row and the output of its step; a row that an interruption asks for is not in it.
-            late = clock.monotonic() - saved >= SECONDS_BETWEEN_CHECKPOINTS
-            asked, late = run.body.share.total((int(run.interruption.asked), int(late)))
+            asked, late = run.body.share.total((int(run.interruption.asked), int(run.checkpoints.late)))
             if due or asked or late:
                 self._checkpoint()
-                saved = clock.monotonic()
             if asked:
                 self._last_row()
                 raise Interrupted
@@ -399,22 +378,19 @@ class Transient:
 
     def _break(self, pairs: np.ndarray) -> None:
         run, crack = self.run, self.run.crack
-        if crack["start"] is None:
-            places = starts_of_cracks(*self._in_order(pairs, np.zeros(len(pairs), dtype=np.int64)), run.body.horizon)
-            start = {"event": "first bond broken", "time": run.elapsed + self.account.time, run.loading.parameter: run.parameter}
-            if "nominal_stress" in run.history[-1]:
-                start["nominal_stress"] = run.history[-1]["nominal_stress"]
-            crack["start"] = start | {"x": places[0], "tips": places}
-            logger.info("%s: the first bond broken is at %s", run.loading.at(run.parameter), places)
         crack["broken_bonds"] += run.body.share.total(len(self._counted(pairs)))
         self.damage.break_bonds(pairs)
         release = run.force.break_bonds(pairs)
         if release is not None:
             self.account.released_energy += run.body.share.total(release.energy)
             self.integrator.kick(release.forces)
-        self.account.recent += pairs.tolist()
-        self.account.batches += [self._batch] * len(pairs)
-        self._batch += 1
+        if crack["start"] is None:
+            places = starts_of_cracks(*self.damage.in_order(pairs), run.body.horizon)
+            start = {"event": "first bond broken", "time": run.elapsed + self.account.time, run.loading.parameter: run.parameter}
+            if "nominal_stress" in run.history[-1]:
+                start["nominal_stress"] = run.history[-1]["nominal_stress"]
+            crack["start"] = start | {"x": places[0], "tips": places}
+            logger.info("%s: the first bond broken is at %s", run.loading.at(run.parameter), places)
         self.account.last_break = self.integrator.steps
 
     def _last_row(self) -> None:
@@ -434,18 +410,18 @@ class Transient:
         self._take_damping(evaluate=True)
         strain = run.strain_energy()
         account.row_time = account.time
-        row = place_columns(run, run.elapsed + account.time)
-        if run.scene.stretched:
-            row["nominal_stress"] = run.nominal_stress(reactions.forces)
+        row, stress = place_columns(run, run.elapsed + account.time), run.problem.measures.nominal_stress
+        if stress is not None:
+            row["nominal_stress"] = stress.of(reactions.forces)
         else:
-            row |= moment_columns(moments_by_name(run, reactions))
+            row |= component_columns("moment", moments_by_name(run, reactions))
         row |= {
             "work": account.work,
             "kinetic_energy": kinetic,
             "damped_energy": account.damped_energy,
             "strain_energy": strain,
         }
-        row |= force_columns(forces) | displacement_columns(run) | probe_columns(run)
+        row |= component_columns("force", forces) | state_columns(run)
         if self._keeps_account:
             row["released_energy"] = account.released_energy
         if first:
@@ -463,7 +439,7 @@ class Transient:
             row |= {"broken_bonds": run.crack["broken_bonds"], "free_points": run.unsupported_points()}
         run.history.append(row)
         self._tell_account(kinetic + strain - put_in)
-        run.progress.account(self.integrator.steps, kinetic, strain)
+        run.report("account", self.integrator.steps, kinetic, strain)
 
     def _tell_account(self, held: float) -> None:
         """Write the account into the summary's entry of the stage; `held` is the energy of motion and strain less the energy put in."""
@@ -520,8 +496,8 @@ class Transient:
     def _power_of_holders(self, reactions: Reactions) -> Power:
         """Return the power of all supports, moving as over the last step, and as over a step of that length to come."""
         loading, time, step = self.run.loading, self.account.time, self.integrator.last_step
-        before = loading.power(reactions, self.motion, time, step)
-        after = loading.power(reactions, self.motion, time + step, step) if self._every_step else before
+        before = loading.course.power(reactions, self.motion, time, step)
+        after = loading.course.power(reactions, self.motion, time + step, step) if self._every_step else before
         return Power(before, 0.5 * (before + after), after)
 
     def _work_over(self, elapsed: float, last: Power, power: Power) -> float:
@@ -577,16 +553,15 @@ class Transient:
         self._apply()
         if self.damage is not None:
             entry = {"time": run.elapsed + account.time, run.loading.parameter: run.parameter, "broken_bonds": run.crack["broken_bonds"]}
-            places, batches = self._in_order(np.array(account.recent, dtype=np.int64), np.array(account.batches, dtype=np.int64))
+            places, events = self.damage.take_recent()
             tips = crack_tips(places, run.body.horizon)
             if tips and not any(output["tips"] for output in run.crack["tips"]):
                 # Now with cracks that began a little later.
-                run.crack["start"]["tips"] = starts_of_cracks(places, batches, run.body.horizon)
+                run.crack["start"]["tips"] = starts_of_cracks(places, events, run.body.horizon)
             # The tip of the largest crack stays where it was while nothing breaks.
             last = run.crack["tips"][-1]["tip"] if run.crack["tips"] else None
             run.crack["tips"].append({**entry, "tip": tips[0] if tips else last, "tips": tips})
-            account.recent, account.batches = [], []
-        if not run.scene.stretched:
+        if run.problem.measures.nominal_stress is None:
             run.loaded(run.positions, np.empty_like(run.positions))
             row = output_row(run, run.elapsed + account.time)
             run.levels.append(row | {"kinetic_energy": self._kinetic_energy()})
@@ -604,52 +579,15 @@ class Transient:
         counted = self.run.body.share.counted_pairs(self.run.body.bonds.first[pairs])
         return pairs if counted is None else pairs[counted]
 
-    def _in_order(self, pairs: np.ndarray, batches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Middles (k, d) of broken pairs of the whole body, in the order in which they broke, and their batches (k,), which rise."""
-        body = self.run.body
-        counted = body.share.counted_pairs(body.bonds.first[pairs])
-        if counted is None:
-            return _midpoints(body, pairs), batches
-        pairs, batches = pairs[counted], batches[counted]
-        order = np.stack([batches, body.share.numbers[body.bonds.first[pairs]]], axis=1)
-        order, places = (np.concatenate(body.share.everywhere(rows)) for rows in (order, _midpoints(body, pairs)))
-        sequence = np.lexsort(order.T[::-1])
-        return places[sequence], order[sequence, 0]
-
-    def _recent_in_whole(self) -> tuple[list[int], list[int]]:
-        """Pairs broken of late by their numbers in the whole body, in the order in which they broke, and their batches."""
-        account, body = self.account, self.run.body
-        if not body.share.divided:
-            return account.recent, account.batches
-        pairs = body.share.pair_numbers(body)[np.array(account.recent, dtype=np.int64)]
-        here = np.stack([np.array(account.batches, dtype=np.int64), pairs], axis=1)[pairs >= 0]
-        rows = np.concatenate(body.share.everywhere(here))
-        rows = rows[np.lexsort(rows.T[::-1])]
-        return rows[:, 1].tolist(), rows[:, 0].tolist()
-
-    def _take_recent_of_whole(self) -> None:
-        """The way back: of the pairs broken of late, those that are counted here."""
-        account, body = self.account, self.run.body
-        if not body.share.divided:
-            return
-        numbers = body.share.pair_numbers(body)
-        here = np.flatnonzero(numbers >= 0)
-        recent, batches = np.array(account.recent, dtype=np.int64), np.array(account.batches, dtype=np.int64)
-        found = np.isin(recent, numbers[here])
-        account.recent = here[np.searchsorted(numbers[here], recent[found])].tolist()
-        account.batches = batches[found].tolist()
-
     def _checkpoint(self) -> None:
         integrator = self.integrator
-        recent, batches = self._recent_in_whole()
         kept = {
-            "account": {**asdict(self.account), "recent": recent, "batches": batches},
+            "account": asdict(self.account),
             "time_step": integrator.time_step,
             "last_step": integrator.last_step,
             "steps": integrator.steps,
-            "all_steps": self.run.steps,
         }
-        self.run.checkpoint({"phase": "dynamics", "dynamics": kept}, self.arrays())
+        self.run.checkpoints.write({"phase": "dynamics", "transient": kept}, self.arrays())
 
 
 def crack_tips(places: np.ndarray, horizon: float) -> list[list[float]]:
@@ -701,8 +639,3 @@ def _groups(places: np.ndarray, horizon: float) -> list[np.ndarray]:
     count, group = SERIAL.pieces(len(places), *near.T)
     order = np.argsort(-np.bincount(group), kind="stable")[:count]
     return [np.flatnonzero(group == number) for number in order]
-
-
-def _midpoints(body: Body, pairs: np.ndarray) -> np.ndarray:
-    points = body.all_points
-    return (points[body.bonds.first[pairs]] + points[body.bonds.second[pairs]]) / 2

@@ -57,11 +57,11 @@ class Branch:
         """
         loading, force = self._loading, self._force
         loading.check_inside(after, force, positions)
-        growth, jumped = loading.growth(before, after), False
+        growth, jumped = loading.course.growth(before, after), False
         if growth is not None:
             moved = np.sqrt(self._share.sum(np.square(positions - guess)) / self._share.total(positions.size))
             jumped = moved > max(JUMP * growth, LEAST_JUMP * force.body.spacing)
-        if not (jumped or force.has_energy) or not loading.pushes(force):
+        if not (jumped or force.has_energy) or not loading.course.pushes(force):
             return
         if jumped:
             raise Unstable(

@@ -1,28 +1,22 @@
-"""How a body is held and loaded: what every way of saying it has in common."""
+"""Conditions of a body: what is held, where it is at a value of the loading parameter, and what force that takes."""
 
 from __future__ import annotations
 
-import warnings
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce, InvalidState
 from ..forces.kinematics import at_point
-from .motion import Motion
+from .loads import AT_REST, Loads
 from .supports import SupportAtPlace, Supports
 
 if TYPE_CHECKING:
-    from .loads import Loads
-
-
-AT_REST = 1e-14
-"""Displacement over the extent of the body, or amplitude of a load, that counts as none: rounding leaves as much of a sine."""
+    from .course import Paths, Pull
 
 ONE_SIDED = 0.1
 """Horizons from a point to the middle of its neighbours, along a plane, from which it lies beside a free side: full horizons have it at the
@@ -35,20 +29,20 @@ class FoldedOver(InvalidState):
 
 @dataclass(frozen=True)
 class HeldPoints:
-    """Points of which some components follow the loading parameter.
+    """Points some components of which follow the loading parameter.
 
     Attributes
     ----------
     name : str
-        What messages call the condition.
+        Name of the condition in messages.
     holder : int or None
-        Number of the holder whose force theirs is; None where nobody asks for it.
+        Number of the holder that their force counts for; None where results do not report it.
     points : ndarray of int, shape (k,)
     components : tuple of int
     displacement : callable
         Displacement at a value of the parameter, shape (d,) or (k, d); only held components are read.
     support : SupportAtPlace, optional
-        Of a support at a place: the point is one of several that move so in the mean alone.
+        Support at a place: the point is one of several that move so only in the mean.
     """
 
     name: str
@@ -60,7 +54,7 @@ class HeldPoints:
 
     @property
     def every(self) -> np.ndarray:
-        """The points, and of a support at a place those that are as near."""
+        """Return the points, and for a support at a place also the others that are equally near."""
         return self.points if self.support is None else np.concatenate([self.points, self.support.others])
 
 
@@ -71,16 +65,16 @@ class HeldPlane:
     Attributes
     ----------
     name : str
-        What messages call it.
+        Name in messages.
     holders : tuple of int or None
-        By component: number of the holder whose force that of the plane is.
+        By component: number of the holder that the force on the plane counts for.
     components : tuple of int
-        Held ones.
+        Components that are held.
     displacement : callable
         Displacement at a value of the parameter, shape (d,); 0 in free components.
     turn : callable, optional
-        Of a plane that turns, all components of which are held: Q - I at a value of the parameter, shape (d, d).  Then the place X of the
-        plane at rest is displaced by u(X) = displacement + turn X.
+        Q - I at a value of the parameter, shape (d, d), of a plane that turns; all its components are held.  The place X of the plane at
+        rest is then displaced by u(X) = displacement + turn X.
     """
 
     name: str
@@ -90,7 +84,7 @@ class HeldPlane:
     turn: Callable[[float], np.ndarray] | None = None
 
     def motion(self, parameter: float) -> np.ndarray:
-        """Turn and displacement as columns of one array, shape (d, d + 1); see `displaced`."""
+        """Return turn and displacement as columns of one array, shape (d, d + 1); see `displaced`."""
         displacement = self.displacement(parameter)
         motion = np.zeros((len(displacement), len(displacement) + 1))
         motion[:, -1] = displacement
@@ -100,23 +94,23 @@ class HeldPlane:
 
 
 def displaced(motion: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Displacement u(X), shape (k, d), of places (k, d) by the motion (d, d + 1) of a plane."""
+    """Return the displacements u(X), shape (k, d), of places (k, d) by the motion (d, d + 1) of a plane."""
     return places @ motion[:, :-1].T + motion[:, -1]
 
 
 @dataclass(frozen=True)
 class Reactions:
-    """Forces on the body of all that holds it, in the plane per unit thickness, in the state last evaluated.
+    """Forces that holders exert on the body in the state last evaluated, in the plane per unit thickness.
 
     Attributes
     ----------
     forces : ndarray, shape (holders, d)
-        Of every holder.
+        Forces of the holders.
     on_planes : ndarray, shape (planes, d)
     at_points : ndarray, shape (n, d), or None
-        On held points, 0 in free components; None where no holder holds points.
+        Forces on held points, 0 in free components; None where no holder holds points.
     levers : ndarray, shape (planes, d, d), or None
-        Of planes, sum of f (x) y with the place y that a force f acts at; None where no plane turns.
+        Sum over each plane of f (x) y, with the place y that a force f acts at; None where no plane turns.
     """
 
     forces: np.ndarray
@@ -126,60 +120,60 @@ class Reactions:
 
 
 def place_of(body: Body, point: int) -> str:
-    """Where a point is, for messages."""
+    """Return the place of a point, for messages."""
     return f"({', '.join(f'{coordinate:.4g}' for coordinate in body.points[point])})"
 
 
 def moment_of(levers: np.ndarray) -> np.ndarray:
-    """Moments, shape (k,) counter-clockwise in the plane and (k, 3) in space, of sums of f (x) y, shape (k, d, d)."""
+    """Return the moments, shape (k,) counter-clockwise in the plane and (k, 3) in space, of sums of f (x) y, shape (k, d, d)."""
     if levers.shape[-1] == 2:
         return levers[:, 1, 0] - levers[:, 0, 1]
     return np.stack([levers[:, 2, 1] - levers[:, 1, 2], levers[:, 0, 2] - levers[:, 2, 0], levers[:, 1, 0] - levers[:, 0, 1]], axis=1)
 
 
-class Loading(ABC):
-    """The conditions of a scene on a body: what is held, and where it is at a value of the loading parameter.
+class Loading:
+    """Conditions of a body: what is held, where it is at a value of the loading parameter, and the loads.
 
     Parameters
     ----------
     body : Body
-    names : sequence of str
-        Of the holders: those whose forces are told.
-    planes : sequence of HeldPlane
-        In the order of the body's.
-    held : sequence of HeldPoints
-        The force on a point that two hold alike counts with the later of them.
-    loads : Loads or None
-
-    Attributes
-    ----------
     parameter : str
         Name of the loading parameter.
     rest : float
         Its value at rest.
-    adaptive : bool
-        Whether increments of the parameter are made longer only where they are easy, and begin from the best of several guesses.
+    names : sequence of str
+        Names of the holders, whose forces results report.
+    planes : sequence of HeldPlane
+        In the order of the body's.
+    held : sequence of HeldPoints
+        The force on a point that two entries hold counts for the later of them.
+    loads : Loads or None
+
+    Attributes
+    ----------
     free : ndarray, shape (n, d)
         1 where a component may move, 0 where it is held.
     supports : Supports or None
-        Those at places between points; None where there are none.
-    names, loads
+        Supports at places between points; None where there are none.
+    course : Pull or Paths
+        How the body follows what holds it; set once the conditions are known.
+    parameter, rest, names, planes, held, loads
     """
 
-    parameter: ClassVar[str]
-    rest: ClassVar[float]
-    adaptive: ClassVar[bool] = False
+    course: Pull | Paths
 
     def __init__(
         self,
         body: Body,
+        parameter: str,
+        rest: float,
         names: tuple[str, ...],
         planes: tuple[HeldPlane, ...],
         held: tuple[HeldPoints, ...],
         loads: Loads | None,
     ) -> None:
-        self.body, self.names, self.loads, self._share = body, names, loads, body.share
-        self._planes, self._held = planes, held
+        self.body, self.parameter, self.rest, self.names, self.loads, self._share = body, parameter, rest, names, loads, body.share
+        self.planes, self.held = planes, held
         at_places = tuple(part for part in held if part.support is not None)
         self.supports = Supports(body, at_places) if at_places else None
         self.free = np.ones((len(body), body.dimension))
@@ -187,33 +181,8 @@ class Loading(ABC):
             for component in part.components:
                 self.free[part.points, component] = 0
 
-    def _check_agreement(self, held: tuple[HeldPoints, ...], samples: tuple[float, ...]) -> None:
-        """Refuse two conditions that move a point differently at one of some values of the parameter: it would go with the later one."""
-        for component in range(self.body.dimension):
-            for sample in samples:
-                travel, holder = np.zeros(len(self.body)), np.full(len(self.body), -1)
-                for number, part in enumerate(held):
-                    if component not in part.components:
-                        continue
-                    goes = np.broadcast_to(part.displacement(sample)[..., component], len(part.points))
-                    apart = np.abs(travel[part.points] - goes) > 1e-9 * self.body.spacing
-                    twice = part.points[(holder[part.points] >= 0) & apart]
-                    if len(twice):
-                        raise ValueError(
-                            f"{held[holder[twice[0]]].name} and {part.name} move point {twice[0]} at {place_of(self.body, twice[0])} "
-                            f"differently along x{component + 1}"
-                        )
-                    travel[part.points], holder[part.points] = goes, number
-
-    def _check_planes(self, keys: tuple[str, ...]) -> None:
-        """Refuse planes that no bond crosses; `keys` name them."""
-        for number, (key, plane) in enumerate(zip(keys, self._planes, strict=True)):
-            if not self._share.any((self._levers[1] == number).any()):
-                name, edge = plane.name.split()[0], "edge" if self.body.dimension == 2 else "face"
-                raise ValueError(f"{key}: no bond of the body crosses its {name} {edge}; do holes take all that is there?")
-
     def pieces(self, intact: np.ndarray | None = None) -> tuple[int, np.ndarray]:
-        """Into how many pieces bonds within the body join its points, and the piece of every point.
+        """Return the number of pieces into which bonds within the body join its points, and the piece of every point.
 
         Parameters
         ----------
@@ -224,23 +193,28 @@ class Loading(ABC):
         within = bonds.second < n if intact is None else (bonds.second < n) & intact
         return self._share.pieces(n, bonds.first[within], bonds.second[within])
 
-    def _remark_on_pieces(self, count: int) -> None:
-        """Say that the body is in several pieces, each of which is held."""
-        if count > 1 and self.body.share.leads:
-            why = f"as where a cut goes all the way, or a wall is thinner than the spacing, {self.body.spacing:.3g}"
-            warnings.warn(f"the body is in {count} pieces with no bonds between them, {why}; each is held by itself", stacklevel=2)
-
     def at(self, parameter: float) -> str:
-        """Words for a value of the parameter."""
-        return f"{self.parameter} {parameter:g}"
+        """Return words for a value of the parameter."""
+        return f"t = {parameter:g}" if self.parameter == "t" else f"{self.parameter} {parameter:g}"
 
     def at_rest(self, parameter: float) -> bool:
-        """Whether all that is held is where it is at rest at a value of the parameter, and there are no loads."""
-        shares = [np.abs(part.displacement(parameter)[..., list(part.components)]).max(initial=0.0) for part in self._held]
-        motions = [plane.motion(parameter) for plane in self._planes]
+        """Return whether, at a value of the parameter, everything held is in its place at rest and there are no loads."""
+        shares = [np.abs(part.displacement(parameter)[..., list(part.components)]).max(initial=0.0) for part in self.held]
+        motions = [plane.motion(parameter) for plane in self.planes]
         shares += [max(np.abs(motion[:, -1]).max(), np.abs(motion[:, :-1]).max() * self.body.spacing) for motion in motions]
         moved = self._share.greatest(float(max(shares, default=0.0))) > AT_REST * self._share.extent(self.body.points)
         return not moved and (self.loads is None or self.loads.vanish(parameter))
+
+    @cached_property
+    def beside_planes(self) -> list[np.ndarray]:
+        """Points that have images in each plane."""
+        ghosts = self.body.ghosts
+        return [np.unique(ghosts.source[ghosts.plane == number]) for number in range(len(self.planes))]
+
+    def plane_motions(self, parameter: float) -> np.ndarray:
+        """Return the motions of all planes, see `HeldPlane.motion`, shape (p, d, d + 1)."""
+        dimension = self.body.dimension
+        return np.array([plane.motion(parameter) for plane in self.planes]).reshape(-1, dimension, dimension + 1)
 
     def apply(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter, and bring the loads to their size there."""
@@ -250,7 +224,7 @@ class Loading(ABC):
 
     def hold(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
         """Move everything that is held to where it is at a value of the parameter."""
-        for part in self._held:
+        for part in self.held:
             if part.support is None:
                 displacement = part.displacement(parameter)
                 for component in part.components:
@@ -258,7 +232,7 @@ class Loading(ABC):
         if self.supports is not None:
             self.supports.set(parameter)
             self.supports.place(positions)
-        for number, plane in enumerate(self._planes):
+        for number, plane in enumerate(self.planes):
             force.move_plane(number, plane.displacement(parameter), None if plane.turn is None else plane.turn(parameter))
 
     def unevenness(self, last: float, now: float, ahead: float) -> float:
@@ -267,7 +241,7 @@ class Loading(ABC):
             return 0.0
 
         def places(parameter: float) -> np.ndarray:
-            motions = [*(part.displacement(parameter) for part in self._held), *(plane.motion(parameter) for plane in self._planes)]
+            motions = [*(part.displacement(parameter) for part in self.held), *(plane.motion(parameter) for plane in self.planes)]
             return np.concatenate([np.ravel(motion) for motion in motions]) if motions else np.zeros(1)
 
         before, present, after = map(places, (last, now, ahead))
@@ -286,7 +260,7 @@ class Loading(ABC):
             Names the point that is farthest beyond, and the plane.
         """
         supported = force.supported
-        for plane, held in zip(self.body.planes, self._planes, strict=True):
+        for plane, held in zip(self.body.planes, self.planes, strict=True):
             motion = held.motion(parameter)
             if held.turn is None:
                 beyond = positions[:, plane.axis] - (plane.position + motion[plane.axis, -1])
@@ -306,7 +280,7 @@ class Loading(ABC):
             self.body.share.agree(error)
 
     def _beside_free_side(self, point: int, axis: int) -> bool:
-        """Whether the neighbours of a point are on one side of it, along a plane that an axis is normal to."""
+        """Return whether the neighbours of a point lie to one side of it, along a plane that an axis is normal to."""
         bonds = self.body.bonds
         neighbours = bonds.neighbours[bonds.pointers[point] : bonds.pointers[point + 1]]
         arms = self.body.all_points[neighbours] - self.body.points[point]
@@ -314,57 +288,53 @@ class Loading(ABC):
         return bool(np.linalg.norm(np.delete(middle, axis)) > ONE_SIDED * self.body.horizon)
 
     def reactions(self, force: InternalForce, on_points: np.ndarray | None = None) -> Reactions:
-        """Forces of all holders on the body in the state last evaluated.
+        """Return the forces of all holders on the body in the state last evaluated.
 
-        On held points, what keeps the internal force and the loads there in balance.  On a plane, what works with its displacement: half
-        of what every bond with an image pulls with, times the displacement of the image by that of the plane, since an image on the
-        other side has a bond alike.  In a single plane that is the sum over all bonds that cross it.
+        The reaction at a held point balances the internal force and the loads there.  The reaction of a plane is the force that does work
+        on its displacement: half the force of each bond to an image, times the displacement of the image per displacement of the plane,
+        since an image on the other side has an equal bond.  For a single plane that is the sum over all bonds that cross it.
 
         Parameters
         ----------
         force : InternalForce
         on_points : ndarray, shape (n, d), optional
-            Internal force and loads on every point in that state; found from all pairs where they are not given.
+            Internal force and loads on every point in that state; summed from all pairs where they are not given.
         """
-        bonds, planes, shares = self._levers
+        bonds, planes, shares = self.crossing
         crossing, dimension = force.pair_forces(bonds), self.body.dimension
-        on_planes = np.zeros((len(self._planes), dimension))
-        for component in range(dimension) if self._planes else ():
-            on_planes[:, component] = np.bincount(planes, crossing[:, component] * shares[:, component], len(self._planes))
+        on_planes = np.zeros((len(self.planes), dimension))
+        for component in range(dimension) if self.planes else ():
+            on_planes[:, component] = np.bincount(planes, crossing[:, component] * shares[:, component], len(self.planes))
         levers = None
-        if any(plane.turn is not None for plane in self._planes):
+        if any(plane.turn is not None for plane in self.planes):
             levers = self._share.total(self._levers_on_planes(force, crossing))
-        if on_points is None and self._holds_points:
+        if on_points is None and self.held:
             on_points = self._on_points(force)
         return self.reactions_of(self._share.total(on_planes), levers, on_points)
 
-    @property
-    def _holds_points(self) -> bool:
-        return bool(self._held)
-
     def reactions_of(self, on_planes: np.ndarray, levers: np.ndarray | None, on_points: np.ndarray | None) -> Reactions:
-        """Forces of all holders by those on planes, with their levers, and by internal force and loads on every point."""
+        """Return the forces of all holders from those on planes, with their levers, and from internal force and loads on every point."""
         forces, at_points = np.zeros((len(self.names), self.body.dimension)), None
-        if self._holds_points:
+        if self.held:
             at_points = -on_points * (1 - self.free)
-            for part in self._held:
+            for part in self.held:
                 if part.support is not None:
                     self.body.share.fill(at_points)
                     for component in part.components if len(part.points) else ():
                         at_points[part.support.others, component] = at_points[part.points, component]
-            for part, owned in zip(self._held, self._owned, strict=True):
+            for part, owned in zip(self.held, self._owned, strict=True):
                 for component, points in owned.items():
                     forces[part.holder, component] += at_points[points, component].sum()
             forces = self._share.total(forces)
-        for number, plane in enumerate(self._planes):
+        for number, plane in enumerate(self.planes):
             for component in plane.components:
                 forces[plane.holders[component], component] += on_planes[number, component]
         return Reactions(forces, on_planes, at_points, levers)
 
     def moments(self, force: InternalForce, reactions: Reactions) -> np.ndarray:
-        """Moments of the holders' forces about the origin of the coordinates.
+        """Return the moments of the holders' forces about the origin of the coordinates.
 
-        On planes by virtual work where the force has an energy; of others a bond that crosses a plane pulls at the middle between its ends.
+        Those on planes follow from virtual work where the force has an energy; otherwise a bond that crosses a plane pulls at its middle.
 
         Returns
         -------
@@ -373,33 +343,33 @@ class Loading(ABC):
         """
         positions, dimension = force.positions, self.body.dimension
         levers = np.zeros((len(self.names), dimension, dimension))
-        if len(self._levers[0]):
-            on_planes = self._levers_on_planes(force, force.pair_forces(self._levers[0]))
-            for of_plane, plane in zip(on_planes, self._planes, strict=True):
+        if len(self.crossing[0]):
+            on_planes = self._levers_on_planes(force, force.pair_forces(self.crossing[0]))
+            for of_plane, plane in zip(on_planes, self.planes, strict=True):
                 for component in plane.components:
                     levers[plane.holders[component], component] += of_plane[component]
         if reactions.at_points is not None:
-            for part, owned in zip(self._held, self._owned, strict=True):
+            for part, owned in zip(self.held, self._owned, strict=True):
                 for component, points in owned.items():
                     levers[part.holder, component] += reactions.at_points[points, component] @ positions[points]
         return moment_of(self._share.total(levers))
 
     def _levers_on_planes(self, force: InternalForce, crossing: np.ndarray) -> np.ndarray:
-        """Of every plane the sum of f (x) y, shape (planes, d, d), from the forces of the bonds that cross them, shape (k, d)."""
+        """Return the sum of f (x) y over every plane, shape (planes, d, d), from the forces of the bonds that cross them, shape (k, d)."""
         levers = force.levers_on_planes()
         if levers is not None:
             return levers
-        bonds, planes, shares = self._levers
+        bonds, planes, shares = self.crossing
         pulls, ends = crossing * shares, self.body.bonds
         middles = (force.positions[ends.first[bonds]] + force.positions[ends.second[bonds]]) / 2
-        levers = np.zeros((len(self._planes), self.body.dimension, self.body.dimension))
-        for number in range(len(self._planes)):
+        levers = np.zeros((len(self.planes), self.body.dimension, self.body.dimension))
+        for number in range(len(self.planes)):
             own = planes == number
             levers[number] = np.einsum("kr,kc->rc", pulls[own], middles[own])
         return levers
 
     def _on_points(self, force: InternalForce) -> np.ndarray:
-        """Internal force and loads on every point in the state last evaluated, shape (n, d), carried as rigid regions do."""
+        """Return internal force and loads on every point in the state last evaluated, shape (n, d), carried as rigid regions do."""
         total = self.internal_forces(force)
         if self.loads is not None:
             self.loads.forces(force.positions[: len(self.body)], force.thickness(), total)
@@ -408,7 +378,7 @@ class Loading(ABC):
         return total
 
     def internal_forces(self, force: InternalForce) -> np.ndarray:
-        """Internal force on every point in the state last evaluated, shape (n, d)."""
+        """Return the internal force on every point in the state last evaluated, shape (n, d)."""
         n, bonds, pair_forces = len(self.body), self.body.bonds, force.pair_forces()
         within = bonds.second < n
         total = np.stack(
@@ -424,19 +394,19 @@ class Loading(ABC):
 
     @cached_property
     def _owned(self) -> list[dict[int, np.ndarray]]:
-        """By condition and component, the points whose force counts with its holder; none where nobody asks."""
+        """Points whose force counts for the holder, by condition and component; none where results do not report it."""
         owner = np.full((len(self.body), self.body.dimension), -1)
-        for number, part in enumerate(self._held):
+        for number, part in enumerate(self.held):
             for component in part.components:
                 owner[part.every, component] = number
         return [
             {} if part.holder is None else {c: self._share.own_points(part.every[owner[part.every, c] == number]) for c in part.components}
-            for number, part in enumerate(self._held)
+            for number, part in enumerate(self.held)
         ]
 
     @cached_property
-    def _levers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Bonds with images that planes move: number of the bond, of the plane, and half the image's displacement by that of the plane."""
+    def crossing(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Bonds to images that planes move: their numbers, the planes, and half the image's displacement per displacement of the plane."""
         n, ghosts = len(self.body), self.body.ghosts
         outer = np.flatnonzero(self.body.bonds.second >= n)
         counted = self.body.share.counted_pairs(self.body.bonds.first[outer])
@@ -446,21 +416,21 @@ class Loading(ABC):
         return outer[rows], planes, levers[rows, planes] / 2
 
     def ends(self) -> list[np.ndarray]:
-        """Points that each holder holds directly, of those that are here."""
+        """Return the points of this share that each holder holds directly."""
         found: list[list[np.ndarray]] = [[] for _ in self.names]
         ghosts = self.body.ghosts
-        for number, plane in enumerate(self._planes):
+        for number, plane in enumerate(self.planes):
             for holder in {plane.holders[component] for component in plane.components}:
                 found[holder].append(ghosts.source[ghosts.plane == number])
-        for part in self._held:
+        for part in self.held:
             if part.holder is not None:
                 found[part.holder].append(part.points)
         return [np.concatenate(parts) for parts in found]
 
     def displacements(self, parameter: float, positions: np.ndarray) -> np.ndarray:
-        """Mean displacement of what each holder holds, shape (holders, d): of its points, or of its plane in the middle.
+        """Return the mean displacement of what each holder holds, shape (holders, d): of its points, or of its plane in the middle.
 
-        Components of a plane that are free to move are those of the points beside it, within a cell.
+        Components in which a plane is free to move are those of the points within a cell of it.
         """
         n = len(self.names)
         # Displacement, place and number of the points of each holder.
@@ -471,7 +441,7 @@ class Loading(ABC):
         sums = self._share.total(sums)
         means = sums[:, :-1] / np.maximum(sums[:, -1:], 1)
         found, places = np.split(means, 2, axis=1)
-        for plane, held in zip(self.body.planes, self._planes, strict=True):
+        for plane, held in zip(self.body.planes, self.planes, strict=True):
             motion = held.motion(parameter)
             for component in held.components:
                 holder = held.holders[component]
@@ -482,70 +452,14 @@ class Loading(ABC):
 
     @cached_property
     def _beside(self) -> list[np.ndarray]:
-        """Points that each holder holds directly, of planes those within a cell of it."""
+        """Points that each holder holds directly; of a plane, those within a cell of it."""
         found: list[list[np.ndarray]] = [[] for _ in self.names]
-        for number, (plane, held) in enumerate(zip(self.body.planes, self._planes, strict=True)):
-            ghosts = self.body.ghosts
-            sources = np.unique(ghosts.source[ghosts.plane == number])
+        for number, (plane, held) in enumerate(zip(self.body.planes, self.planes, strict=True)):
+            sources = self.beside_planes[number]
             near = sources[np.abs(self.body.points[sources, plane.axis] - plane.position) < self.body.cell[plane.axis]]
             for holder in {held.holders[component] for component in held.components}:
                 found[holder].append(near)
-        for part in self._held:
+        for part in self.held:
             if part.holder is not None:
                 found[part.holder].append(part.every)
         return [self._share.own_points(np.unique(np.concatenate(parts))) for parts in found]
-
-    @abstractmethod
-    def largest_increment(self, positions: np.ndarray, start: float, end: float, asked: float | None) -> float:
-        """Greatest increment of the parameter to plan on the way from one value to another.
-
-        Parameters
-        ----------
-        positions : ndarray, shape (n, d)
-            In equilibrium at the start.
-        start, end : float
-        asked : float or None
-            What the scene bounds it by.
-        """
-
-    @abstractmethod
-    def guesses(self, positions: np.ndarray, before: float, after: float, earlier: tuple[float, np.ndarray] | None) -> list[np.ndarray]:
-        """First guesses of an equilibrium, any of which may be the best.
-
-        Parameters
-        ----------
-        positions : ndarray, shape (n, d)
-            In equilibrium at the value `before` of the parameter.
-        before, after : float
-        earlier : tuple of float and ndarray, or None
-            The equilibrium before that one.
-
-        Raises
-        ------
-        TooFar
-            If the step is longer than the first guess is good for.
-        """
-
-    @abstractmethod
-    def velocities(self, positions: np.ndarray, motion: Motion) -> np.ndarray:
-        """Velocities with which a body that has followed its conditions slowly goes on with them, shape (n, d)."""
-
-    @abstractmethod
-    def power(self, reactions: Reactions, motion: Motion, time: float, step: float) -> float:
-        """Power of all that holds the body, in the plane per unit thickness, at the end of a time step."""
-
-    @abstractmethod
-    def greatest_speed(self, motion: Motion) -> float:
-        """Greatest difference of the velocities of any two held parts, in a component, during a phase of dynamics."""
-
-    @abstractmethod
-    def growth(self, before: float, after: float) -> float | None:
-        """Change of the body's extent between two values of the parameter; None where conditions do not tell it."""
-
-    @abstractmethod
-    def pushes(self, force: InternalForce) -> bool:
-        """Whether the body may buckle in the state last evaluated, since it is under compression."""
-
-    def reached(self, parameter: float) -> str:
-        """How far conditions have come at a value of the parameter, for messages; empty where the value says it."""
-        return ""

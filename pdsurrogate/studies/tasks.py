@@ -15,12 +15,12 @@ from .. import artifacts
 from ..discretisation import check_size
 from ..forces import FORCES, ForceModel
 from ..forces.identity import digest_of, identity_of
+from ..problem.materials import checked_models
 from ..results.checkpoint import NAME as CHECKPOINT
 from ..results.checkpoint import CheckpointError
 from ..results.contents import digest_of_mesh
 from ..results.files import write_json
 from ..results.folder import SUMMARY
-from ..run.materials import checked_models
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import Mesh, Scene, SceneError, load_scene
 from ..scenes.problems import explain

@@ -1,11 +1,10 @@
-"""What a region of a scene is of a body: numbers of its points, or of the facets of its boundary."""
+"""Resolution of the regions of a scene into numbers of points of its body, or of facets of its boundary."""
 
 from __future__ import annotations
 
 import re
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -20,79 +19,63 @@ from ..scenes.problems import suggestion
 from ..scenes.regions import edge_names
 
 LAYER = 0.99
-"""Cells from an edge, or from the boundary, within which points are those of it: the outermost, half a cell inside, and of a boundary that
-cuts cells those that a part of another was added to; not the second ones, one and a half cells inside."""
+"""Distance in cells from an edge, or from the boundary, up to which points belong to it.
+
+The outermost points lie half a cell inside; along a boundary that cuts cells, so do those that a part of another cell was added to.  The
+second points lie one and a half cells inside."""
 
 ROUNDING = 1e-9
-"""Of the extent of a body: places so near to the boundary of a region belong to it."""
+"""Share of the extent of a body within which places count as lying on the boundary of a region."""
 
 RIM = 0.05
-"""Cells by which places may lie outside the facets: those of round outlines, half a cell long, have their middles up to 0.02 inside."""
-
+"""Distance in cells by which a place may lie outside the facets: facets of round outlines, half a cell long, are up to 0.02 inside."""
 
 NEAR = 2.0
-"""Cells from a place within which the point nearest to it is taken for it."""
-
+"""Greatest distance in cells between a place and the point that is nearest to it."""
 
 ALIKE = 1e-3
-"""Cells by which points may be farther from a place than the nearest one and count as near as that: on either side of an axis of the body,
-where a support at one of them alone would turn it."""
+"""Distance in cells within which points count as equally near to a place.
+
+Such points lie on either side of an axis of the body, where a support at one of them alone would turn it."""
 
 
 class Found(NamedTuple):
-    """For each point or facet whether it is in a region, and how far from it, infinite where that has no meaning."""
+    """Result of a search for a region: whether each part is inside, and its distance, infinite where that has no meaning."""
 
     inside: np.ndarray
     distance: np.ndarray
 
 
 def along_edge(body: Body, edge: str, lower: np.ndarray, upper: np.ndarray) -> Found:
-    """Which points are along an edge of the bounding box from `lower` to `upper`, and how far from it all are."""
+    """Return which points lie along an edge of the bounding box from `lower` to `upper`, and their distances from it."""
     axis, side = EDGES[edge]
     distance = -side * (body.points[:, axis] - (lower, upper)[side > 0][axis])
     return Found(distance < LAYER * body.cell[axis], distance)
 
 
-class _Parts(ABC):
-    """What a region is resolved to: the points of a body, or the facets of its boundary."""
+class _Parts:
+    """Base of what a region consists of: points of the body, or facets of its boundary, each with a place."""
 
     places: np.ndarray
     groups: dict[str, np.ndarray]
-    what: str
 
-    @abstractmethod
-    def told(self, number: int) -> str:
-        """What is said of one of them."""
-
-    @abstractmethod
-    def edge(self, name: str) -> Found:
-        """Those of an edge of the bounding box."""
-
-    @abstractmethod
-    def boundary(self, name: str) -> Found:
-        """Those of the outline, of the holes, or of one of these."""
-
-    @abstractmethod
-    def listed(self, region: Region) -> np.ndarray:
-        """Numbers of the points that a region lists, or is the nearest of."""
-
-    def group(self, name: str) -> np.ndarray:
-        """Numbers of those in a physical group of a mesh."""
+    def group(self, name: str) -> Found:
+        """Return the parts in a physical group of a mesh."""
         if not self.groups:
             raise ValueError(f"there is no group {name!r}: the body is of no mesh with physical groups of cells or lines")
         if name not in self.groups:
             raise ValueError(f"the mesh has no group {name!r}; {suggestion(name, self.groups, 'it has')}")
-        return self.groups[name]
+        return self.numbered(self.groups[name])
 
     def numbered(self, numbers: np.ndarray) -> Found:
-        """Those of the given numbers."""
+        """Return the parts of the given numbers."""
         inside = np.zeros(len(self.places), dtype=bool)
         inside[numbers] = True
         return Found(inside, np.where(inside, 0.0, np.inf))
 
 
 class _Points(_Parts):
-    """Of the body."""
+    """Points of the body."""
 
     what = "no point of the body lies in it"
 
@@ -100,7 +83,7 @@ class _Points(_Parts):
         self._body, self._lower, self._upper, self._surface = body, lower, upper, surface
         self.places, self.groups = body.points, body.groups
 
-    def told(self, number: int) -> str:
+    def describe(self, number: int) -> str:
         return f"point {number} at {_text(self.places[number])}"
 
     def edge(self, name: str) -> Found:
@@ -112,24 +95,25 @@ class _Points(_Parts):
         distance = surface.distances(self.places, reach, _facets_of(surface, name))
         return Found(distance < reach, distance)
 
-    def listed(self, region: Region) -> np.ndarray:
+    def listed(self, region: Region) -> Found:
+        """Return the points that a region lists, or is the nearest of."""
+        share = self._body.share
         if region.near is not None:
             distance = np.linalg.norm(self.places - np.array(region.near), axis=1)
             nearest = int(distance.argmin())
-            least = min(self._body.share.everywhere(float(distance[nearest])))
+            least = min(share.everywhere(float(distance[nearest])))
             if least > NEAR * self._body.cell.max():
-                raise ValueError(
-                    f"the nearest point to {_text(np.array(region.near))} is {self.told(nearest)}, {distance[nearest]:.3g} away: too far"
-                )
-            return np.flatnonzero(distance <= least + ALIKE * self._body.cell.min())
-        numbers, size = np.array(region.points), self._body.share.size(len(self.places))
-        if numbers.max() >= size:
+                place, found = _text(np.array(region.near)), self.describe(nearest)
+                raise ValueError(f"the nearest point to {place} is {found}, {distance[nearest]:.3g} away: too far")
+            return self.numbered(np.flatnonzero(distance <= least + ALIKE * self._body.cell.min()))
+        numbers, size = np.array(region.points, dtype=np.int64), share.size(len(self.places))
+        if numbers.max(initial=-1) >= size:
             raise ValueError(f"there is no point {numbers.max()}; the body has {size}, from 0 on")
-        return self._body.share.local(numbers)
+        return self.numbered(share.local(numbers))
 
 
 class _Facets(_Parts):
-    """Of the boundary."""
+    """Facets of the boundary."""
 
     what = "no part of the boundary lies in it"
 
@@ -137,7 +121,7 @@ class _Facets(_Parts):
         self.surface, self._lower, self._upper = surface, lower, upper
         self.places, self.groups = surface.midpoints(), surface.groups
 
-    def told(self, number: int) -> str:
+    def describe(self, number: int) -> str:
         return f"a facet of {self.surface.parts[number]} with its middle at {_text(self.places[number])}"
 
     def edge(self, name: str) -> Found:
@@ -147,13 +131,13 @@ class _Facets(_Parts):
     def boundary(self, name: str) -> Found:
         return self.numbered(_facets_of(self.surface, name))
 
-    def listed(self, region: Region) -> np.ndarray:
+    def listed(self, region: Region) -> Found:
         key = "near" if region.points is None else "points"
         raise ValueError(f"points have no boundary for a load to act on; in the place of {key} give an edge, outline, holes or a box")
 
 
 def _facets_of(surface: Surface, name: str) -> np.ndarray:
-    """Numbers of the facets of the outline, of the holes, or of one of these."""
+    """Return the numbers of the facets of the outline, of the holes, or of one hole."""
     holes = np.char.startswith(surface.parts, "holes.")
     found = np.flatnonzero(~holes if name == "outline" else holes if name == "holes" else surface.parts == name)
     if not len(found):
@@ -163,11 +147,13 @@ def _facets_of(surface: Surface, name: str) -> np.ndarray:
 
 
 class BodyRegions:
-    """The regions of a scene, as numbers of the points of its body and of the facets of its boundary.
+    """Regions of a scene, as numbers of the points of its body and of the facets of its boundary.
 
-    Of points a region holds those inside it; an edge those within a cell of it, the outline and the holes those within a cell of their
-    facets, and a group of a mesh those of its cells, or of the cells that its lines are sides of.  Of facets it holds those whose middle
-    is inside; an edge those that lie on it, the outline and the holes their own, and a group those of its cells or its lines.
+    A region of points holds those inside it; an edge those within a cell of it, the outline and the holes those within a cell of their
+    facets, and a group of a mesh those of its cells, or of the cells that its lines are sides of.  A region of facets holds those whose
+    middle is inside; an edge those that lie on it, the outline and the holes their own, and a group those of its cells or its lines.
+
+    Errors name a region by its name, or by the `key` of the entry that gives it in place.
 
     Parameters
     ----------
@@ -176,69 +162,57 @@ class BodyRegions:
     lower, upper : ndarray, shape (d,)
         Corners of its bounding box.
     surface : callable
-        Its boundary; asked for where a region needs it, once.
+        Returns its boundary; called once, where a region first needs it.
     """
 
     def __init__(self, scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
-        self._scene, self._body, self._lower, self._upper, self._make_surface = scene, body, lower, upper, surface
+        self._scene, self._body, self._lower, self._upper, self.surface = scene, body, lower, upper, cache(surface)
         self._tolerance = ROUNDING * float((upper - lower).max())
-
-    def surface(self) -> Surface:
-        """The boundary of the body."""
-        return self._surface
-
-    @cached_property
-    def _surface(self) -> Surface:
-        return self._make_surface()
-
-    @cached_property
-    def _points(self) -> _Points:
-        return _Points(self._body, self._lower, self._upper, self.surface)
+        self._points = _Points(body, lower, upper, self.surface)
 
     @cached_property
     def _facets(self) -> _Facets:
         return _Facets(self.surface(), self._lower, self._upper)
 
-    def points(self, reference: str | Region) -> np.ndarray:
-        """Numbers of the points in a region.
+    def points(self, reference: str | Region, key: str | None = None) -> np.ndarray:
+        """Return the numbers of the points in a region.
 
         Raises
         ------
         ValueError
             If there are none; names the region and what is near it.
         """
-        return self._found(reference, self._points)
+        return self._found(reference, key, self._points)
 
-    def facets(self, reference: str | Region) -> np.ndarray:
-        """Numbers of the facets in a region.
+    def facets(self, reference: str | Region, key: str | None = None) -> np.ndarray:
+        """Return the numbers of the facets in a region.
 
         Raises
         ------
         ValueError
-            If there are none, or one has too few points beside it to move with; names the region and the place.
+            If there are none, or one has too few points near it to move with; names the region and the place.
         """
-        found = self._found(reference, self._facets)
+        found = self._found(reference, key, self._facets)
         surface = self.surface()
         lost = surface.facets[found][~surface.followed()[surface.facets[found]]]
         if len(lost):
             raise ValueError(
-                f"{self._key(reference)}: the body is too thin at {_text(surface.nodes[lost[0]])}, where the points beside the boundary, "
-                f"with which it moves, are fewer than {too_few(self._body)}; take {self._body.finer}"
+                f"{self._key(reference, key)}: the body is too thin at {_text(surface.nodes[lost[0]])}, where the points beside the "
+                f"boundary, with which it moves, are fewer than {too_few(self._body)}; take {self._body.finer}"
             )
         return found
 
     def edge(self, reference: str | Region) -> str | None:
-        """Name of the edge that a region is, if it is exactly one of them."""
+        """Return the name of the edge that a region is, if it is exactly one of them."""
         return whole_edge(self._scene, reference, self._body.faces)
 
     def is_place(self, reference: str | Region) -> bool:
-        """Whether a region is what is nearest to a place."""
-        while isinstance(reference, str) and reference in self._scene.regions:
-            reference = self._scene.regions[reference]
-        return isinstance(reference, Region) and reference.near is not None
+        """Return whether a region consists of what is nearest to a place."""
+        region = self._unnamed(reference)
+        return isinstance(region, Region) and region.near is not None
 
     def label(self, reference: str | Region, otherwise: str) -> str:
-        """Name of a region, or of its edge or group, where it is said by one; letters that results have no room for become _."""
+        """Return the name of a region, or of its edge or group, with letters that results have no room for replaced by _."""
         if isinstance(reference, str):
             return reference
         return reference.edge or re.sub(r"[^A-Za-z0-9_.-]", "_", reference.group or "").lstrip("_.-")[:64] or otherwise
@@ -260,68 +234,68 @@ class BodyRegions:
                 f"{distance:.3g} away"
             )
 
-    def _found(self, reference: str | Region, parts: _Parts) -> np.ndarray:
+    def _found(self, reference: str | Region, key: str | None, parts: _Points | _Facets) -> np.ndarray:
         try:
             inside, distance = self._resolved(reference, parts)
             numbers = np.flatnonzero(inside)
             if not self._body.share.any(len(numbers)):
                 raise ValueError(f"{parts.what}{self._nearby(reference, parts, distance)}")
         except ValueError as error:
-            raise ValueError(f"{self._key(reference)}: {error}") from None
+            raise ValueError(f"{self._key(reference, key)}: {error}") from None
         return numbers
 
-    def _resolved(self, reference: str | Region, parts: _Parts) -> Found:
-        if isinstance(reference, str):
-            if reference in self._scene.regions:
-                return self._resolved(self._scene.regions[reference], parts)
-            if reference in edge_names(self._scene.dimension):
-                return parts.edge(reference)
-            return parts.numbered(np.arange(len(parts.places))) if reference == "body" else parts.boundary(reference)
-        members = [self._resolved(member, parts) for _, member in reference.members()]
-        if reference.both is not None:
-            return Found(np.all([member.inside for member in members], axis=0), np.max([member.distance for member in members], axis=0))
-        if reference.either is not None:
-            return Found(np.any([member.inside for member in members], axis=0), np.min([member.distance for member in members], axis=0))
-        if reference.other is not None:
-            return Found(~members[0].inside, np.full(len(parts.places), np.inf))
-        if reference.edge is not None:
-            return parts.edge(reference.edge)
-        if reference.group is not None:
-            return parts.numbered(parts.group(reference.group))
-        if reference.points is not None or reference.near is not None:
-            return parts.numbered(parts.listed(reference))
-        distance = _distance(reference, parts.places)
-        return Found(distance <= self._tolerance, distance)
-
-    def _nearby(self, reference: str | Region, parts: _Parts, distance: np.ndarray) -> str:
-        """What is said of a region that nothing is in."""
+    def _unnamed(self, reference: str | Region) -> str | Region:
+        """Return the region that a name of the scene stands for; names that every body has stay."""
         while isinstance(reference, str) and reference in self._scene.regions:
             reference = self._scene.regions[reference]
-        if isinstance(reference, Region) and reference.both is not None:
-            counts = [f"{key} {self._resolved(member, parts).inside.sum()}" for key, member in reference.members()]
+        return reference
+
+    def _resolved(self, reference: str | Region, parts: _Points | _Facets) -> Found:
+        region = self._unnamed(reference)
+        if isinstance(region, str):
+            if region in edge_names(self._scene.dimension):
+                return parts.edge(region)
+            return parts.numbered(np.arange(len(parts.places))) if region == "body" else parts.boundary(region)
+        members = [self._resolved(member, parts) for _, member in region.members()]
+        if region.both is not None:
+            return Found(np.all([member.inside for member in members], axis=0), np.max([member.distance for member in members], axis=0))
+        if region.either is not None:
+            return Found(np.any([member.inside for member in members], axis=0), np.min([member.distance for member in members], axis=0))
+        if region.other is not None:
+            return Found(~members[0].inside, np.full(len(parts.places), np.inf))
+        if region.edge is not None:
+            return parts.edge(region.edge)
+        if region.group is not None:
+            return parts.group(region.group)
+        if region.points is not None or region.near is not None:
+            return parts.listed(region)
+        distance = _distance(region, parts.places)
+        return Found(distance <= self._tolerance, distance)
+
+    def _nearby(self, reference: str | Region, parts: _Points | _Facets, distance: np.ndarray) -> str:
+        """Return words for what is near a region that nothing is in."""
+        region = self._unnamed(reference)
+        if isinstance(region, Region) and region.both is not None:
+            counts = [f"{key} {self._resolved(member, parts).inside.sum()}" for key, member in region.members()]
             return f": of {len(parts.places)} there are in {', in '.join(counts)}, and none in all of them"
-        edge = self.edge(reference)
+        edge = self.edge(region)
         if edge is not None and parts is not self._points:
             side, there = ("straight side", "edge") if len(self._lower) == 2 else ("flat part", "face")
             return f"; no {side} of the body is on its {edge} {there}"
         if not np.isfinite(distance).any():
             return ""
         number = int(distance.argmin())
-        return f"; the nearest is {parts.told(number)}, {distance[number]:.3g} away"
+        return f"; the nearest is {parts.describe(number)}, {distance[number]:.3g} away"
 
-    def _key(self, reference: str | Region) -> str:
-        """Where the author of the scene says a region."""
+    def _key(self, reference: str | Region, key: str | None) -> str:
+        """Return the key under which the scene defines a region."""
         if isinstance(reference, str) and reference in self._scene.regions:
             return f"regions.{reference}"
-        for key in ("prescribed", "loads", "materials"):
-            for number, entry in enumerate(getattr(self._scene, key)):
-                if entry.region is reference or (isinstance(reference, str) and entry.region == reference):
-                    return f"{key}.{number}.region"
-        return reference if isinstance(reference, str) else "region"
+        return key or (reference if isinstance(reference, str) else "region")
 
 
 def _distance(region: Region, places: np.ndarray) -> np.ndarray:
-    """Distance of places (n, d) from a box, a disc or ball, or a half-plane or half-space; zero within."""
+    """Return the distances of places (n, d) from a box, a disc or ball, or a half-plane or half-space; zero within."""
     if region.box is not None:
         lower, upper = np.array(region.box)
         return np.linalg.norm(np.maximum(0, np.maximum(lower - places, places - upper)), axis=1)

@@ -1,4 +1,4 @@
-"""The programme of a scene, said in either way, as stages: each in equilibrium or in dynamics."""
+"""Programme of a scene as stages, each in equilibrium or in dynamics, whether it gives stretches or steps."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ class Inertia:
     density, damping, safety : float
         See `pdsurrogate.scenes.StepDynamics`.
     viscosity : float or None
-        None where the scene says none.
+        None where the scene gives none.
     duration : float or None
-        Of the stage.
+        Duration of the stage.
     rate : float or None
-        Of the loading parameter; one of the two is given.
+        Rate of the loading parameter; one of the two is given.
     key : str
-        Where the scene says it.
+        Key in the scene.
     """
 
     density: float
@@ -36,11 +36,11 @@ class Inertia:
 
     @property
     def pace(self) -> str:
-        """Key that sets the rate of the stage, within its own."""
+        """Return the key that sets the rate of the stage, within its own."""
         return "stretch_rate" if self.duration is None else "duration"
 
     def motion(self, begin: float, end: float) -> Motion:
-        """The loading parameter in time."""
+        """Return the loading parameter as a function of time."""
         return Motion.at_rate(begin, end, self.rate) if self.duration is None else Motion.lasting(begin, end, self.duration)
 
 
@@ -55,9 +55,9 @@ class Stage:
     outputs : int
         States recorded on the way, evenly, the last one at the end.
     largest_increment : float or None
-        Of the parameter between two equilibria; None where the first guess tells.
+        Greatest increment of the parameter between two equilibria; None where the first guess determines it.
     inertia : Inertia or None
-        None in equilibrium.
+        None for a stage in equilibrium.
     """
 
     to: float

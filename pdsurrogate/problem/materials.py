@@ -1,8 +1,9 @@
-"""The materials of a scene: which force model each takes, and which points of the body are of it."""
+"""Materials of a scene: the force model of each, the points of the body that belong to it, and what to warn of."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,9 +12,10 @@ from ..body import Body
 from ..forces import ForceModel, ForceSettings, Portion
 from ..forces.interfaces import YIELDING
 from ..forces.portions import EvaluationOfPortions
+from ..materials import Law
 from ..scenes import Scene, SceneError
 from ..scenes.model import tip_diameter
-from ..solvers.regions import BodyRegions
+from .regions import BodyRegions
 
 LEAST_CELLS = 3
 """Thickness of a part in cells below which a warning is given: at a horizon of 3.15 cells its neighbours are bonded through it."""
@@ -33,7 +35,7 @@ AS_GOOD_AS_RIGID = 1e4
 
 
 def settings_of(scene: Scene) -> ForceSettings:
-    """Choices of a scene for the evaluation of its force model."""
+    """Return the choices of a scene for the evaluation of its force model."""
     return ForceSettings(scene.precision, scene.correction, scene.rotation, scene.outside, scene.fracture is not None, scene.plane)
 
 
@@ -129,15 +131,16 @@ def check_fracture(scene: Scene, model: ForceModel) -> None:
 
 
 def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:
-    """Force models of the scene's `materials`.
+    """Return the force models of the scene's `materials`.
 
-    The one that a part asks for, or else that of the rest if it describes the part's law, or else that law's surrogate of the same kind.
+    A part has the model that it asks for, or else that of the rest if it describes the part's law, or else its law's surrogate of the same
+    kind.
 
     Parameters
     ----------
     scene : Scene
     model : ForceModel
-        Of the rest of the body.
+        Model of the rest of the body.
 
     Raises
     ------
@@ -151,7 +154,7 @@ def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:
             if model.family != "bond energy":
                 why = f"a rigid region takes a force that has an energy, as bond-energy; {model.name} has none"
                 raise SceneError(f"scene {scene.name}: materials.{number}: {why}")
-            found.append(model)  # which nothing is asked of there
+            found.append(model)  # not evaluated there
             continue
         law = part.material.build()
         try:
@@ -168,7 +171,8 @@ def models_of(scene: Scene, model: ForceModel) -> list[ForceModel]:
     return found
 
 
-def _describes(model: ForceModel, law) -> bool:
+def _describes(model: ForceModel, law: Law) -> bool:
+    """Return whether a model describes a law."""
     try:
         model.check_material(law)
     except ValueError:
@@ -176,15 +180,17 @@ def _describes(model: ForceModel, law) -> bool:
     return True
 
 
-def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: BodyRegions) -> tuple[list[Portion], dict[str, np.ndarray]]:
-    """The points of every material: those of the rest, then those of `materials` in order; a material that is left no point has no portion.
+def portions_of(
+    scene: Scene, body: Body, models: Sequence[ForceModel], regions: BodyRegions
+) -> tuple[list[Portion], dict[str, np.ndarray]]:
+    """Return the points of every material: of the rest, then of `materials` in order; one that is left no point has no portion.
 
     Parameters
     ----------
     scene : Scene
     body : Body
     models : list of ForceModel
-        Of the rest, then of `materials`.
+        Models of the rest, then of `materials`.
     regions : BodyRegions
 
     Returns
@@ -201,7 +207,7 @@ def portions_of(scene: Scene, body: Body, models: list[ForceModel], regions: Bod
     of_points, laws = np.zeros(len(body), dtype=np.int64), [scene.law()]
     for number, part in enumerate(scene.materials, 1):
         laws.append(None if part.rigid else part.material.build())
-        points = regions.points(part.region)
+        points = regions.points(part.region, f"materials.{number - 1}.region")
         before = of_points[points]
         # Two rigid regions are two bodies.
         different = [part.rigid or laws[other] != laws[number] or models[other] is not models[number] for other in before]

@@ -1,0 +1,281 @@
+"""Conditions of a body made from the prescriptions of a scene: held points, planes of reflection and supports, and checks of them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from ..body import Body
+from ..discretisation.planes import reflected_edges
+from ..forces import InvalidState
+from ..scenes import Scene
+from ..solvers.conditions import HeldPlane, HeldPoints, Loading, displaced, place_of
+from ..solvers.course import Paths, Pull
+from ..solvers.loads import Loads
+from ..solvers.motion import Motion
+from ..solvers.supports import SupportAtPlace
+from .prescriptions import Prescription, prescriptions_of
+from .programme import Stage
+from .regions import BodyRegions, along_edge
+
+RIGID = 1e3
+"""Stiffness of rigid regions over that of the rest in a first guess, which is then brought to where they can be."""
+
+SAMPLES = 5
+"""Values of the parameter in each stage at which prescriptions are compared: amplitudes that agree at all of these are the same."""
+
+LEAST_SPREAD = 1e-6
+"""Singular value of the constraints on a rigid motion below which it is free: less than two points a thousandth of the body apart give."""
+
+
+def conditions_of(
+    scene: Scene,
+    body: Body,
+    box: tuple[np.ndarray, np.ndarray],
+    regions: BodyRegions,
+    loads: Loads | None,
+    stages: tuple[Stage, ...],
+    rigid: Iterable[np.ndarray] = (),
+) -> Loading:
+    """Return the conditions of a body.
+
+    Parameters
+    ----------
+    scene : Scene
+    body : Body
+    box : tuple of ndarray, shape (d,)
+        Lower and upper corner of its bounding box.
+    regions : BodyRegions
+    loads : Loads or None
+    stages : tuple of Stage
+    rigid : iterable of ndarray of int
+        Points of every region that moves as one body; those next to a plane are held as the plane is.
+
+    Raises
+    ------
+    ValueError
+        If a region is empty, two entries move a point or plane differently or share a name, an amplitude is not zero at rest, or nothing
+        keeps a piece of the body where it is; names the key.
+    """
+    rigid, stretched = tuple(rigid), scene.stretched
+    length = float(box[1][scene.loaded_axis] - box[0][scene.loaded_axis]) if stretched else 0.0
+    prescriptions = prescriptions_of(scene, regions, length, stages)
+    names = tuple(dict.fromkeys(prescription.holder for prescription in prescriptions if prescription.holder is not None))
+    edges = reflected_edges(scene, body.faces)
+    if stretched and scene.support == "reflected":
+        edges = {grip.edge: (len(scene.holds) + number,) for number, grip in enumerate(scene.grips)}
+    planes, held, along_planes = [], [], []
+    for edge, numbers in edges.items():
+        points = np.flatnonzero(along_edge(body, edge, *box).inside)
+        holding = [prescriptions[number] for number in numbers]
+        planes.append(_plane_of(f"{edge} {'grip' if stretched else 'edge'}", holding, names, body.dimension))
+        of_rigid = np.intersect1d(points, np.concatenate([np.empty(0, dtype=np.int64), *rigid]))
+        for one in holding:
+            along_planes.append(HeldPoints(one.name, None, points, one.components, one.of_places(body.points[points])))
+            if len(of_rigid):  # its images hold no region that nothing deforms
+                moves = one.of_places(body.points[of_rigid])
+                held.append(HeldPoints(one.name, names.index(one.holder), of_rigid, one.components, moves))
+    reflected = {number for numbers in edges.values() for number in numbers}
+    moving = any(stage.inertia is not None for stage in stages)
+    held += [_points_of(one, names, body, regions, moving) for number, one in enumerate(prescriptions) if number not in reflected]
+    parameter, rest = ("stretch", 1.0) if stretched else ("t", 0.0)
+    loading = Loading(body, parameter, rest, names, tuple(planes), tuple(held), loads)
+    # A plane does what its points would do: two prescriptions may not disagree on either.  Holds may move points next to a grip's plane.
+    _check_motions(body, [*([] if stretched else along_planes), *held], [rest, *(stage.to for stage in stages)])
+    _check_planes(loading, [prescriptions[numbers[0]].key for numbers in edges.values()])
+    if stretched:
+        lower, travels = box[0][scene.loaded_axis], np.array([one.displacement for one in prescriptions[len(scene.holds) :]])
+        loading.course = Pull(loading, scene.loaded_axis, lower, length, travels)
+        _check_held(loading, "grips", "add a hold", f"moving along x{scene.loaded_axis + 1}")
+        return loading
+    modulus = 1.0 if scene.material is None else scene.law().shear_modulus  # a picture of a scene without a material needs none
+    springs: float | np.ndarray = modulus
+    if rigid:
+        springs = np.full(len(body), modulus)
+        springs[np.concatenate(rigid)] *= RIGID
+    loading.course = Paths(loading, springs, modulus, scene.solver.largest_increment, partial(_turned, prescriptions))
+    if loading.supports is not None:
+        loading.supports.response = loading.course.response
+    if any(stage.inertia is None for stage in stages):
+        ways = "x1 or x2" if body.dimension == 2 else "x1, x2 or x3"
+        _check_held(loading, "prescribed", f"hold {ways} of a region by 0 against it, or let the steps be in dynamics")
+    return loading
+
+
+def _plane_of(name: str, holding: list[Prescription], names: tuple[str, ...], dimension: int) -> HeldPlane:
+    """Return the plane that some prescriptions of its edge hold."""
+    by_component: list[Prescription | None] = [None] * dimension
+    for one in holding:
+        for component in one.components:
+            by_component[component] = one
+    holders = tuple(None if one is None else names.index(one.holder) for one in by_component)
+    components = tuple(component for component, one in enumerate(by_component) if one is not None)
+    turned = next((one for one in reversed(holding) if one.rotation is not None), None)
+    if turned is not None:
+        # Its displacement is that of the origin.
+        return HeldPlane(name, holders, components, lambda t: turned.shift(t) - turned.turn(t) @ turned.about, turned.turn)
+
+    def displacement(parameter: float) -> np.ndarray:
+        moved = np.zeros(dimension)
+        for component in components:
+            moved[component] = by_component[component].shift(parameter)[component]
+        return moved
+
+    return HeldPlane(name, holders, components, displacement)
+
+
+def _points_of(one: Prescription, names: tuple[str, ...], body: Body, regions: BodyRegions, moving: bool) -> HeldPoints:
+    """Return the points that a prescription holds, in a programme that may be `moving` in dynamics."""
+    points = regions.points(one.region, f"{one.key}.region" if one.key.startswith("prescribed") else one.key)
+    holder, places = None if one.holder is None else names.index(one.holder), body.points[points]
+    support = _support(body, points) if regions.is_place(one.region) else None
+    if support is None:
+        return HeldPoints(one.name, holder, points, one.components, one.of_places(places))
+    if moving:
+        raise ValueError(
+            f"{one.key}.region: {support.count} points are equally near to this place, and a support between points is "
+            "not followed in dynamics; give points by their numbers, or a box around them"
+        )
+    held = np.setdiff1d(points, support.others)
+    return HeldPoints(one.name, holder, held, one.components, one.of_places(support.place[None]), support)
+
+
+def _support(body: Body, points: np.ndarray) -> SupportAtPlace | None:
+    """Return the support that points near to a place make, if there are several."""
+    share = body.share
+    rows = [(share.number(int(point)), tuple(body.points[point])) for point in points]
+    found = dict(sorted(row for of_part in share.everywhere(rows) for row in of_part))
+    if len(found) == 1:
+        return None
+    return SupportAtPlace(np.mean(list(found.values()), axis=0), len(found), share.local(np.array(list(found)[1:])))
+
+
+def _turned(prescriptions: list[Prescription], before: float, after: float) -> float:
+    """Return the greatest angle in degrees by which a region turns between two values of the parameter."""
+    turns = [abs(one.rotation * (one.factor(after) - one.factor(before))) for one in prescriptions if one.rotation]
+    return max(turns, default=0.0)
+
+
+def _check_motions(body: Body, held: list[HeldPoints], ends: list[float]) -> None:
+    """Refuse amplitudes that are not zero at rest, and conditions that move a point differently: it would go with the later one."""
+    samples = np.unique(np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(ends)])).tolist()
+    try:
+        for part in held:
+            if np.abs(part.displacement(ends[0])[..., list(part.components)]).max(initial=0.0) > 1e-9 * body.spacing:
+                raise ValueError(f"{part.name}.amplitude: it must be 0 at t = 0, where the body is at rest, as ramp and sine are")
+        for component in range(body.dimension):
+            for sample in samples:
+                _check_agreement(body, [part for part in held if component in part.components], component, sample)
+    except InvalidState as error:
+        raise ValueError(str(error)) from None
+
+
+def _check_agreement(body: Body, held: list[HeldPoints], component: int, parameter: float) -> None:
+    """Refuse two conditions on a component that move a point differently at a value of the parameter."""
+    travel, holder = np.zeros(len(body)), np.full(len(body), -1)
+    for number, part in enumerate(held):
+        goes = np.broadcast_to(part.displacement(parameter)[..., component], len(part.points))
+        apart = np.abs(travel[part.points] - goes) > 1e-9 * body.spacing
+        twice = part.points[(holder[part.points] >= 0) & apart]
+        if len(twice):
+            names = f"{held[holder[twice[0]]].name} and {part.name}"
+            raise ValueError(f"{names} move point {twice[0]} at {place_of(body, twice[0])} differently along x{component + 1}")
+        travel[part.points], holder[part.points] = goes, number
+
+
+def _check_planes(loading: Loading, keys: list[str]) -> None:
+    """Refuse planes that no bond crosses; `keys` name them."""
+    for number, (key, plane) in enumerate(zip(keys, loading.planes, strict=True)):
+        if not loading.body.share.any((loading.crossing[1] == number).any()):
+            name, edge = plane.name.split()[0], "edge" if loading.body.dimension == 2 else "face"
+            raise ValueError(f"{key}: no bond of the body crosses its {name} {edge}; do holes take all that is there?")
+
+
+def _check_held(loading: Loading, key: str, advice: str, only: str | None = None) -> None:
+    """Refuse pieces of the body that can move or turn as a whole, or make one motion only: they have no equilibrium, or many."""
+    body, share = loading.body, loading.body.share
+    count, piece = loading.pieces()
+    extent = share.extent(body.points)
+    middle = np.array([share.sum(column) for column in body.points.T]) / share.size(len(body))
+    places, components, owners = _constraints(loading)
+    rows = share.of_all(_rigid_motions((places - middle) / extent, components), owners)
+    pieces = share.of_all(piece[owners], owners)
+    for number in range(count):
+        motions = [motion for motion in _free_motions(rows[pieces == number], body.dimension) if only in (None, motion)]
+        if not motions:
+            continue
+        loose = share.own_points(np.flatnonzero(piece == number))
+        size = share.total(len(loose))
+        where = f", at {place_of(body, loose[0])}," if len(loose) else ""
+        what = "the body" if count == 1 else f"a piece of {size} points of the body{where}"
+        if count > 1:
+            thin = f"as where a wall is thinner than the spacing, {body.spacing:.3g}, or a cut goes all the way"
+            advice = f"there are {count} pieces with no bonds between them, {thin}: take {body.finer}, or {advice}"
+        raise ValueError(f"{key}: nothing keeps {what} from {' or '.join(motions)}; {advice}")
+    if count > 1 and share.leads:
+        why = f"as where a cut goes all the way, or a wall is thinner than the spacing, {body.spacing:.3g}"
+        warnings.warn(f"the body is in {count} pieces with no bonds between them, {why}; each is held by itself", stacklevel=2)
+
+
+def _constraints(loading: Loading) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the places (k, d) and components (k,) that are held at rest, and the point of the body that each belongs to."""
+    body = loading.body
+    rows = [(np.zeros((0, body.dimension)), np.zeros(0, dtype=int), np.zeros(0, dtype=int))]
+    for part in loading.held:
+        there = body.points[part.points] if part.support is None else np.tile(part.support.place, (len(part.points), 1))
+        rows += [(there, np.full(len(there), component), part.points) for component in part.components]
+    for plane, held, sources in zip(body.planes, loading.planes, loading.beside_planes, strict=True):
+        there = body.points[sources].copy()
+        there[:, plane.axis] = plane.position
+        rows += [(there, np.full(len(there), component), sources) for component in held.components]
+    return tuple(map(np.concatenate, zip(*rows, strict=True)))
+
+
+def _rigid_motions(arms: np.ndarray, components: np.ndarray) -> np.ndarray:
+    """Return what rigid motions do in components (k,) of places at arms (k, d): d along the axes, then one turn or three of them."""
+    count, dimension = arms.shape
+    turns = [(0, 1)] if dimension == 2 else [(1, 2), (2, 0), (0, 1)]
+    rows = np.zeros((count, dimension + len(turns)))
+    rows[np.arange(count), components] = 1.0
+    for number, (a, b) in enumerate(turns, dimension):
+        rows[:, number] = np.where(components == a, -arms[:, b], np.where(components == b, arms[:, a], 0.0))
+    return rows
+
+
+def _free_motions(rows: np.ndarray, dimension: int) -> list[str]:
+    """Return words for the rigid motions of `_rigid_motions` that constraints, shape (k, motions), leave free."""
+    if len(rows) == 0:
+        return [*(f"moving along x{axis + 1}" for axis in range(dimension)), "turning"]
+    # Singular values of R with R^T R = A^T A, which is small however many places there are.
+    _, sizes, directions = np.linalg.svd(np.linalg.qr(rows / np.sqrt(len(rows)), mode="r"), full_matrices=True)
+    sizes = np.concatenate([sizes, np.zeros(rows.shape[1] - len(sizes))])
+    free = directions[sizes < LEAST_SPREAD]
+    if not len(free):
+        return []
+    words = [f"moving along x{axis + 1}" for axis in range(dimension) if not (np.abs(rows[:, axis]) > 0).any()]
+    return [*words, "turning"] if len(free) > len(words) else words
+
+
+def greatest_speed(loading: Loading, motion: Motion) -> float:
+    """Return the greatest difference of the velocities of any two held parts, in a component, during a stage in dynamics."""
+    share, dimension, fastest = loading.body.share, loading.body.dimension, 0.0
+    for begin, end in pairwise(np.linspace(0, motion.duration, 17)):
+        low, high = np.full(dimension, np.inf), np.full(dimension, -np.inf)
+        changes = [(part, part.displacement(motion.at(end)) - part.displacement(motion.at(begin))) for part in loading.held]
+        for plane, sources in zip(loading.planes, loading.beside_planes, strict=True):
+            change = plane.motion(motion.at(end)) - plane.motion(motion.at(begin))
+            changes.append((plane, displaced(change, loading.body.points[sources])))
+        for part, change in changes:
+            change = np.atleast_2d(change)
+            for component in part.components:
+                low[component] = min(low[component], change[:, component].min(initial=np.inf))
+                high[component] = max(high[component], change[:, component].max(initial=-np.inf))
+        low = -np.array([share.greatest(-value) for value in low])
+        high = np.array([share.greatest(value) for value in high])
+        spread = (high - low)[np.isfinite(low)]
+        fastest = max(fastest, float(spread.max(initial=0.0)) / (end - begin))
+    return fastest

@@ -1,0 +1,137 @@
+"""Fracture: the stretch at which bonds break, from the fracture energy of a law, and the energy that a tear test shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..materials import Law, homogeneous
+from ..materials.law import check_number, checked_law
+from ..scenes import Scene
+from ..scenes.model import TIP_DIAMETER, tip_diameter
+
+
+def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_diameter: float = TIP_DIAMETER) -> float:
+    """Critical bond stretch at which a crack runs once its energy release rate reaches the fracture energy.
+
+    At a blunted tip rubber fails in uniaxial tension, and the fracture energy is the energy density at failure times an effective diameter
+    of the tip (Thomas 1955).  Here the horizon sets that diameter, d = `tip_diameter` delta:
+
+        G = psi_uniaxial(lambda_c) d,
+
+    so the stretch falls with the horizon while the energy stays.
+
+    Parameters
+    ----------
+    law : Law
+    fracture_energy : float
+        Energy per unit area of crack in the undeformed state, in units of stress times length.
+    horizon : float
+    tip_diameter : float
+        Diameter in horizons; by default that of sheets whose bonds have forces and no energy.  By `bond-energy` in space it is 1.2 with a
+        horizon of 1.75 spacings, and 0.83 with one of 2.2.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        If the energy, the horizon or the diameter is not positive, or no stretch up to the law's limit holds as much.
+
+    References
+    ----------
+    Thomas, J. Polym. Sci. 18 (1955) 177-188.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> print(round(pds.critical_stretch_of(pds.NeoHookean(720.0, 72_000.0), fracture_energy=274.0, horizon=0.063), 3))
+    3.624
+    """
+    checked_law(law)
+    for name, value in (("fracture energy", fracture_energy), ("horizon", horizon), ("diameter of the tip", tip_diameter)):
+        check_number(value, f"the {name}")
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"the {name} must be positive and finite, not {value}")
+    wanted = fracture_energy / (tip_diameter * horizon)
+
+    def excess(stretch: float) -> float:
+        return homogeneous.uniaxial(law, stretch).energy_density - wanted
+
+    return float(brentq(excess, 1.0, _first_above(excess, law, "that fracture energy"), xtol=1e-12))
+
+
+def critical_stretch_in(scene: Scene, law: Law, horizon: float, family: str) -> float:
+    """Return the critical stretch that a scene gives, or the one that follows from its fracture energy for a family of force models."""
+    spec = scene.fracture
+    if spec.critical_stretch is not None:
+        return spec.critical_stretch
+    return critical_stretch_of(law, spec.energy, horizon, tip_diameter(scene.plane, scene.horizon_ratio, family))
+
+
+def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -> float:
+    """Energy per undeformed area that a trouser tear takes at a force on its legs.
+
+    While the tear goes on by dc each leg, in simple tension lambda, grows longer by lambda dc under the force F, and 2 b h dc of unstrained
+    material comes into the legs (Rivlin and Thomas 1953):
+
+        T = 2 F lambda / h - w(lambda),   w = 2 b psi(lambda),
+
+    with F = b h P(lambda).  For legs that hardly stretch T = 2 F / h.
+
+    Parameters
+    ----------
+    law : Law
+    force : float
+        Force on each leg.
+    leg_width, thickness : float
+        b and h of a leg, undeformed.
+
+    Returns
+    -------
+    float
+        Energy in units of stress times length.
+
+    Raises
+    ------
+    ValueError
+        If one of the numbers is not positive and finite, or the law holds no such stress.
+
+    References
+    ----------
+    Rivlin and Thomas, J. Polym. Sci. 10 (1953) 291-318.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> print(round(pds.tearing_energy(pds.NeoHookean(), force=1.0, leg_width=8.0, thickness=2.0), 4))
+    1.0106
+    """
+    checked_law(law)
+    for name, value in (("force", force), ("leg's width", leg_width), ("thickness", thickness)):
+        check_number(value, f"the {name}")
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"the {name} must be positive and finite, not {value}")
+    wanted = force / (leg_width * thickness)
+
+    def excess(stretch: float) -> float:
+        return homogeneous.uniaxial(law, stretch).nominal_stress - wanted
+
+    stretch = brentq(excess, 1.0, _first_above(excess, law, "that stress"), xtol=1e-12)
+    return 2 * force * stretch / thickness - 2 * leg_width * homogeneous.uniaxial(law, stretch).energy_density
+
+
+def _first_above(excess: Callable[[float], float], law: Law, what: str) -> float:
+    """Return a stretch at which a rising function is no longer negative; raise ValueError where the law ends before."""
+    upper = 1.1
+    while excess(upper) < 0:
+        lower, upper = upper, 1.1 * upper
+        try:
+            excess(upper)
+        except ValueError:
+            raise ValueError(f"{law.name} reaches its limit at stretch {lower:.3g}, before it holds {what}") from None
+    return upper

@@ -1,0 +1,158 @@
+"""Prescriptions: the motions that a scene prescribes for regions, whether it gives them by grips and holds or by `prescribed`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from ..discretisation.planes import prescribed_components
+from ..forces import InvalidState
+from ..scenes import Hold, Region, Scene
+from ..scenes.amplitudes import amplitude_of
+from ..scenes.model import EDGES
+from .programme import Stage
+from .regions import BodyRegions
+
+
+@dataclass(frozen=True)
+class Prescription:
+    """A motion prescribed for a region: a displacement and a turn, both times a factor that follows the loading parameter.
+
+    Attributes
+    ----------
+    key : str
+        Key in the scene.
+    name : str
+        Name in messages.
+    holder : str or None
+        Name under which results report its force; None where they do not.
+    region : str or Region
+    components : tuple of int
+        Components that are held.
+    displacement : ndarray, shape (d,)
+        Displacement where the factor is 1.
+    factor : callable
+        Function of the loading parameter.
+    rotation : float or None
+        Angle in degrees where the factor is 1.
+    about, axis : ndarray, shape (d,), or None
+        Place that the region turns about, and in space the direction of the axis.
+    """
+
+    key: str
+    name: str
+    holder: str | None
+    region: str | Region
+    components: tuple[int, ...]
+    displacement: np.ndarray
+    factor: Callable[[float], float]
+    rotation: float | None = None
+    about: np.ndarray | None = None
+    axis: np.ndarray | None = None
+
+    def shift(self, parameter: float) -> np.ndarray:
+        """Return the displacement of what does not turn, shape (d,)."""
+        return self.displacement * self.factor(parameter)
+
+    def turn(self, parameter: float) -> np.ndarray:
+        """Return Q - I of the rotation, shape (d, d)."""
+        angle = math.radians(self.rotation * self.factor(parameter))
+        cosine, sine = math.cos(angle), math.sin(angle)
+        if len(self.displacement) == 2:
+            return np.array([[cosine - 1, -sine], [sine, cosine - 1]])
+        a, b, c = self.axis / math.hypot(*self.axis)
+        cross = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
+        return sine * cross + (1 - cosine) * (cross @ cross)
+
+    def of_places(self, places: np.ndarray) -> Callable[[float], np.ndarray]:
+        """Return the displacement of reference places (k, d) as a function of the parameter; shape (d,) where all move alike."""
+        if self.rotation is None:
+            return self.shift
+        arms = places - self.about
+        return lambda parameter: arms @ self.turn(parameter).T + self.shift(parameter)
+
+
+def prescriptions_of(scene: Scene, regions: BodyRegions, length: float, stages: tuple[Stage, ...]) -> list[Prescription]:
+    """Return the prescriptions of a scene in the order in which they take effect: of two that hold a point, the later one counts.
+
+    Grips that are `length` apart move in proportion to the elongation, as do holds.
+
+    Raises
+    ------
+    ValueError
+        If two entries on different regions share a name.
+    """
+    if not scene.stretched:
+        ends = [0.0, *(stage.to for stage in stages)]
+        labels = _labels(scene, regions)
+        return [_of_entry(scene, number, label, (min(ends), max(ends))) for number, label in enumerate(labels[: len(scene.prescribed)])]
+
+    def elongation(stretch: float) -> float:
+        return (stretch - 1) * length
+
+    found, d = [], scene.dimension
+    for number, hold in enumerate(scene.holds):
+        components = tuple(range(d)) if hold.components is None else tuple(int(name[1:]) - 1 for name in hold.components)
+        travel, key = np.zeros(d) if hold.travel is None else np.array(hold.travel), f"holds.{number}"
+        found.append(Prescription(key, key, None, region_of_hold(hold), components, travel, elongation))
+    for number, grip in enumerate(scene.grips):
+        axis, side = EDGES[grip.edge]
+        components = (axis,) if grip.holds == "normal" else tuple(range(d))
+        travel = np.zeros(d)
+        travel[axis] = side * grip.travel
+        found.append(Prescription(f"grips.{number}", f"the {grip.edge} grip", grip.edge, grip.edge, components, travel, elongation))
+    return found
+
+
+def region_of_hold(hold: Hold) -> Region:
+    """Return the region of a hold, which may be empty; then it is refused where it is resolved."""
+    return Region.model_construct(box=hold.box, points=hold.points)
+
+
+def _of_entry(scene: Scene, number: int, label: str, span: tuple[float, float]) -> Prescription:
+    """Return the prescription of an entry of `prescribed` for a programme over a span of the parameter."""
+    entry, key = scene.prescribed[number], f"prescribed.{number}"
+    values = np.array([value or 0.0 for value in entry.displacement[: scene.dimension]])
+    components = prescribed_components(entry, scene.dimension)
+    factor = partial(_factor, f"{key}.amplitude", amplitude_of(entry.amplitude), span)
+    if entry.rotation is None:
+        return Prescription(key, key, label, entry.region, components, values, factor)
+    axis = None if entry.axis is None else np.array(entry.axis)
+    return Prescription(key, key, label, entry.region, components, values, factor, entry.rotation, np.array(entry.about), axis)
+
+
+def _factor(key: str, amplitude: Callable[[float], float], span: tuple[float, float], t: float) -> float:
+    """Return the amplitude at t; raise InvalidState where it has no value.
+
+    Beyond its programme an amplitude need have no value, and a force with viscosity looks a little ahead: it goes on as it came, so that
+    what moves at the end of the programme has its velocity there.
+    """
+    try:
+        within = min(max(t, span[0]), span[1])
+        return amplitude(t) if t == within else 2 * amplitude(within) - amplitude(2 * within - t)
+    except ValueError as error:
+        raise InvalidState(f"{key}: {error}") from None
+
+
+def _labels(scene: Scene, regions: BodyRegions) -> list[str]:
+    """Return the names under which results report forces: of the prescribed entries, then of the loads; a name stands for one region.
+
+    Raises
+    ------
+    ValueError
+        If two entries on different regions have one name.
+    """
+    labels, owners = [], {}
+    for kind in ("prescribed", "loads"):
+        for number, entry in enumerate(getattr(scene, kind)):
+            key = f"{kind}.{number}"
+            label = entry.name or regions.label(entry.region, key)
+            other, region = owners.setdefault(label, (key, entry.region))
+            if region != entry.region:
+                raise ValueError(f"{other} and {key} are on different regions and both called {label!r}; give one of them another name")
+            labels.append(label)
+    return labels

@@ -1,0 +1,136 @@
+"""Checkpoints of a run in its folder: when one is due, what it holds, and how a run takes it up."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import astuple
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..results.checkpoint import Checkpoint, CheckpointError
+from ..results.states import Moment
+
+if TYPE_CHECKING:
+    from .run import Run
+
+SECONDS_BETWEEN_CHECKPOINTS = 30.0
+"""Time between two checkpoints, which bounds the work that is lost when a run is killed."""
+
+CHECKPOINT_SHARE = 20
+"""Least time between two checkpoints, over the time that writing one took."""
+
+ACCEPTED = "accepted_"
+"""Beginning of the names of arrays that belong to the last equilibrium on the way to an output."""
+
+KEPT = (
+    *("parameter", "stage", "outputs", "begin", "elapsed", "steps", "crack", "dynamics"),
+    *("levels", "history", "convergence", "beyond_data", "greatest_drive", "wasted"),
+)
+"""Attributes of a run that a checkpoint holds as they are."""
+
+
+class Checkpoints:
+    """Checkpoints of a run; without a folder none is written.
+
+    Arrays are in the order of the whole body, so that any number of ranks can go on from them.
+
+    Parameters
+    ----------
+    run : Run
+
+    Attributes
+    ----------
+    resumable : bool
+        Whether there is one.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self._run, self._share = run, run.body.share
+        self.resumable, self._due = False, time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
+
+    @property
+    def late(self) -> bool:
+        """Return whether a checkpoint is due."""
+        return self._run.folder is not None and time.monotonic() >= self._due
+
+    @property
+    def identity(self) -> dict:
+        """Return the identity that a checkpoint of the run must have."""
+        run = self._run
+        sizes = {"n_points": self._share.size(len(run.body)), "n_pairs": self._share.total(run.counted_pairs())}
+        return {**run.contents.describe(), **sizes}
+
+    def write(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
+        """Write a checkpoint, with entries and arrays of whatever is under way."""
+        run = self._run
+        if run.folder is None:
+            return
+        began = time.monotonic()
+        common = {
+            **{name: getattr(run, name) for name in KEPT},
+            "earlier": None if run.earlier is None else run.earlier[0],
+            "moments": [astuple(moment) for moment in run.states.moments],
+            "evaluations": run.force.evaluations,
+            "precision": run.force.precision,
+            "outside": self._share.total(run.force.pairs_outside),
+        }
+        held = {**self._held(), **arrays}
+        if run.earlier is not None:
+            held["earlier"] = run.earlier[1]
+        whole = {key: self._share.to_whole(array, run.body, self._rows_of(key)) for key, array in held.items()}
+        kept = Checkpoint(self.identity, {**common, **progress}, whole)  # on all ranks, which form its sums together
+        if run.ranks.rank == 0:
+            kept.write(run.folder)
+        ended = time.monotonic()
+        self.resumable, self._due = True, ended + max(SECONDS_BETWEEN_CHECKPOINTS, CHECKPOINT_SHARE * (ended - began))
+
+    def restore(self) -> Checkpoint:
+        """Read a checkpoint, and bring the run to where it was written, except for what moves a stage in dynamics."""
+        run, held = self._run, self._held()
+        found = self._read(held)
+        progress = found.progress
+        if progress["precision"] != run.force.precision:
+            run.take_double()
+            held |= run.force.state_arrays()
+        for key, array in held.items():
+            array[:] = found.arrays[key]
+        for name in KEPT:
+            setattr(run, name, progress[name])
+        if progress["earlier"] is not None:
+            run.earlier = progress["earlier"], found.arrays["earlier"].copy()
+        run.states = run.states_of([Moment(*moment) for moment in progress["moments"]])
+        if run.damage is not None:
+            run.damage.restore()
+            broken = np.flatnonzero(run.damage.broken)
+            if self._share.any(len(broken) > 0):
+                run.force.break_bonds(broken)
+        self.resumable = True
+        run.force.evaluations, run.force.pairs_outside = progress["evaluations"], 0 if run.ranks.rank else progress["outside"]
+        return found
+
+    def _held(self) -> dict[str, np.ndarray]:
+        """Return the arrays that every checkpoint of the run holds."""
+        run = self._run
+        damage = {} if run.damage is None else {"broken": run.damage.broken, "recent": run.damage.recent}
+        return {"positions": run.positions, **run.force.state_arrays(), **damage}
+
+    def _read(self, held: dict[str, np.ndarray]) -> Checkpoint:
+        """Read a checkpoint on the first rank and return every rank's rows of it; the present arrays give the names of those required."""
+        run, share, identity = self._run, self._share, self.identity
+        counts = {key: share.rows_of_whole(len(array), run.body, self._rows_of(key)) for key, array in held.items()}
+        shapes = {key: ((counts[key], *array.shape[1:]), array.dtype) for key, array in held.items()}
+        whole = error = None
+        if run.ranks.rank == 0:
+            try:
+                whole = Checkpoint.read(run.folder, identity, shapes)
+            except CheckpointError as found:
+                error = found
+        share.agree(error)
+        progress, keys = run.ranks.to_all(whole and (whole.progress, list(whole.arrays)))
+        arrays = {key: share.from_whole(whole and whole.arrays[key], run.body, self._rows_of(key)) for key in keys}
+        return Checkpoint(identity, progress, arrays)
+
+    def _rows_of(self, key: str) -> str:
+        """Return what an array of a checkpoint has a row for, see `Share.to_whole`."""
+        return "pairs" if key in ("broken", "recent") else self._run.force.state_rows.get(key.removeprefix(ACCEPTED), "points")

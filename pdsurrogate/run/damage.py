@@ -1,0 +1,153 @@
+"""Damage: bonds that break for good beyond a critical stretch (paper, Eqs. (29)-(31))."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..body import Body
+from ..engine.block_arrays import BLOCK
+from ..engine.threads import chunks_of
+from ..kernels.damage import find_overstretched
+
+
+class Damage:
+    """Damage of a body: its broken bonds, and the search for those that break next.
+
+    Parameters
+    ----------
+    body : Body
+    critical_stretch : float
+        Bond stretch above 1 at which a bond breaks.
+
+    Attributes
+    ----------
+    broken : ndarray of bool, shape (n_pairs,)
+    recent : ndarray of int, shape (n_pairs,)
+        Number of the event in which each pair broke since the last output, from 1; 0 for other pairs.
+    """
+
+    def __init__(self, body: Body, critical_stretch: float) -> None:
+        if not (np.isfinite(critical_stretch) and critical_stretch > 1):
+            raise ValueError(f"the critical stretch must be finite and greater than 1, not {critical_stretch}")
+        self.body, self.critical_stretch = body, float(critical_stretch)
+        bonds = body.bonds
+        self.broken, self.recent = np.zeros(len(bonds.first), dtype=bool), np.zeros(len(bonds.first), dtype=np.int32)
+        self._events = 0
+        first, second = bonds.ends_in_blocks(BLOCK)
+        length = _lengths(body, bonds.first, bonds.second)
+        self._weights = body.weigh(length)
+        self._limits = np.full(len(first), np.inf)
+        self._limits[: len(length)] = (self.critical_stretch * length) ** 2
+        self._found = np.empty(len(first), dtype=np.uint32)
+        chunks = chunks_of(len(bonds.first))
+        self._counts = np.zeros(chunks.number, dtype=np.int64)
+        self._find = find_overstretched[body.dimension].bind(
+            body.all_points,
+            first,
+            second,
+            self._limits.reshape(-1, BLOCK),
+            np.zeros((chunks.threads, body.dimension, BLOCK)),
+            self._found,
+            self._counts,
+            chunks=chunks,
+        )
+        self._whole = self._sum(np.ones(len(self.broken))) + _cut_weights(body)
+
+    def overstretched(self, positions: np.ndarray) -> np.ndarray:
+        """Return the numbers of the intact pairs whose stretch exceeds the critical one, rising.
+
+        Parameters
+        ----------
+        positions : ndarray, shape (n + m, d)
+            Positions of the points and their images.
+        """
+        self._find.give("positions", positions)
+        if not self._find():
+            return self._found[:0]
+        chunks, blocks = len(self._counts), len(self._limits) // BLOCK
+        starts = [chunk * blocks // chunks * BLOCK for chunk in range(chunks)]
+        return np.concatenate([self._found[start : start + count] for start, count in zip(starts, self._counts, strict=True)])
+
+    def break_bonds(self, pairs: np.ndarray) -> None:
+        """Mark pairs as broken in one event."""
+        self._events += 1
+        self.broken[pairs], self.recent[pairs] = True, self._events
+        self._limits[pairs] = np.inf
+
+    def restore(self) -> None:
+        """Go on from the present `broken` and `recent`."""
+        self._limits[: len(self.broken)][self.broken] = np.inf
+        self._events = int(self.body.share.greatest(float(self.recent.max(initial=0))))
+
+    def take_recent(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the middles (k, d) of all pairs that broke since the last call, and the rising numbers (k,) of their events."""
+        found = self.in_order(np.flatnonzero(self.recent))
+        self.recent[:] = 0
+        return found
+
+    def in_order(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the middles (k, d) of pairs of the whole body in the order in which they broke, and the numbers (k,) of their events.
+
+        Within an event the order is that of the pairs in the whole body, the same on any number of ranks.
+        """
+        body, share = self.body, self.body.share
+        numbers = share.pair_numbers(body)[pairs]
+        pairs, numbers = pairs[numbers >= 0], numbers[numbers >= 0]  # those that are counted here
+        points, events = body.all_points, self.recent[pairs]
+        places = (points[body.bonds.first[pairs]] + points[body.bonds.second[pairs]]) / 2
+        places, events, numbers = (np.concatenate(share.everywhere(rows)) for rows in (places, events, numbers))
+        order = np.lexsort((numbers, events))
+        return places[order], events[order]
+
+    def at_points(self) -> np.ndarray:
+        """Return the damage (31) of every point, shape (n,): the share of its bonds, by weight and volume, that are cut or broken."""
+        return 1 - self._sum(~self.broken) / self._whole
+
+    def _sum(self, intact: np.ndarray) -> np.ndarray:
+        bonds, body, n = self.body.bonds, self.body, len(self.body)
+        shares = self._weights * intact
+        total = np.bincount(bonds.first, shares * body.all_volumes[bonds.second], n)
+        within = bonds.second < n
+        return total + np.bincount(bonds.second[within], (shares * body.all_volumes[bonds.first])[within], n)
+
+
+def _lengths(body: Body, first, second) -> np.ndarray:
+    return np.linalg.norm(body.all_points[second] - body.all_points[first], axis=1)
+
+
+def _cut_weights(body: Body) -> np.ndarray:
+    """Return the sum of w V over the bonds of every point that were cut from the outset."""
+    n, cut = len(body), body.bonds.cut
+    weights = body.weigh(_lengths(body, cut[:, 0], cut[:, 1]))
+    total = np.zeros(len(body.all_points))
+    for end in (0, 1):
+        np.add.at(total, cut[:, end], weights * body.all_volumes[cut[:, 1 - end]])
+    return total[:n]
+
+
+def greatest_bond_stretch(body: Body, positions: np.ndarray) -> float:
+    """Return the greatest stretch of the bonds between points of a body at positions (n, d).
+
+    With the equilibrium of a precut body at the loading at which its crack is seen to start, this is the critical stretch that
+    makes it start there: the paper's calibration from a loading curve.
+
+    Raises
+    ------
+    ValueError
+        If the positions are not those of the body's points.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> body = pds.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
+    >>> print(round(pds.greatest_bond_stretch(body, body.points * [1.5, 1.0]), 6))
+    1.5
+    """
+    positions = np.asarray(positions, dtype=float)
+    if positions.shape != body.points.shape:
+        raise ValueError(f"positions must be those of the body's points, of shape {body.points.shape}, not {positions.shape}")
+    bonds, n = body.bonds, len(body)
+    within = bonds.second < n
+    first, second = bonds.first[within], bonds.second[within]
+    deformed = np.linalg.norm(positions[second] - positions[first], axis=1)
+    return float((deformed / _lengths(body, first, second)).max())
