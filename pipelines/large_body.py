@@ -30,7 +30,7 @@ PARTS = {
     "preconditioner: D linearised": ("forces/dilatation.py", "take"),
     "pressure steps: D": ("forces/dilatation.py", "changes"),
     "pressure steps: transpose of D": ("forces/dilatation.py", "forces"),
-    "pressure steps: a cycle of multigrid for A": ("solvers/preconditioner.py", "NearestBondLaplacian.solve"),
+    "pressure steps: a cycle of multigrid for A": ("solvers/nearest_bonds.py", "NearestBondLaplacian.solve"),
     "pressure steps: their preconditioner": ("solvers/preconditioner.py", "_precondition"),
 }
 """Functions whose time is told, by file and name; none of them calls another."""

@@ -11,7 +11,7 @@ from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.body import ReflectionPlane
 from pdsurrogate.forces import FORCES, BondEnergyForce, EnergyNetwork, ForceSettings, OutsideDomain, OutsideDomainWarning
 from pdsurrogate.materials import LAWS, Gent, NeoHookean, Ogden, homogeneous, plane_stress
-from pdsurrogate.solvers.preconditioner import NearestBondStiffness
+from pdsurrogate.solvers.nearest_bonds import NearestBondStiffness
 from pdsurrogate.solvers.stability import NEGATIVE, least_curvature
 from pdsurrogate.stress_test.deformations import wavy
 

@@ -48,7 +48,7 @@ def test_parameters_of_made_up_data_come_back(name):
 
 
 def test_standard_errors_are_the_scatter_of_repeated_fits(random):
-    """50 fits to data with a known noise: their scatter is the reported standard error, within three errors of a scatter of 50 (a tenth)."""
+    """The scatter of 50 fits to noisy data is the reported standard error, within three errors of a scatter of 50, a tenth each."""
     X = three_modes()
     exact = nominal_stress(pds.Gent(0.3, 300.0, 90.0), X)
     fits = [pds.LawRegressor("gent").fit(X, exact + 0.02 * random.standard_normal(len(X))) for _ in range(50)]

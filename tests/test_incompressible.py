@@ -9,7 +9,8 @@ from pdsurrogate.forces import FORCES, ForceSettings
 from pdsurrogate.materials import NeoHookean
 from pdsurrogate.solvers import Automatic, stability
 from pdsurrogate.solvers.multigrid import Multigrid
-from pdsurrogate.solvers.preconditioner import IncompressibleStiffness, NearestBondLaplacian
+from pdsurrogate.solvers.nearest_bonds import NearestBondLaplacian
+from pdsurrogate.solvers.preconditioner import IncompressibleStiffness
 
 PLANE = {2: "strain", 3: "space"}
 

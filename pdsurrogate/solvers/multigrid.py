@@ -18,6 +18,11 @@ FEW = 1_500
 """Points of a level that is factorised."""
 
 
+def factor_of(matrix: sparse.sparray):
+    """Return the factor of a symmetric positive definite matrix, which needs no pivots."""
+    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+
 class Multigrid:
     """Smoothed aggregation over boxes of points, coarser levels visited twice (a W cycle).
 
@@ -66,7 +71,7 @@ class Multigrid:
             counts = np.bincount(box)
             points = np.stack([np.bincount(box, column) / counts for column in points[rows].T], axis=1)
             spacing, free = spacing * COARSENING, np.ones(len(kept), dtype=bool)
-        self._factor = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        self._factor = factor_of(matrix)
 
     def cycle(self, right: np.ndarray) -> np.ndarray:
         """Nearly the solution for a right hand side, shape (n,), or as many as there are columns in (n, width)."""

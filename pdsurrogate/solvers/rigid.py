@@ -12,7 +12,8 @@ from ..body import Body
 from ..forces import InternalForce, InvalidState
 from .conditions import moment_of
 from .loads import LoadedForce
-from .preconditioner import factorised, spring_matrix
+from .multigrid import factor_of
+from .nearest_bonds import Springs, held_matrix
 
 MOST_STEPS = 30
 """Newton steps by which a region is brought to where its held components are; from the last state two or three are taken."""
@@ -235,8 +236,8 @@ class RigidStiffness:
         entries = np.concatenate([np.ones(len(soft)), *values]), (np.concatenate([soft, *rows]), np.concatenate([soft, *columns]))
         by_motion = sparse.csr_array(entries, shape=shape)
         self._free = np.concatenate([kept.ravel(), *motions_free])
-        matrix = by_motion.T @ spring_matrix(body, force.stiffness_moduli, inside) @ by_motion
-        self._factor = factorised(matrix.tocsc(), self._free)
+        matrix = by_motion.T @ Springs(body, force.stiffness_moduli).matrix(inside) @ by_motion
+        self._factor = factor_of(held_matrix(matrix.tocsc(), self._free))
 
     def update(self) -> None:
         """Do nothing: it is the same in all states but for where the regions are, which they know."""

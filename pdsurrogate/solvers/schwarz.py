@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cached_property
 
 import numpy as np
-from scipy import sparse
 from scipy.linalg import eigh_tridiagonal
 
 from ..body import Body
 from . import conjugate_gradients
-from .preconditioner import (
+from .multigrid import factor_of
+from .nearest_bonds import (
+    Laplacian,
     NearestBondLaplacian,
-    component_laplacians,
-    factorised,
-    forces_of_springs,
-    laplacian_response,
-    nearest_ends,
-    spring_matrix,
+    NearestBonds,
+    Springs,
+    by_components,
+    extended,
+    extended_by_laplacian,
+    held_matrix,
 )
 
 SOLVED, EXACTLY = 0.05, 1e-6
@@ -79,8 +81,8 @@ class TwoLevels:
         self._share, self._multiply, self._free, self._body = share, multiply, free, body
         self._around = free.copy()
         share.fill(self._around)
-        first, second = nearest_ends(body, shear_moduli)
-        degrees = (np.bincount(first, minlength=n) + np.bincount(second[second < n], minlength=n)).astype(float)
+        bonds = NearestBonds(body, shear_moduli)
+        degrees = (np.bincount(bonds.first, minlength=n) + np.bincount(bonds.second[bonds.within], minlength=n)).astype(float)
         of_owners = degrees.copy()
         share.fill(of_owners)
         self.inside = self._around * (degrees == of_owners)[:, None]
@@ -163,7 +165,7 @@ class TwoLevels:
 
 
 class SchwarzStiffness:
-    """The stiffness of `NearestBondStiffness` of a body in parts, solved by conjugate gradients with a factor for every part.
+    """Inverse of `Springs` for a body in parts, by conjugate gradients with a factor for every part.
 
     Parameters
     ----------
@@ -175,38 +177,34 @@ class SchwarzStiffness:
     """
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        matrix, self._share = spring_matrix(body, shear_moduli), body.share
+        matrix = Springs(body, shear_moduli).matrix()
         self._levels = TwoLevels(body, shear_moduli, lambda moved: (matrix @ moved.ravel()).reshape(moved.shape), free)
-        factor = factorised(matrix, self._levels.inside.ravel())
+        factor = factor_of(held_matrix(matrix, self._levels.inside.ravel()))
         self._levels.invert = lambda forces: factor.solve(forces.ravel()).reshape(forces.shape)
 
     def update(self) -> None:
-        """It is the same in all states."""
+        """Do nothing: it is the same in all states."""
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Displacements under forces, shape (n, d), right on the points that are owned."""
+        """Return the displacements under forces, shape (n, d), right on the points that are owned."""
         return self._levels.iterated(forces, SOLVED)
 
     def response(
         self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
     ) -> np.ndarray:
-        """See `NearestBondStiffness.response`."""
-        held = held.copy()
-        self._share.fill(held)
-        found = self._levels.iterated(forces_of_springs(body, shear_moduli, held, planes, turns), EXACTLY) + held
-        self._share.fill(found)
-        return found
+        """See `Extension`."""
+        return extended(Springs(body, shear_moduli), lambda forces: self._levels.iterated(forces, EXACTLY), held, planes, turns)
 
 
 class SchwarzLaplacian:
-    """The Laplacian of `NearestBondLaplacian` of a body in parts, nearly solved by some steps of Chebyshev's method.
+    """Approximate inverse of `Laplacian` for a body in parts, by some steps of Chebyshev's method.
 
     Unlike conjugate gradients these are the same operator for all forces, symmetric and positive definite, and need no sums over all ranks.
 
     Parameters
     ----------
     body, shear_moduli, free
-        As of `SchwarzStiffness`.
+        See `SchwarzStiffness`.
 
     References
     ----------
@@ -214,36 +212,24 @@ class SchwarzLaplacian:
     """
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        self._free, matrix_of = free, component_laplacians(body, shear_moduli)
-        parities = [body.ghosts.parity[:, axis].tobytes() for axis in range(body.dimension)]
-        made: dict[bytes, sparse.csr_array] = {}
-        for axis, parity in enumerate(parities):
-            if parity not in made:
-                made[parity] = matrix_of(axis)
-        matrices = [made[parity] for parity in parities]
-
-        def multiply(moved: np.ndarray) -> np.ndarray:
-            if len(made) == 1:
-                return matrices[0] @ moved
-            return np.stack([matrix @ column for matrix, column in zip(matrices, moved.T, strict=True)], axis=1)
-
-        self._levels = TwoLevels(body, shear_moduli, multiply, free)
+        self._free, matrices = free, Laplacian(body, shear_moduli).matrices()
+        products = {id(matrix): matrix.__matmul__ for matrix in matrices}
+        by_axis = [products[id(matrix)] for matrix in matrices]
+        self._levels = TwoLevels(body, shear_moduli, lambda moved: by_components(by_axis, moved), free)
         self._levels.invert = NearestBondLaplacian(body, shear_moduli, self._levels.inside).solve
-        self._bounds: tuple[float, float, int] | None = None
 
+    @cached_property
     def _ends(self) -> tuple[float, float, int]:
         """Ends of the spectrum, and the steps that leave `LEFT_BY_CHEBYSHEV` of what is between them."""
-        if self._bounds is None:
-            least, greatest = self._levels.spectrum()
-            greatest *= MARGIN
-            middle = (greatest + least) / (greatest - least)
-            self._bounds = least, greatest, int(np.ceil(np.arccosh(1 / LEFT_BY_CHEBYSHEV) / np.arccosh(middle)))
-        return self._bounds
+        least, greatest = self._levels.spectrum()
+        greatest *= MARGIN
+        middle = (greatest + least) / (greatest - least)
+        return least, greatest, int(np.ceil(np.arccosh(1 / LEFT_BY_CHEBYSHEV) / np.arccosh(middle)))
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Displacements under forces, shape (n, d), right on the points that are owned."""
+        """Return the displacements under forces, shape (n, d), right on the points that are owned."""
         levels = self._levels
-        least, greatest, steps = self._ends()
+        least, greatest, steps = self._ends
         middle, half = (greatest + least) / 2, (greatest - least) / 2
         rest = levels.balanced(forces * self._free)
         step = levels.both(rest) / middle
@@ -259,5 +245,5 @@ class SchwarzLaplacian:
     def response(
         self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
     ) -> np.ndarray:
-        """See `NearestBondStiffness.response`; to a part `EXTENDED` of the forces of what is held."""
-        return laplacian_response(self, self._free, body, shear_moduli, held, planes, turns)
+        """See `Extension`."""
+        return extended_by_laplacian(Laplacian(body, shear_moduli), self.solve, self._free, held, planes, turns)

@@ -8,7 +8,7 @@ from scipy.linalg import eigh_tridiagonal
 from ..body.share import SERIAL, Share
 from ..forces import InternalForce
 from ..kernels.steps import greatest_strain
-from .preconditioner import Preconditioner
+from .nearest_bonds import Preconditioner
 
 
 class FrequencyEstimate:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..body import Body
-from .preconditioner import Preconditioner
+from .nearest_bonds import Preconditioner
 
 if TYPE_CHECKING:
     from .conditions import HeldPoints
