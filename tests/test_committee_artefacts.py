@@ -67,7 +67,7 @@ def test_the_deviation_is_that_of_the_bonds_of_a_point(folder):
         np.maximum.at(expected, ends, np.max(off, axis=0))
     np.testing.assert_allclose(state.member_deviation, expected, rtol=1e-3)
     assert point_fields(state)["member_deviation"].shape == (len(body),)
-    pairs, states = force.bonds()
+    pairs, states = force.learnt.bonds()
     assert len(pairs) == len(first)
     np.testing.assert_allclose(states.stretches, np.sort(np.linalg.eigvalsh(U))[::-1] * np.ones((len(pairs), 1)), rtol=1e-9)
     for found, right in zip(states.quantities(), bonds, strict=True):

@@ -377,7 +377,8 @@ def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, mon
     # The whole programme takes some 20,000 steps.
     assert caught.value.result.summary["n_steps"] < (4000 if check == "grip" else 1000)
     states = caught.value.result.states
-    assert len(states) == 2 if check != "energy" else len(states) >= 1
+    # Rounding decides whether the growing wave turns a bond inside out before a point, whose state has no energy and is not recorded.
+    assert len(states) == 2 if check == "grip" else len(states) >= 1
     for _, fields in states:
         assert all(np.isfinite(values).all() for values in fields.values())
 

@@ -238,7 +238,7 @@ class LearntBonds(Learnt):
     def beyond_data(self) -> np.ndarray | None:
         if self._model.domain is None or self._model.domain.hull is None:
             return None
-        pairs, states = self._bonds()
+        pairs, states = self.bonds()
         counted = self._term.body.share.counted_pairs(self._term.body.bonds.first)
         # A bond turned past a right angle has no stretch tensor, and is left out.
         chosen = states.has_stretch_tensor if counted is None else states.has_stretch_tensor & counted[pairs]
@@ -247,14 +247,14 @@ class LearntBonds(Learnt):
     def member_deviation(self) -> np.ndarray | None:
         if not self._model.members:
             return None
-        law, body, (pairs, states) = self._part.points.law, self._term.body, self._bonds()
+        law, body, (pairs, states) = self._part.points.law, self._term.body, self.bonds()
         found, of_points = self._model.member_deviations(law, states), np.zeros(len(body))
         for ends in (body.bonds.first[pairs], body.bonds.second[pairs]):
             own = ends < len(body)
             np.maximum.at(of_points, ends[own], found[own])
         return law.shear_modulus * of_points
 
-    def _bonds(self) -> tuple[np.ndarray, BondStates]:
+    def bonds(self) -> tuple[np.ndarray, BondStates]:
         """Return the numbers of the pairs that carry a force, and their states as the bond pass finds them."""
         kinematics, body, part = self._term.kinematics, self._term.body, self._part
         bonds, points = body.bonds, body.all_points

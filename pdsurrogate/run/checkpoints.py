@@ -46,24 +46,24 @@ class Checkpoints:
     """
 
     def __init__(self, run: Run) -> None:
-        self._run, self._share = run, run.body.share
+        self.run, self._share = run, run.body.share
         self.resumable, self._due = False, time.monotonic() + SECONDS_BETWEEN_CHECKPOINTS
 
     @property
     def late(self) -> bool:
         """Return whether a checkpoint is due."""
-        return self._run.folder is not None and time.monotonic() >= self._due
+        return self.run.folder is not None and time.monotonic() >= self._due
 
     @property
     def identity(self) -> dict:
         """Return the identity that a checkpoint of the run must have."""
-        run = self._run
+        run = self.run
         sizes = {"n_points": self._share.size(len(run.body)), "n_pairs": self._share.total(run.counted_pairs())}
         return {**run.contents.describe(), **sizes}
 
     def write(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
         """Write a checkpoint, with entries and arrays of whatever is under way."""
-        run = self._run
+        run = self.run
         if run.folder is None:
             return
         began = time.monotonic()
@@ -87,7 +87,7 @@ class Checkpoints:
 
     def restore(self) -> Checkpoint:
         """Read a checkpoint, and bring the run to where it was written, except for what moves a stage in dynamics."""
-        run, held = self._run, self._held()
+        run, held = self.run, self._held()
         found = self._read(held)
         progress = found.progress
         if progress["precision"] != run.force.precision:
@@ -111,13 +111,13 @@ class Checkpoints:
 
     def _held(self) -> dict[str, np.ndarray]:
         """Return the arrays that every checkpoint of the run holds."""
-        run = self._run
+        run = self.run
         damage = {} if run.damage is None else {"broken": run.damage.broken, "recent": run.damage.recent}
         return {"positions": run.positions, **run.force.state_arrays(), **damage}
 
     def _read(self, held: dict[str, np.ndarray]) -> Checkpoint:
         """Read a checkpoint on the first rank and return every rank's rows of it; the present arrays give the names of those required."""
-        run, share, identity = self._run, self._share, self.identity
+        run, share, identity = self.run, self._share, self.identity
         counts = {key: share.rows_of_whole(len(array), run.body, self._rows_of(key)) for key, array in held.items()}
         shapes = {key: ((counts[key], *array.shape[1:]), array.dtype) for key, array in held.items()}
         whole = error = None
@@ -133,4 +133,4 @@ class Checkpoints:
 
     def _rows_of(self, key: str) -> str:
         """Return what an array of a checkpoint has a row for, see `Share.to_whole`."""
-        return "pairs" if key in ("broken", "recent") else self._run.force.state_rows.get(key.removeprefix(ACCEPTED), "points")
+        return "pairs" if key in ("broken", "recent") else self.run.force.state_rows.get(key.removeprefix(ACCEPTED), "points")
