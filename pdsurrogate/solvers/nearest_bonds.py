@@ -114,8 +114,7 @@ class NearestBonds:
         if not share.any(near.any()):
             near[:] = True
         moment = stiffness * length**2
-        counted = share.counted_pairs(bonds.first)
-        of_all = moment if counted is None else moment * counted
+        of_all = moment * share.own[bonds.first]
         self.stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
         self.along = vector[near] / length[near, None]
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)

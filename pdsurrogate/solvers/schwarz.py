@@ -21,6 +21,7 @@ from .nearest_bonds import (
     extended_by_laplacian,
     held_matrix,
 )
+from .stability import random_vector
 
 SOLVED, EXACTLY = 0.05, 1e-6
 """What is left of the forces by inner conjugate gradients, and by those that stand in the place of a factor.
@@ -86,8 +87,8 @@ class TwoLevels:
         of_owners = degrees.copy()
         share.fill(of_owners)
         self.inside = self._around * (degrees == of_owners)[:, None]
-        held = share.any_of((body.ghosts.parity < 0).any(axis=0))
-        held |= share.any_of((self._around == 0).any(axis=0))
+        held = share.any((body.ghosts.parity < 0).any(axis=0))
+        held |= share.any((self._around == 0).any(axis=0))
         self._drifting = [axis for axis in range(d) if not held[axis]]
         self._coarse: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -97,7 +98,7 @@ class TwoLevels:
         Of a body that drifts only balanced forces have an answer: others have conjugate gradients go on for ever.
         """
         for axis in self._drifting:
-            values[:, axis] -= self._share.sum(values[:, axis]) / self._share.size(len(values))
+            values[:, axis] -= self._share.sum(values[:, axis]) / self._share.size
         self._share.clear(values)
         return values
 
@@ -115,7 +116,7 @@ class TwoLevels:
         modes, inverse = self._affine()
         pulls = np.concatenate(self._share.everywhere(modes.T @ forces.ravel()))
         k = modes.shape[1]
-        found += (modes @ (inverse @ pulls)[k * self._share.rank : k * (self._share.rank + 1)]).reshape(forces.shape)
+        found += (modes @ (inverse @ pulls)[k * self._share.ranks.rank : k * (self._share.ranks.rank + 1)]).reshape(forces.shape)
         return found * self._free
 
     def _affine(self) -> tuple[np.ndarray, np.ndarray]:
@@ -124,13 +125,13 @@ class TwoLevels:
             points, share, (n, d) = self._body.points, self._share, self._free.shape
             middle = np.stack(share.everywhere(points[share.own].mean(axis=0)))[share.owners]
             # In one unit for all: each rank forms the motions of its neighbours as well.
-            arms = (points - middle) / self._share.extent(points)
+            arms = (points - middle) / self._body.extent
             functions = np.column_stack([np.ones(n), arms])
             motions = np.zeros((d, d + 1, n, d))
             for axis in range(d):
                 motions[axis, :, :, axis] = functions.T * self._around[:, axis]
             motions = motions.reshape(-1, n, d)
-            k, count = len(motions), len(share.everywhere(0))
+            k, count = len(motions), share.ranks.size
             own = (motions * share.own[:, None]).reshape(k, -1).T.copy()
             rows = np.zeros((k, k * count))
             for rank in np.unique(share.owners):
@@ -154,9 +155,7 @@ class TwoLevels:
 
     def spectrum(self) -> tuple[float, float]:
         """Least and greatest Ritz value of what both levels make of the stiffness, by conjugate gradients on random forces."""
-        n, d = self._free.shape
-        random = np.random.default_rng(0).standard_normal((self._share.size(n), d))
-        rest = self.balanced(self._share.take(random) * self._free)
+        rest = self.balanced(random_vector(self._share, self._free))
         shares, sizes = np.array([(1 / share, size) for share, _, size in self._steps(rest, EXACTLY, LANCZOS_STEPS)]).T
         growths, diagonal = sizes[1:] / sizes[:-1], shares.copy()
         diagonal[1:] += growths * shares[:-1]
