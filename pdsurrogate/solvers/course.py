@@ -14,7 +14,7 @@ from .conditions import HeldPoints, Loading, Reactions, displaced
 from .equilibrium import TooFar
 from .extension import Samples, affine_extension, greatest_bond_strain
 from .motion import Motion
-from .preconditioner import Extension, extension_of
+from .preconditioner import Extension
 
 COMPRESSED = 0.05
 """Compression anywhere, over the greatest tension in the body, beyond which the body may buckle: free edges, whose horizons are incomplete,
@@ -224,11 +224,11 @@ class Paths:
     def response(self, displacements: np.ndarray) -> np.ndarray:
         """Return the displacements of the body, shape (n, d), near held components that are displaced by (n, d)."""
         still = np.zeros((len(self._loading.planes), self.body.dimension))
-        return self._stiffness.response(self.body, self._shear_modulus, displacements, still)
+        return self._stiffness.response(displacements, still)
 
     @cached_property
     def _stiffness(self) -> Extension:
-        return extension_of(self.body, self._springs, self._loading.free)
+        return Extension(self.body, self._springs, self._loading.free)
 
     def _followed(self, positions: np.ndarray, before: float, after: float) -> np.ndarray:
         """Return the guess that follows held parts, in so many portions of the way that none turns far, so that points go round."""
@@ -274,7 +274,7 @@ class Paths:
                     at += len(sources)
                 if turns is not None and len(held.components) == self.body.dimension:
                     of_planes[number] = goal_planes[number, :, -1] - gradient @ planes[number, :, -1] - shift
-            guess += self._stiffness.response(self.body, self._springs, moved, of_planes, turns)
+            guess += self._stiffness.response(moved, of_planes, turns)
         for part in self._loading.held:
             goal = self._goal(part, t, start)
             for component in part.components:

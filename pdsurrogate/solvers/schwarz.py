@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -15,11 +15,12 @@ from .nearest_bonds import (
     Laplacian,
     NearestBondLaplacian,
     NearestBonds,
+    Preconditioner,
     Springs,
     by_components,
-    extended,
-    extended_by_laplacian,
+    drifting_axes,
     held_matrix,
+    remove_drift,
 )
 from .stability import random_vector
 
@@ -78,7 +79,7 @@ class TwoLevels:
         multiply: Callable[[np.ndarray], np.ndarray],
         free: np.ndarray,
     ) -> None:
-        share, n, d = body.share, len(body), body.dimension
+        share, n = body.share, len(body)
         self._share, self._multiply, self._free, self._body = share, multiply, free, body
         self._around = free.copy()
         share.fill(self._around)
@@ -87,9 +88,7 @@ class TwoLevels:
         of_owners = degrees.copy()
         share.fill(of_owners)
         self.inside = self._around * (degrees == of_owners)[:, None]
-        held = share.any((body.ghosts.parity < 0).any(axis=0))
-        held |= share.any((self._around == 0).any(axis=0))
-        self._drifting = [axis for axis in range(d) if not held[axis]]
+        self._drifting = drifting_axes(body, self._around)
         self._coarse: tuple[np.ndarray, np.ndarray] | None = None
 
     def balanced(self, values: np.ndarray) -> np.ndarray:
@@ -97,8 +96,7 @@ class TwoLevels:
 
         Of a body that drifts only balanced forces have an answer: others have conjugate gradients go on for ever.
         """
-        for axis in self._drifting:
-            values[:, axis] -= self._share.sum(values[:, axis]) / self._share.size
+        remove_drift(values, self._drifting, self._share)
         self._share.clear(values)
         return values
 
@@ -145,25 +143,20 @@ class TwoLevels:
     def iterated(self, forces: np.ndarray, left: float) -> np.ndarray:
         """Conjugate gradients, until no more than a share of the forces is left."""
         rest = self.balanced(forces * self._free)
-        found = np.zeros_like(rest)
-        for share, direction, _ in self._steps(rest, left, MOST_STEPS):
-            found += share * direction
-        return self.balanced(found)
-
-    def _steps(self, rest: np.ndarray, left: float, most: int) -> Iterator[tuple[float, np.ndarray, float]]:
-        return conjugate_gradients.steps(rest, self.both, self.applied, self._share.dot, left, most)
+        return self.balanced(conjugate_gradients.solution(rest, self.both, self.applied, self._share.dot, left, MOST_STEPS))
 
     def spectrum(self) -> tuple[float, float]:
         """Least and greatest Ritz value of what both levels make of the stiffness, by conjugate gradients on random forces."""
         rest = self.balanced(random_vector(self._share, self._free))
-        shares, sizes = np.array([(1 / share, size) for share, _, size in self._steps(rest, EXACTLY, LANCZOS_STEPS)]).T
+        steps = conjugate_gradients.steps(rest, self.both, self.applied, self._share.dot, EXACTLY, LANCZOS_STEPS)
+        shares, sizes = np.array([(1 / length, size) for length, _, size in steps]).T
         growths, diagonal = sizes[1:] / sizes[:-1], shares.copy()
         diagonal[1:] += growths * shares[:-1]
         values = eigh_tridiagonal(diagonal, np.sqrt(growths) * shares[:-1], eigvals_only=True)
         return float(values[0]), float(values[-1])
 
 
-class SchwarzStiffness:
+class SchwarzStiffness(Preconditioner):
     """Inverse of `Springs` for a body in parts, by conjugate gradients with a factor for every part.
 
     Parameters
@@ -181,21 +174,12 @@ class SchwarzStiffness:
         factor = factor_of(held_matrix(matrix, self._levels.inside.ravel()))
         self._levels.invert = lambda forces: factor.solve(forces.ravel()).reshape(forces.shape)
 
-    def update(self) -> None:
-        """Do nothing: it is the same in all states."""
-
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d), right on the points that are owned."""
-        return self._levels.iterated(forces, SOLVED)
-
-    def response(
-        self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
-    ) -> np.ndarray:
-        """See `Extension`."""
-        return extended(Springs(body, shear_moduli), lambda forces: self._levels.iterated(forces, EXACTLY), held, planes, turns)
+    def solve(self, forces: np.ndarray, left: float = SOLVED) -> np.ndarray:
+        """Return the displacements under forces, shape (n, d), right on the points that are owned; a share of the forces may be left."""
+        return self._levels.iterated(forces, left)
 
 
-class SchwarzLaplacian:
+class SchwarzLaplacian(Preconditioner):
     """Approximate inverse of `Laplacian` for a body in parts, by some steps of Chebyshev's method.
 
     Unlike conjugate gradients these are the same operator for all forces, symmetric and positive definite, and need no sums over all ranks.
@@ -240,9 +224,3 @@ class SchwarzLaplacian:
             found += step
             ratio = following
         return levels.balanced(found)
-
-    def response(
-        self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
-    ) -> np.ndarray:
-        """See `Extension`."""
-        return extended_by_laplacian(Laplacian(body, shear_moduli), self.solve, self._free, held, planes, turns)
