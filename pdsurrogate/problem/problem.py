@@ -18,7 +18,7 @@ from ..scenes import Scene, SceneError, SolverSpec, Units
 from ..scenes.amplitudes import amplitude_of
 from ..solvers.conditions import Loading, place_of
 from ..solvers.loads import LoadedForce, Loads
-from ..solvers.rigid import RigidForce, RigidRegion
+from ..solvers.rigid import RigidRegion
 from .conditions import conditions_of, greatest_speed
 from .fracture import critical_stretch_in
 from .loads import loads_of
@@ -86,7 +86,7 @@ class Problem:
         """Return the settings of the solution for equilibrium."""
         return self.scene.solver
 
-    def bind(self, precision: str | None = None) -> tuple[InternalForce, InternalForce | LoadedForce | RigidForce]:
+    def bind(self, precision: str | None = None) -> tuple[InternalForce, InternalForce | LoadedForce]:
         """Return the internal force of the body, and the force that solvers work with: it has loads, supports and rigid regions.
 
         Parameters
@@ -107,10 +107,8 @@ class Problem:
             else:
                 force = self.models[0].bind(self.body, self.portions[0].law, settings)
             loaded = force
-            if self.loads is not None or self.loading.supports is not None:
-                loaded = LoadedForce(force, self.loads, self.loading.supports)
-            if self.rigid:
-                loaded = RigidForce(loaded, self._rigid_regions(force))
+            if self.loads is not None or self.loading.supports is not None or self.rigid:
+                loaded = LoadedForce(force, self.loads, self.loading.supports, self._rigid_regions(force) if self.rigid else ())
             if force.portion_of is not None:
                 warn_of_parts(self.scene, force, self.models[0].name, list(self.rigid))
             self._check_support(force)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from ..body.surface import Following, Surface
 from ..forces import InternalForce, InvalidState
 from ..ranks import Share
 from .supports import Supports
+
+if TYPE_CHECKING:
+    from .rigid import RigidRegion
 
 AT_REST = 1e-14
 """Displacement over the extent of the body, or amplitude of a load, that counts as none: rounding leaves as much of a sine."""
@@ -354,15 +358,18 @@ class Loads:
 
 
 class LoadedForce:
-    """An internal force with loads and supports at places: what solvers are given instead of the internal force where there are any.
+    """An internal force with loads, supports at places and rigid regions: the force of solvers where a body has any of them.
 
-    All else that solvers use is the internal force's own.
+    All else that solvers use is the internal force's own. Positions that it is called with are brought, in place, to the nearest ones in
+    which regions are rigid. Forces on the points of a region are those of the same resultant that move it as one body, so that any solver
+    that divides them by volumes, or by `RigidStiffness`, takes steps in the motions of the region.
 
     Parameters
     ----------
     internal : InternalForce
     loads : Loads or None
     supports : Supports, optional
+    rigid : sequence of RigidRegion
 
     Attributes
     ----------
@@ -370,11 +377,13 @@ class LoadedForce:
         Whether the sum of forces and loads is minus the derivative of an energy.
     no_energy_because : str or None
         Why the loads have no potential; None if they have one.
-    internal, loads, supports
+    internal, loads, supports, rigid
     """
 
-    def __init__(self, internal: InternalForce, loads: Loads | None, supports: Supports | None = None) -> None:
-        self.internal, self.loads, self.supports = internal, loads, supports
+    def __init__(
+        self, internal: InternalForce, loads: Loads | None, supports: Supports | None = None, rigid: Sequence[RigidRegion] = ()
+    ) -> None:
+        self.internal, self.loads, self.supports, self.rigid = internal, loads, supports, rigid
         self.no_energy_because = None if loads is None else loads.no_potential_because
         self.has_energy = internal.has_energy and self.no_energy_because is None
         self._thickness, self._product = np.ones(len(internal.body)), np.empty(len(internal.body))
@@ -390,10 +399,12 @@ class LoadedForce:
         Raises
         ------
         InvalidState
-            Where the state has no force.
+            Where the state has no force, or a region cannot follow what is prescribed.
         OutsideDomain
             See `InternalForce`.
         """
+        for region in self.rigid:
+            region.snap(positions)
         if self.supports is not None:
             self.supports.place(positions)
         self.internal(positions, out)
@@ -401,6 +412,8 @@ class LoadedForce:
             self.loads.forces(positions, self.thickness(), out)
         if self.supports is not None:
             self.supports.fold(out)
+        for region in self.rigid:
+            region.carry(positions, out)
 
     def applied(self) -> np.ndarray | None:
         """See `InternalForce`."""

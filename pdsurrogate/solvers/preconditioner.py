@@ -29,7 +29,7 @@ EXPONENT_ERROR = 0.5
 def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     """Return the preconditioner that suits the tangent of a force in which components (n, d) are free."""
     body, moduli = force.body, force.stiffness_moduli
-    if getattr(force, "rigid", None):
+    if getattr(force, "rigid", ()):
         return RigidStiffness(force, free)
     if force.nearly_incompressible:
         return IncompressibleStiffness(force, _inverse_of_laplacian(body, moduli, free))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from ..body import Body
-from ..forces import InternalForce, InvalidState
+from ..forces import InvalidState
 from .conditions import moment_of
 from .loads import LoadedForce
 from .multigrid import factor_of
@@ -141,65 +139,20 @@ class RigidRegion:
         """Displacements of the points, shape (k, d), in a motion."""
         return self._motions @ motion
 
-    def carry(self, forces: np.ndarray) -> None:
-        """Replace forces on the points, in place, by those of the same resultant that accelerate all of them as one body does.
+    def carry(self, positions: np.ndarray, forces: np.ndarray) -> None:
+        """Replace forces on the region's points at given positions, both (n, d), in place.
 
-        What held components bear of the resultant is on these: the least forces that do.
+        Those with the same resultant that accelerate all points as one body take their place. What held components bear of the resultant
+        is on these: the least forces that do.
         """
-        resultant = self.resultant(forces)
+        self.take(positions[self.points])
+        resultant = self.resultant(forces[self.points])
         motion = self._spread @ resultant
         carried = self._volumes[:, None] * self.expand(motion)
         if len(self._held[0]):
             left = resultant - self._by_volume @ motion
             carried[self._held] += np.linalg.lstsq(self._motions[self._held].T, left, rcond=INDEPENDENT)[0]
-        forces[:] = carried
-
-
-class RigidForce:
-    """A force, with or without loads, on a body of which some regions are rigid: what solvers are given in its place.
-
-    Positions that it is called with are brought to the nearest ones in which the regions are rigid, in place.  Forces on the points of a
-    region are those of the same resultant that move it as one body, so that any solver that divides them by volumes, or by
-    `RigidStiffness`, takes steps in the motions of the region.
-
-    Parameters
-    ----------
-    loaded : InternalForce or LoadedForce
-    rigid : sequence of RigidRegion
-
-    Attributes
-    ----------
-    loaded, rigid
-    """
-
-    def __init__(self, loaded: InternalForce | LoadedForce, rigid: Sequence[RigidRegion]) -> None:
-        self.loaded, self.rigid = loaded, rigid
-
-    def __getattr__(self, name: str):
-        if name == "loaded":  # while an object is being copied
-            raise AttributeError(name)
-        return getattr(self.loaded, name)
-
-    def __call__(self, positions: np.ndarray, out: np.ndarray) -> None:
-        """Force on every point at the nearest positions (n, d) in which regions are rigid; both are written.
-
-        Raises
-        ------
-        InvalidState
-            Where the state has no force, or a region cannot follow what is prescribed.
-        """
-        for region in self.rigid:
-            region.snap(positions)
-        self.loaded(positions, out)
-        self.carry(positions, out)
-
-    def carry(self, positions: np.ndarray, forces: np.ndarray) -> None:
-        """Carry forces (n, d) on points at positions (n, d) as the regions do, in place."""
-        for region in self.rigid:
-            region.take(positions[region.points])
-            on_region = forces[region.points]
-            region.carry(on_region)
-            forces[region.points] = on_region
+        forces[self.points] = carried
 
 
 class RigidStiffness(Preconditioner):
@@ -207,12 +160,13 @@ class RigidStiffness(Preconditioner):
 
     Parameters
     ----------
-    force : RigidForce
+    force : LoadedForce
+        With rigid regions.
     free : ndarray, shape (n, d)
         1 where a component may move.
     """
 
-    def __init__(self, force: RigidForce, free: np.ndarray) -> None:
+    def __init__(self, force: LoadedForce, free: np.ndarray) -> None:
         body, self._regions = force.body, force.rigid
         n, d = free.shape
         inside = np.zeros(n, dtype=bool)

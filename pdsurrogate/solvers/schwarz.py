@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from ..body import Body
+from ..body.body import sums_at_points
 from . import conjugate_gradients
 from .multigrid import factor_of
 from .nearest_bonds import (
@@ -79,12 +80,12 @@ class TwoLevels:
         multiply: Callable[[np.ndarray], np.ndarray],
         free: np.ndarray,
     ) -> None:
-        share, n = body.share, len(body)
+        share = body.share
         self._share, self._multiply, self._free, self._body = share, multiply, free, body
         self._around = free.copy()
         share.fill(self._around)
         bonds = NearestBonds(body, shear_moduli)
-        degrees = (np.bincount(bonds.first, minlength=n) + np.bincount(bonds.second[bonds.within], minlength=n)).astype(float)
+        degrees = sums_at_points(len(body), bonds.first, bonds.second, np.ones(len(bonds.first)), 1)
         of_owners = degrees.copy()
         share.fill(of_owners)
         self.inside = self._around * (degrees == of_owners)[:, None]
