@@ -294,7 +294,7 @@ def grid(lower: Sequence[float], upper: Sequence[float], spacing: float) -> np.n
 
 
 def sums_at_points(n: int, first: np.ndarray, second: np.ndarray, values: np.ndarray, sign: float) -> np.ndarray:
-    """Return the sums at n points of values of bonds (k,) or (k, c): of those that begin there, and, times a sign, of those that end there."""
+    """Return sums at n points of values (k,) or (k, c) of bonds: of those that begin there, and, times a sign, of those that end there."""
     if values.ndim == 2:
         return np.stack([sums_at_points(n, first, second, column, sign) for column in values.T], axis=1)
     within = second < n

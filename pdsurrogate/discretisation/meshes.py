@@ -14,6 +14,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from ..body.cell_mesh import FACES
 from ..scenes import Mesh
 from .places import same_places
 
@@ -22,12 +23,6 @@ CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
 
 BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
 """How the names begin of what a mesh has beside its cells: their corners and sides."""
-
-FACES_OF = {
-    4: np.array([[0, 2, 1, 1], [0, 1, 3, 3], [1, 2, 3, 3], [0, 3, 2, 2]]),
-    8: np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]),
-}
-"""Faces of tetrahedra and hexahedra, counter-clockwise as seen from outside, with the last corner of a triangle twice."""
 
 BESIDE_CORNERS = {4: [[1, 2, 3]], 8: [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]}
 """Ends of the three edges at the corners of cells, which make a right-handed system; of tetrahedra one corner tells for all."""
@@ -70,7 +65,7 @@ class MeshFile:
                 block = np.where(clockwise[:, None], block[:, ::-1], block)
                 sides = np.stack([block, np.roll(block, -1, axis=1)], axis=2)
             else:
-                sides = block[:, FACES_OF[block.shape[1]]]
+                sides = block[:, np.array(FACES[3, block.shape[1]])]
             corners.append(number[sides].reshape(-1, sides.shape[2]))
             owners.append(np.repeat(np.arange(begin, begin + len(block)), sides.shape[1]))
             begin += len(block)
@@ -288,7 +283,7 @@ def tetrahedra_of(cells: np.ndarray) -> np.ndarray:
     """
     if cells.shape[1] == 4:
         return cells[:, None]
-    faces = cells[:, FACES_OF[8]]
+    faces = cells[:, np.array(FACES[3, 8])]
     middles = np.broadcast_to(faces.mean(axis=2, keepdims=True), faces.shape)
     tops = np.broadcast_to(cells.mean(axis=1)[:, None, None], faces.shape)
     # Faces run counter-clockwise as seen from outside: with the middle of the cell first, volumes are positive.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..body import Body
+from ..kernels.steps import greatest_strain
 
 LEAST_SPREAD = 0.5
 """Spread of the places that tell a gradient along some direction, over that of the body: what a thin edge says across itself is noise."""
@@ -98,3 +99,9 @@ def greatest_bond_strain(body: Body, before: np.ndarray, after: np.ndarray) -> f
         return np.linalg.norm(positions[second] - positions[first], axis=1)
 
     return float((np.abs(lengths(after) - lengths(before)) / lengths(body.points)).max())
+
+
+def strain_of_step(body: Body, step: np.ndarray) -> float:
+    """Return the greatest strain of a bond that displacements (n, d) make, whose halo is filled first."""
+    body.share.fill(step)
+    return body.share.greatest(greatest_strain[step.shape[1]](step, body.points, body.bonds.first, body.bonds.second))

@@ -135,13 +135,10 @@ class _Facets:
             if not (there > 0).all():
                 raise InvalidState("the thickness of the sheet that a pressure acts on, continued to the boundary, is not positive there")
             pull = pull * there
-        forces = np.empty_like(sides[0])
         if len(sides) == 1:
-            np.multiply(pull, sides[0][:, 1], out=forces[:, 0])
-            np.multiply(pull, sides[0][:, 0], out=forces[:, 1])
-            np.negative(forces[:, 0], out=forces[:, 0])
+            forces = np.stack([-(pull * sides[0][:, 1]), pull * sides[0][:, 0]], axis=1)
         else:
-            np.multiply(-0.5 * pull[:, None], np.cross(*sides), out=forces)
+            forces = -0.5 * pull[:, None] * np.cross(*sides)
         if not np.isfinite(forces).all():
             raise InvalidState("the force of a pressure on the boundary is not finite")
         return forces
@@ -386,7 +383,6 @@ class LoadedForce:
         self.internal, self.loads, self.supports, self.rigid = internal, loads, supports, rigid
         self.no_energy_because = None if loads is None else loads.no_potential_because
         self.has_energy = internal.has_energy and self.no_energy_because is None
-        self._thickness, self._product = np.ones(len(internal.body)), np.empty(len(internal.body))
 
     def __getattr__(self, name: str):
         if name == "internal":  # while an object is being copied
@@ -433,12 +429,8 @@ class LoadedForce:
         """
         if self.loads is None or not self.loads.needs_thickness:
             return None
-        J3, F = self.internal.volume_ratios(), self.internal.deformation_gradients()
-        thickness, product = self._thickness, self._product
-        np.multiply(F[:, 0, 0], F[:, 1, 1], out=thickness)
-        np.multiply(F[:, 0, 1], F[:, 1, 0], out=product)
-        thickness -= product
-        return np.divide(J3, thickness, out=thickness)
+        F = self.internal.deformation_gradients()
+        return self.internal.volume_ratios() / (F[:, 0, 0] * F[:, 1, 1] - F[:, 0, 1] * F[:, 1, 0])
 
     def energy(self) -> float:
         """Return stored energy and potential of the loads, per unit thickness, in the state last evaluated."""

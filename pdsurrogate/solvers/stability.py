@@ -6,8 +6,8 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from ..forces import InternalForce
-from ..kernels.steps import greatest_strain
 from ..ranks import Share
+from .extension import strain_of_step
 from .nearest_bonds import Preconditioner
 
 
@@ -98,7 +98,7 @@ def least_curvature(
         1 where a component may move.
     stiffness : Preconditioner
     """
-    bonds, points, share = force.body.bonds, force.body.points, force.body.share
+    share = force.body.share
     strain, one_sided = PROBES[force.precision], force.precision == "float64"
     ahead, behind = np.empty_like(positions), np.empty_like(positions)
     if one_sided:
@@ -122,8 +122,7 @@ def least_curvature(
         p, q = p / norm, q / norm
         displacements.append(q)
         duals.append(p)
-        share.fill(q)
-        probe = strain / max(share.greatest(greatest_strain[q.shape[1]](q, points, bonds.first, bonds.second)), 1e-300)
+        probe = strain / max(strain_of_step(force.body, q), 1e-300)
         force(positions + probe * q, ahead)
         if not one_sided:
             force(positions - probe * q, behind)
