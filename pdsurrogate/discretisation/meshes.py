@@ -14,7 +14,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ..body.cell_mesh import FACES
+from ..body import CellMesh
+from ..body.cell_mesh import FACES, side_numbers
 from ..scenes import Mesh
 from .places import same_places
 
@@ -57,19 +58,11 @@ class MeshFile:
         extent = np.ptp(self.nodes, axis=0).max()
         # Nodes at one place are one: a crack is said by a precut, and bonds ask for no nodes in common.
         number = same_places(self.nodes, 1e-9 * extent)
-        corners, owners = [], []
-        begin = 0
-        for block, places in zip(self.cells, self.corners(), strict=True):
-            if places.shape[2] == 2:
-                clockwise = signed_areas(places) < 0
-                block = np.where(clockwise[:, None], block[:, ::-1], block)
-                sides = np.stack([block, np.roll(block, -1, axis=1)], axis=2)
-            else:
-                sides = block[:, np.array(FACES[3, block.shape[1]])]
-            corners.append(number[sides].reshape(-1, sides.shape[2]))
-            owners.append(np.repeat(np.arange(begin, begin + len(block)), sides.shape[1]))
-            begin += len(block)
-        return Sides(np.concatenate(corners), np.concatenate(owners), number)
+        blocks = self.cells
+        if self.nodes.shape[1] == 2:
+            clockwise = [signed_areas(places) < 0 for places in self.corners()]
+            blocks = [np.where(turned[:, None], block[:, ::-1], block) for turned, block in zip(clockwise, blocks, strict=True)]
+        return Sides(*CellMesh(self.nodes, tuple(number[block] for block in blocks)).sides(), number)
 
     def groups_of_cells(self) -> dict[str, np.ndarray]:
         """The cells of every physical group; those of a group of lines or faces are the ones that have one of them for a side."""
@@ -99,23 +92,10 @@ class Sides:
     owners: np.ndarray
     number: np.ndarray
 
-    def keys(self, corners: np.ndarray) -> np.ndarray:
-        """Return one number for all orders of the corners of a side, among sides of one call."""
-        corners = np.sort(corners, axis=1)
-        # Of a triangle it is the greatest that counts twice, whichever the last one was.
-        corners[:, 1:-1] = np.where(corners[:, 1:-1] == corners[:, :-2], corners[:, -1:], corners[:, 1:-1])
-        first, *others = np.sort(corners, axis=1).T
-        key = first
-        for column, following in enumerate(others):
-            key = key * len(self.number) + following
-            if column < len(others) - 1:
-                key = np.unique(key, return_inverse=True)[1]  # so that the next product fits
-        return key
-
     def among(self, members: np.ndarray) -> np.ndarray:
         """Return which sides are among the members, whose corners are nodes of the file."""
-        keys = self.keys(np.concatenate([self.corners, self.number[members]]))
-        return np.isin(keys[: len(self.corners)], keys[len(self.corners) :])
+        numbers = side_numbers(np.concatenate([self.corners, self.number[members]]))
+        return np.isin(numbers[: len(self.corners)], numbers[len(self.corners) :])
 
     def boundary(self, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Sides around the kept cells.
@@ -131,20 +111,11 @@ class Sides:
         beyond : ndarray of int, shape (b,)
             The cell on the other side, which is not kept; -1 where there is none.
         """
-        here, there = np.flatnonzero(kept[self.owners]), np.flatnonzero(~kept[self.owners])
-        every = self.keys(self.corners)
-        keys, beside = every[here], every[there]
-        _, where, times = np.unique(keys, return_inverse=True, return_counts=True)
-        outer = times[where] == 1
-        sides, keys = here[outer], keys[outer]
-        beyond = np.full(len(sides), -1)
-        order = np.argsort(beside)
-        found = np.searchsorted(beside, keys, sorter=order)
-        found[found == len(order)] = 0
-        if len(order):
-            found = order[found]
-            beyond = np.where(beside[found] == keys, self.owners[there[found]], -1)
-        return sides, beyond
+        numbers, kept = side_numbers(self.corners), kept[self.owners]
+        times, other = np.bincount(numbers[kept], minlength=len(numbers)), np.full(len(numbers), -1)
+        other[numbers[~kept]] = self.owners[~kept]
+        sides = np.flatnonzero(kept & (times[numbers] == 1))
+        return sides, other[numbers[sides]]
 
 
 def mesh_of(mesh: Mesh) -> MeshFile:

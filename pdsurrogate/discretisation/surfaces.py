@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..body import Body, Following, Surface
+from ..body.cell_mesh import side_numbers
 from ..body.local_fit import boundary_rows
 from ..scenes import Mesh, Scene
 from ..scenes.model import EDGES
@@ -131,7 +132,7 @@ def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str
         return mesh.nodes, facets, parts, groups
     triangles = facets[:, 2] == facets[:, 3]
     three = facets[~triangles][:, [[0, 1, 2, 2], [0, 1, 3, 3], [0, 2, 3, 3], [1, 2, 3, 3]]].reshape(-1, 4)
-    keys = sides.keys(np.concatenate([facets[triangles], three]))
+    keys = side_numbers(np.concatenate([facets[triangles], three]))
     if np.isin(keys[: triangles.sum()], keys[triangles.sum() :]).any():
         raise ValueError(
             "body.file: faces of tetrahedra lie on those of hexahedra and halve them; loads and probes take cells that share whole faces"
