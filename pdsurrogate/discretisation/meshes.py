@@ -1,4 +1,4 @@
-"""Bodies from mesh files: what is read of a file, the points that its cells become, its boundary and its groups."""
+"""Bodies from mesh files: the contents of a file, the points that its cells become, its boundary and its groups."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ CELL_TYPES = {2: ("triangle", "quad"), 3: ("tetra", "hexahedron")}
 """Cells that are taken, by dimension, as meshio names them."""
 
 BESIDE_CELLS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}
-"""How the names begin of what a mesh has beside its cells: their corners and sides."""
+"""First letters of the names of corners and sides, which a mesh may list in addition to its cells."""
 
 BESIDE_CORNERS = {4: [[1, 2, 3]], 8: [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]}
-"""Ends of the three edges at the corners of cells, which make a right-handed system; of tetrahedra one corner tells for all."""
+"""Ends of the three edges at the corners of cells, which make a right-handed system; of tetrahedra one corner is enough."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,13 @@ class MeshFile:
     side_groups: Mapping[str, np.ndarray]
 
     def corners(self) -> list[np.ndarray]:
-        """Corners of the cells of each block, arrays of shape (n, corners, d)."""
+        """Return the corners of the cells of each block, arrays of shape (n, corners, d)."""
         return [self.nodes[block] for block in self.cells]
 
     def sides(self) -> Sides:
         """Return the sides of the cells: edges in two dimensions, faces in three."""
         extent = np.ptp(self.nodes, axis=0).max()
-        # Nodes at one place are one: a crack is said by a precut, and bonds ask for no nodes in common.
+        # Nodes at one place are one: scenes state cracks as precuts, and bonds need no common nodes.
         number = same_places(self.nodes, 1e-9 * extent)
         blocks = self.cells
         if self.nodes.shape[1] == 2:
@@ -65,7 +65,7 @@ class MeshFile:
         return Sides(*CellMesh(self.nodes, tuple(number[block] for block in blocks)).sides(), number)
 
     def groups_of_cells(self) -> dict[str, np.ndarray]:
-        """The cells of every physical group; those of a group of lines or faces are the ones that have one of them for a side."""
+        """Return the cells of every physical group; a group of lines or faces has the cells of which they are sides."""
         groups = dict(self.cell_groups)
         if self.side_groups:
             sides = self.sides()
@@ -98,7 +98,7 @@ class Sides:
         return np.isin(numbers[: len(self.corners)], numbers[len(self.corners) :])
 
     def boundary(self, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Sides around the kept cells.
+        """Return the sides around the kept cells.
 
         Parameters
         ----------
@@ -181,7 +181,7 @@ def _check_solid_cells(file: str, cells: np.ndarray) -> None:
 
 
 def _groups(read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Physical groups of cells and of their sides.
+    """Return the physical groups of cells and of their sides.
 
     meshio has groups as sets of cells, block by block, or, of gmsh's files of version 2, by a number for each cell and a name for it.
     """
@@ -216,7 +216,7 @@ def _groups(read, dimension: int) -> tuple[dict[str, np.ndarray], dict[str, np.n
 
 
 def signed_areas(cells: np.ndarray) -> np.ndarray:
-    """Areas of polygons, shape (n, corners, 2), negative where the corners run clockwise."""
+    """Return the areas of polygons (n, corners, 2), negative where the corners run clockwise."""
     return _cross_products(cells).sum(axis=1) / 2
 
 
@@ -226,7 +226,7 @@ def _cross_products(cells: np.ndarray) -> np.ndarray:
 
 
 def centroids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centroids and volumes of cells of the same kind, shape (n, corners, d): shapes (n, d) and (n,)."""
+    """Return centroids (n, d) and volumes (n,) of cells of one kind, shape (n, corners, d)."""
     if cells.shape[2] == 3:
         return _centroids_of_solids(cells)
     cross = _cross_products(cells)
@@ -248,7 +248,7 @@ def _centroids_of_solids(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def tetrahedra_of(cells: np.ndarray) -> np.ndarray:
-    """The tetrahedra that each cell is made of, shape (n, parts, 4, 3).
+    """Return the tetrahedra that make each cell, shape (n, parts, 4, 3).
 
     A face of a hexahedron need not be flat: it is four triangles about the mean of its corners, whichever of two cells it is seen from.
     """
@@ -262,7 +262,7 @@ def tetrahedra_of(cells: np.ndarray) -> np.ndarray:
 
 
 def section_area(cells: np.ndarray, axis: int, position: float) -> float:
-    """Area of the cut through tetrahedra or hexahedra on which a coordinate has the given value."""
+    """Return the area of the cut through tetrahedra or hexahedra on which a coordinate has the given value."""
     heights = cells[..., axis] - position
     parts = tetrahedra_of(cells[(heights.min(axis=1) <= 0) & (heights.max(axis=1) > 0)]).reshape(-1, 4, 3)
     heights = parts[..., axis] - position
@@ -296,7 +296,7 @@ def _crossed(quadrilaterals: np.ndarray) -> np.ndarray:
 
 
 def loops_of(corners: np.ndarray) -> np.ndarray:
-    """Number of the connected chain or surface that each side, shape (b, corners), belongs to."""
+    """Return the number of the connected chain or surface of each side, given by its corners (b, corners)."""
     names, compact = np.unique(corners, return_inverse=True)
     compact = compact.reshape(corners.shape)
     pairs = np.concatenate([compact[:, [0, other]] for other in range(1, corners.shape[1])])

@@ -22,7 +22,7 @@ EDGE = 0.8
 
 
 def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -> Surface:
-    """The boundary of the body of a scene.
+    """Return the boundary of the body of a scene.
 
     Straight sides have facets of about a cell, ending at corners; of a rectangle, on the boundaries of cells.  Circles and ellipses have
     facets of about half a cell or shorter, see `pdsurrogate.scenes.Circle.boundary`.  In space facets are triangles of about a cell, on
@@ -62,7 +62,7 @@ def surface_of(scene: Scene, body: Body, lower: np.ndarray, upper: np.ndarray) -
 
 
 def _normals_at(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
-    """Unit normals of the boundary on the sides of each node, shape (k, d, d).
+    """Return the unit normals of the boundary on the sides of each node, shape (k, d, d).
 
     In the plane they are those of the facets before and after it; in space the means of those of the facets around it that differ by less
     than `EDGE`, as many as there are, and beyond those rows of NaN.
@@ -100,7 +100,7 @@ def _normals_of_sides(nodes: np.ndarray, facets: np.ndarray) -> np.ndarray:
 
 
 def _of_mesh(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """Nodes, facets, their parts, and the groups of a mesh, whose cells with centroids in holes are left out.
+    """Return nodes, facets, their parts, and the groups of a mesh, without the cells whose centroids lie in holes.
 
     A chain or surface around no material that no hole of the scene made is a hole of the mesh; those are numbered after the scene's, from
     left to right.

@@ -412,7 +412,7 @@ class LoadedForce:
             region.carry(positions, out)
 
     def applied(self) -> np.ndarray | None:
-        """See `InternalForce`."""
+        """Return the forces of the loads on the points in the state last evaluated, shape (n, d); None without loads."""
         if self.loads is None:
             return self.internal.applied()
         found = np.zeros_like(self.body.points)

@@ -72,7 +72,7 @@ class QuasiNewton(EquilibriumSolver):
         return Equilibrium(residual, force.evaluations - began, self.name, self._drive)
 
     def _comes_on(self, residuals: list[float]) -> bool:
-        """Whether a search that takes long is worth going on with."""
+        """Return whether a long search makes progress."""
         return min(residuals[-self.WINDOW :]) < 0.1 * min(residuals[-2 * self.WINDOW : -self.WINDOW], default=0.0)
 
     def _bound(self, force, step) -> None:
@@ -104,7 +104,7 @@ class QuasiNewton(EquilibriumSolver):
         return lambda following, share: (self.share.dot(following, following) <= self.MOST_GROWTH**2 * square, 0.5)
 
     def _direction(self, preconditioner, forces, history):
-        """Two-loop recursion, with the preconditioner between the loops."""
+        """Return the direction of the two-loop recursion, with the preconditioner between the loops."""
         q = forces.copy()
         factors = []
         for step, change, rho in reversed(history):

@@ -17,10 +17,10 @@ MOST_STEPS = 30
 """Newton steps by which a region is brought to where its held components are; from the last state two or three are taken."""
 
 HELD = 1e-6
-"""Of the region's size: how far held components may be from any place that the region can take as one body."""
+"""Distance of held components from any place that the region can take as one body, over its size, that is refused."""
 
 INDEPENDENT = 1e-9
-"""Of the greatest singular value of the held components: below it a motion of the region is free."""
+"""Singular value of the held components, over the greatest, below which a motion of the region is free."""
 
 
 class RigidRegion:
@@ -57,7 +57,7 @@ class RigidRegion:
 
     @property
     def all_held(self) -> bool:
-        """Whether nothing of it is free to move at rest."""
+        """True if no motion of the region is free at rest."""
         return len(self._free_motions(self.motions(self._middle + self._arms)).T) == 0
 
     def snap(self, positions: np.ndarray) -> None:
@@ -89,7 +89,7 @@ class RigidRegion:
         positions[self.points[self._held[0]], self._held[1]] = goals
 
     def motions(self, placed: np.ndarray) -> np.ndarray:
-        """Displacements of the points (k, d) by translations, then by turns about their middle times `size`, shape (k, d, motions)."""
+        """Return displacements of points (k, d) by translations, then by turns about their middle over `size`, shape (k, d, motions)."""
         arms = (placed - self._volumes @ placed / self._volumes.sum()) / self.size
         k, d = arms.shape
         found = np.zeros((k, d, self.n_motions))
@@ -99,7 +99,7 @@ class RigidRegion:
         return found
 
     def _free_motions(self, motions: np.ndarray) -> np.ndarray:
-        """Orthonormal motions that leave held components where they are, as columns."""
+        """Return the orthonormal motions that leave held components in place, as columns."""
         held = motions[self._held]
         if not len(held):
             return np.eye(self.n_motions)
@@ -107,8 +107,8 @@ class RigidRegion:
         sizes = np.concatenate([sizes, np.zeros(self.n_motions - len(sizes))])
         return directions[sizes <= INDEPENDENT * sizes.max()].T
 
-    def told(self, positions: np.ndarray, forces: np.ndarray) -> dict:
-        """Force and moment about the origin that point forces (n, d) exert on the region, and how it has moved, for results.
+    def describe(self, positions: np.ndarray, forces: np.ndarray) -> dict:
+        """Return, for results, force and moment about the origin of forces (n, d) on the region, and its displacement and rotation.
 
         The displacement is that of its middle; the rotation is in degrees, in space along the axis that it turns about.
         """
@@ -132,11 +132,11 @@ class RigidRegion:
         self._by_volume = by_volume
 
     def resultant(self, forces: np.ndarray) -> np.ndarray:
-        """Force, and moment about the middle over `size`, of forces (k, d) on the points."""
+        """Return force, and moment about the middle over `size`, of forces (k, d) on the points."""
         return np.einsum("kdm,kd->m", self._motions, forces)
 
     def expand(self, motion: np.ndarray) -> np.ndarray:
-        """Displacements of the points, shape (k, d), in a motion."""
+        """Return the displacements of the points, shape (k, d), in a motion."""
         return self._motions @ motion
 
     def carry(self, positions: np.ndarray, forces: np.ndarray) -> None:
@@ -194,7 +194,7 @@ class RigidStiffness(Preconditioner):
         self._factor = factor_of(held_matrix(matrix.tocsc(), self._free))
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Displacements under forces, shape (n, d)."""
+        """Return the displacements under forces, shape (n, d)."""
         size = forces.size
         reduced = np.concatenate([forces.ravel(), *(r.projector @ r.resultant(forces[r.points]) for r in self._regions)])
         found = self._factor.solve(reduced * self._free) * self._free
@@ -205,21 +205,21 @@ class RigidStiffness(Preconditioner):
 
 
 def _nearest_turn(matrix: np.ndarray) -> np.ndarray:
-    """Rotation nearest to a matrix, shape (d, d)."""
+    """Return the rotation nearest to a matrix, shape (d, d)."""
     U, _, V = np.linalg.svd(matrix)
     U[:, -1] *= np.sign(np.linalg.det(U @ V))
     return U @ V
 
 
 def _rotation_of(turn: np.ndarray) -> np.ndarray:
-    """Angle of a rotation in the plane; in space the vector along its axis that is as long."""
+    """Return the angle of a rotation in the plane; in space the vector along its axis of that length."""
     if len(turn) == 2:
         return np.arctan2(turn[1, 0], turn[0, 0])
     return Rotation.from_matrix(turn).as_rotvec()
 
 
 def _turn_by(vector: np.ndarray) -> np.ndarray:
-    """Rotation by an angle in the plane, shape (1,), or by a vector along its axis in space, shape (3,)."""
+    """Return the rotation by an angle in the plane (1,), or by a vector along its axis in space (3,)."""
     if len(vector) == 3:
         return Rotation.from_rotvec(vector).as_matrix()
     cosine, sine = np.cos(vector[0]), np.sin(vector[0])

@@ -36,7 +36,7 @@ class FrequencyEstimate:
         self.fresh = True
 
     def __call__(self, force: InternalForce, positions: np.ndarray) -> float:
-        """Greatest eigenvalue of M^-1 K at the given positions (square of the highest frequency)."""
+        """Return the greatest eigenvalue of M^-1 K at the given positions, the square of the highest frequency."""
         if not self._share.any(self.vector.any()):
             return 0.0
         probe = 1e-6 * force.body.spacing
@@ -74,7 +74,7 @@ KNOWN = 1 / 3
 """Bound of the error of the least Ritz value, over the value, with which a positive one is taken for the least curvature."""
 
 NEGATIVE = -0.01
-"""Least curvature, over that of the body at rest, that is told from zero."""
+"""Curvature, over that of the body at rest, that counts as negative."""
 
 
 def least_curvature(
@@ -83,7 +83,7 @@ def least_curvature(
     free: np.ndarray,
     stiffness: Preconditioner,
 ) -> float:
-    """An upper bound of the least curvature of the energy over that of the body at rest, which is near the truth where it is negative.
+    """Return an upper bound of the least curvature of the energy over that at rest, which is close where it is negative.
 
     Lanczos' method on P^-1 K, with K v from force differences and P an approximation of it, stopped at the first negative
     value: a Ritz value is the curvature along some displacement, so that a negative one proves that the state is not stable.  It is stopped
