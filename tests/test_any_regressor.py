@@ -24,7 +24,7 @@ from pdsurrogate.learning.export import force_of, taken_over
 from pdsurrogate.learning.resampling import fitted_spline, greatest_jump
 from pdsurrogate.learning.sampling import COLUMNS, TARGETS
 
-LAW = pds.Ogden()
+LAW = pds.materials.Ogden()
 GRID = "regressor__regressor__regressor"
 
 
@@ -83,7 +83,7 @@ def test_spline_kernels_of_two_features(random, cells):
     coefficients = random.standard_normal((2, *(count + 3 for count in cells)))
     low, step = np.array([-1.0, 0.0]), np.array([2.0, 2.2]) / cells
     model = SplineForce("x", "isochoric", np.array([0.1, -0.2]), Domain(0.5, 4, 0.7, 1.4), "ogden", {}, low, step, coefficients)
-    X = pds.training_samples(pds.NeoHookean(), 600, random_state=1).X
+    X = pds.training_samples(pds.materials.NeoHookean(), 600, random_state=1).X
     exact = model.bond_force(*X.T)
     for dtype in (np.float32, np.float64):
         compiled = kernel_bond_force(model, LAW, dtype)(*X.T)
@@ -106,7 +106,7 @@ def test_spline_kernels_of_three_features(random, monkeypatch):
     coefficients = random.standard_normal((2, 5, 7, 6))
     low, step = np.array([0.0, 0.2, 0.1]), np.array([0.5, 1.0, 0.4])
     model = SplineForce("x", "three", np.zeros(2), Domain(0.5, 4, 0.7, 1.4), "ogden", {}, low, step, coefficients)
-    X = pds.training_samples(pds.NeoHookean(), 600, random_state=1).X
+    X = pds.training_samples(pds.materials.NeoHookean(), 600, random_state=1).X
     exact = model.bond_force(*X.T)
     for dtype in (np.float32, np.float64):
         assert np.abs(kernel_bond_force(model, LAW, dtype)(*X.T) - exact).max() < 1000 * np.finfo(dtype).eps * np.abs(exact).max()
@@ -220,7 +220,9 @@ def test_a_plain_pipeline_of_bonds_is_stored_with_its_samples(samples, tmp_path)
 
 
 def test_a_search_goes_straight_into_storing_and_evaluation(samples, tmp_path):
-    search = GridSearchCV(pds.surrogate_pipeline(pds.ChebyshevRegressor(), features="isochoric"), {f"{GRID}__degree": [2, 6]}, cv=3)
+    search = GridSearchCV(
+        pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(), features="isochoric"), {f"{GRID}__degree": [2, 6]}, cv=3
+    )
     search.fit(samples.X, samples.y)
     card = pds.load_card(pds.store(search, samples, LAW, tmp_path, "searched", "1", "searched"))
     assert [row[f"{GRID}__degree"] for row in card.training["search"]] == [2, 6]
@@ -232,7 +234,7 @@ def test_a_search_goes_straight_into_storing_and_evaluation(samples, tmp_path):
 
 
 def test_artefacts_and_names_are_evaluated_as_well(samples, tmp_path):
-    path = pds.store(fitted(samples, pds.ChebyshevRegressor(6)), samples, LAW, tmp_path, "mine", "1", "x")
+    path = pds.store(fitted(samples, pds.learning.ChebyshevRegressor(6)), samples, LAW, tmp_path, "mine", "1", "x")
     report = pds.evaluate(path, LAW, n_samples=500)
     assert report["stretch_range"] == [0.6, 2.5]
     assert pds.evaluate("analytic", LAW, (0.6, 2.5), 300)["on_surface"]["max"] < 1e-13
@@ -281,7 +283,7 @@ def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
 
 
 WEIGHTED = {
-    "a polynomial": pds.ChebyshevRegressor(4),
+    "a polynomial": pds.learning.ChebyshevRegressor(4),
     "Levenberg-Marquardt": pds.LevenbergMarquardtRegressor((3,), "algebraic", max_iter=15, random_state=0),
     "a pipeline": make_pipeline(PolynomialFeatures(2), Ridge(1.0)),
     "one target at a time": GradientBoostingRegressor(n_estimators=3, random_state=0),
@@ -315,7 +317,7 @@ def test_a_weight_of_two_is_a_sample_twice_in_every_pipeline(samples, regressor)
 
 def test_a_weight_of_two_is_a_sample_twice_for_energies():
     samples = pds.training_samples(LAW, 300, (0.7, 2.0), target="isochoric-energy")
-    model = pds.surrogate_pipeline(pds.SobolevRegressor(3, max_iter=20, random_state=0), "isochoric-energy")
+    model = pds.surrogate_pipeline(pds.learning.SobolevRegressor(3, max_iter=20, random_state=0), "isochoric-energy")
     X, y, weights, copied_X, copied_y = repeated(samples, 1)
     right = clone(model).fit(copied_X, copied_y).predict(X)
     assert np.abs(right - clone(model).fit(X, y).predict(X)).max() > 1e-8
@@ -381,7 +383,7 @@ def test_columns_of_frames_are_told_by_their_names(samples):
     pandas = pytest.importorskip("pandas")
     X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=TARGETS)
     swapped, other = X[SHUFFLED], X.rename(columns={"J": "detF"})
-    model = pds.surrogate_pipeline(pds.ChebyshevRegressor(4), features="isochoric")
+    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(4), features="isochoric")
     right = clone(model).fit(X, y)
     for found in (clone(model).fit(swapped, y[["t_tau", "t_n"]]), right):
         np.testing.assert_array_equal(found.predict(swapped), right.predict(X))
@@ -393,7 +395,7 @@ def test_columns_of_frames_are_told_by_their_names(samples):
         clone(model).fit(X, y.rename(columns={"t_tau": "force"}))
     energies = pds.training_samples(LAW, 100, (0.7, 2.0), target="isochoric-energy")
     frame = pandas.DataFrame(energies.X[:, ::-1], columns=["I2bar", "I1bar"])
-    energy = pds.surrogate_pipeline(pds.SobolevRegressor(2, max_iter=2, random_state=0), "isochoric-energy").fit(frame, energies.y)
+    energy = pds.surrogate_pipeline(pds.learning.SobolevRegressor(2, max_iter=2, random_state=0), "isochoric-energy").fit(frame, energies.y)
     np.testing.assert_array_equal(energy.predict(frame), energy.predict(frame[["I1bar", "I2bar"]]))
 
 

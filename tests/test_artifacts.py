@@ -32,7 +32,7 @@ from pdsurrogate.artifacts import (
 from pdsurrogate.artifacts.store import payload_of
 from pdsurrogate.learning.fitting import check_worth_storing
 
-LAW = pds.NeoHookean()
+LAW = pds.materials.NeoHookean()
 
 
 @pytest.fixture(scope="module")
@@ -178,9 +178,9 @@ def test_a_missing_folder_of_artefacts_is_named(working_folder, monkeypatch):
 
 def test_materials_that_an_artefact_does_not_describe_are_told_apart_in_full_digits():
     with pytest.raises(ValueError, match=r"with chain_limit = 120\.0, not 120\.00001; fit"):
-        load_surrogate("gent").check_material(pds.Gent(chain_limit=120.00001))
+        load_surrogate("gent").check_material(pds.materials.Gent(chain_limit=120.00001))
     with pytest.raises(ValueError, match=r"describes ogden with exponent_1, .*modulus_3, not with exponent_1, modulus_1; fit"):
-        load_surrogate("ogden").check_material(pds.Ogden(moduli=(1.0,), exponents=(2.0,)))
+        load_surrogate("ogden").check_material(pds.materials.Ogden(moduli=(1.0,), exponents=(2.0,)))
 
 
 def test_shipped_artifacts_are_small_and_complete():
@@ -188,7 +188,7 @@ def test_shipped_artifacts_are_small_and_complete():
         folder = find_artifact(SHIPPED / name)
         assert sum(path.stat().st_size for path in folder.iterdir()) < 2**20
         assert load_card(folder).training["cross_validation"]
-    assert isinstance(load_surrogate("neo-hookean"), pds.NetworkForce)
+    assert isinstance(load_surrogate("neo-hookean"), pds.forces.NetworkForce)
 
 
 class Malice:
@@ -311,10 +311,10 @@ def test_plain_payloads_that_are_no_network(stored, change):
 
 def test_polynomials_are_stored_too(tmp_path):
     samples = pds.training_samples(LAW, 500, random_state=0)
-    model = pds.surrogate_pipeline(pds.ChebyshevRegressor(3), features="isochoric").fit(samples.X, samples.y)
+    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(3), features="isochoric").fit(samples.X, samples.y)
     path = pds.store(model, samples, LAW, tmp_path, "poly", "1", "a polynomial")
     force = load_surrogate(path)
-    assert isinstance(force, pds.PolynomialForce)
+    assert isinstance(force, pds.forces.PolynomialForce)
     np.testing.assert_allclose(force.bond_force(*samples.X.T), model.predict(samples.X), rtol=1e-11, atol=1e-12)
     payload = payload_in(path)
     for change in (
@@ -376,7 +376,7 @@ def test_pipeline_needs_trust_and_its_digest(stored, tmp_path):
 def test_bytes_are_reproduced_in_another_process(tmp_path):
     code = """
 import sys, pdsurrogate as pds
-law = pds.NeoHookean()
+law = pds.materials.NeoHookean()
 samples = pds.training_samples(law, 600, random_state=0)
 network = pds.LevenbergMarquardtRegressor((6,), "algebraic", max_iter=25, random_state=0)
 model = pds.surrogate_pipeline(network).fit(samples.X, samples.y)
@@ -394,7 +394,7 @@ def test_material_must_be_the_surrogates(stored):
     from pdsurrogate.forces import NetworkForce
 
     force = load_surrogate(stored)
-    force.check_material(pds.NeoHookean(7.0, 70.0))  # every modulus: the force is dimensionless
+    force.check_material(pds.materials.NeoHookean(7.0, 70.0))  # every modulus: the force is dimensionless
     other = NetworkForce("other", force.feature_set, force.at_rest, force.domain, "gent", {}, force.activation, force.layers)
     with pytest.raises(ValueError, match="describes the law gent, not neo-hookean"):
         other.check_material(LAW)
@@ -449,7 +449,7 @@ def test_an_artefact_binds_no_law_that_has_changed_since(tmp_path):
 
     law = law_with(0.05)
     samples = pds.training_samples(law, 1000, (0.6, 2.5))
-    model = pds.surrogate_pipeline(pds.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
+    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
     path = pds.store(model, samples, law, tmp_path, "expo", "1", "a user's own law")
     load_surrogate(path).check_material(law)
     with pytest.raises(ValueError, match=r"expo@1 differs from the forces of expo by .* its card states .*: the law has changed since"):
@@ -478,7 +478,7 @@ def test_what_is_far_off_at_small_strains_alone_is_said():
 @pytest.mark.parametrize("bulk", [10.0, 1000.0])
 def test_shipped_bond_forces_serve_every_bulk_modulus(bulk):
     for name in ("neo-hookean@1", "neo-hookean@2", "neo-hookean-paper"):
-        load_surrogate(name).check_material(pds.NeoHookean(2.0, 2.0 * bulk))
+        load_surrogate(name).check_material(pds.materials.NeoHookean(2.0, 2.0 * bulk))
 
 
 def test_names_and_versions_of_artefacts_that_would_be_misread(fitted, tmp_path):

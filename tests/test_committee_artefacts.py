@@ -9,10 +9,10 @@ from pdsurrogate.forces import AnalyticBondForce, ForceSettings
 from pdsurrogate.results.measures import PointState, point_fields
 from pdsurrogate.scenes import SceneError
 
-MAIN = pds.MooneyRivlin(shear_modulus=2.0, bulk_modulus=200.0, second_share=0.2)
+MAIN = pds.materials.MooneyRivlin(shear_modulus=2.0, bulk_modulus=200.0, second_share=0.2)
 OTHERS = [
-    pds.MooneyRivlin(shear_modulus=2.1, bulk_modulus=210.0, second_share=0.2),
-    pds.MooneyRivlin(shear_modulus=2.0, bulk_modulus=200.0, second_share=0.3),
+    pds.materials.MooneyRivlin(shear_modulus=2.1, bulk_modulus=210.0, second_share=0.2),
+    pds.materials.MooneyRivlin(shear_modulus=2.0, bulk_modulus=200.0, second_share=0.3),
 ]
 BOX = (0.6, 2.0)
 
@@ -24,7 +24,11 @@ def folder(tmp_path_factory):
 
     def fitted(law):
         samples = pds.training_samples(law, 1500, BOX, random_state=0)
-        return pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y), samples, law
+        return (
+            pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y),
+            samples,
+            law,
+        )
 
     model, samples, law = fitted(MAIN)
     return pds.store(model, samples, law, place, "mine", "1", "a test", members=[fitted(other) for other in OTHERS])
@@ -156,11 +160,11 @@ def test_a_damaged_member_is_told(folder, tmp_path):
 
 def test_members_of_an_isochoric_energy(tmp_path):
     """Seeds of a network, one of them of another modulus: in uniaxial tension the Kirchhoff stress deviates by its share."""
-    laws = [pds.NeoHookean(), pds.NeoHookean(), pds.NeoHookean(shear_modulus=1.1, bulk_modulus=110.0)]
+    laws = [pds.materials.NeoHookean(), pds.materials.NeoHookean(), pds.materials.NeoHookean(shear_modulus=1.1, bulk_modulus=110.0)]
     fits = []
     for seed, law in enumerate(laws):
         samples = pds.training_samples(law, 400, (0.6, 2.0), random_state=seed, target="isochoric-energy")
-        regressor = pds.SobolevRegressor(4, "algebraic", max_iter=80, random_state=seed)
+        regressor = pds.learning.SobolevRegressor(4, "algebraic", max_iter=80, random_state=seed)
         fits.append((pds.surrogate_pipeline(regressor, "isochoric-energy").fit(samples.X, samples.y), samples, law))
     path = pds.store(*fits[0], tmp_path, "energy", "1", "a test", members=fits[1:])
     along = (np.arange(4) + 0.5) / 4

@@ -22,14 +22,14 @@ CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.
 
 
 def scene_of(prescribed=ROLLERS, **changes):
-    described = {"name": "block", "spacing": 0.1, "body": pds.Rectangle(size=(1.2, 1.0)), "material": "neo-hookean", "steps": (1.0,)}
+    described = {"name": "block", "spacing": 0.1, "body": pds.shapes.Rectangle(size=(1.2, 1.0)), "material": "neo-hookean", "steps": (1.0,)}
     return pds.Scene(**described | {"prescribed": prescribed} | changes)
 
 
 def test_rollers_on_four_edges_give_homogeneous_biaxial_tension():
     """To 1e-6 of the exact stress and, as neither corner nor edge shows, of the displacement."""
     result = simulate(scene_of(), "analytic")
-    law = pds.NeoHookean()
+    law = pds.materials.NeoHookean()
     exact = homogeneous.biaxial(law, 1.5, 1.2).nominal_stress, homogeneous.biaxial(law, 1.2, 1.5).nominal_stress
     forces = result.levels[0]["forces"]
     for low, high, axis, length in (("left", "right", 0, 1.0), ("bottom", "top", 1, 1.2)):
@@ -95,7 +95,7 @@ def test_a_frame_that_shears_shears_what_it_holds():
     inner = np.zeros((n, n), dtype=bool)
     inner[7:-7, 7:-7] = True
     rows = [{"region": {"points": numbers[i][~inner[i]].tolist()}, "x1": 0.4 * (i + 0.5) * cell, "x2": 0.0} for i in range(n)]
-    scene = scene_of(rows, spacing=cell, body=pds.Rectangle(size=(1.0, 1.0)))
+    scene = scene_of(rows, spacing=cell, body=pds.shapes.Rectangle(size=(1.0, 1.0)))
     run = Run(scene, pds.load_surrogate("analytic"), Silent())
     assert (run.loading.free == 1).sum() == 2 * inner.sum()
     result = simulate(scene, "analytic")
@@ -164,7 +164,7 @@ def test_a_loose_piece_is_named():
 
 def test_a_round_end_is_no_plane():
     with pytest.raises(pds.SceneError, match="prescribed: the body has no straight edge with material at its left end"):
-        Run(scene_of(CLAMPS, body=pds.Circle(radius=0.6)), pds.load_surrogate("analytic"), Silent())
+        Run(scene_of(CLAMPS, body=pds.shapes.Circle(radius=0.6)), pds.load_surrogate("analytic"), Silent())
 
 
 def extended(samples, positions):

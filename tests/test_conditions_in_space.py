@@ -44,7 +44,7 @@ def moment(places, forces):
 
 def test_rollers_on_three_faces_give_homogeneous_tension():
     """At their edges and corner images have images of images; the exact state leaves no residual, and the exact force."""
-    law, stretch = pds.NeoHookean(), 1.3
+    law, stretch = pds.materials.NeoHookean(), 1.3
 
     def stress(along, across):
         """Nominal stress along an axis, of U = K/8 (J - 1/J)^2."""
@@ -94,7 +94,7 @@ def test_forces_and_moments_of_turned_planes_are_virtual_work(plane, dimension):
     if dimension == 3 and plane == "strain":
         pytest.skip("space has one plane")
     turned = {"region": "right", "rotation": 40.0, "about": (1.0, 0.5, 0.5)[:dimension], "x1": 0.1}
-    body, axis = (Box(size=(1.0, 1.0, 1.0)), {"axis": AXIS}) if dimension == 3 else (pds.Rectangle(size=(1.0, 1.0)), {})
+    body, axis = (Box(size=(1.0, 1.0, 1.0)), {"axis": AXIS}) if dimension == 3 else (pds.shapes.Rectangle(size=(1.0, 1.0)), {})
     about_nothing = {"plane": plane} if dimension == 2 else {}
     prescribed = (turned | axis, turned | axis | {"region": "left"})
     run = Run(scene_of(prescribed, body=body, horizon_ratio=1.75, **about_nothing), pds.load_surrogate("bond-energy"), Silent())
@@ -201,4 +201,4 @@ def test_conditions_that_make_no_sense_are_refused(prescribed, message):
 
 def test_a_sheet_has_no_third_component():
     with pytest.raises(pds.SceneError, match=r"prescribed\.0\.x3: a body in the plane has x1 and x2"):
-        scene_of(({"region": "left", "x1": 0.0, "x3": 0.0},), body=pds.Rectangle(size=(1.0, 1.0)))
+        scene_of(({"region": "left", "x1": 0.0, "x3": 0.0},), body=pds.shapes.Rectangle(size=(1.0, 1.0)))

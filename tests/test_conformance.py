@@ -90,15 +90,15 @@ BROUGHT = {"own-force": MyRubber, "own-energy": OwnEnergy, "spline": None}
 @pytest.fixture(scope="module")
 def brought(tmp_path_factory):
     """The subjects of `BROUGHT`: forces in Python stand in the table of force models for as long, as one of the package would."""
-    law = pds.Ogden()
+    law = pds.materials.Ogden()
     samples = pds.training_samples(law, 1500, (0.5, 4.0), random_state=0)
     model = pds.surrogate_pipeline(make_pipeline(PolynomialFeatures(6), Ridge(1e-4)), features="isochoric").fit(samples.X, samples.y)
     path = pds.store(model, samples, law, tmp_path_factory.mktemp("brought"), "polynomial", "1", "resampled")
-    assert isinstance(pds.load_surrogate(path), pds.SplineForce)
+    assert isinstance(pds.load_surrogate(path), pds.forces.SplineForce)
     with pytest.MonkeyPatch.context() as patch:
         for name, own in BROUGHT.items():
             if own is not None:
-                patch.setitem(FORCES, name, partial(pds.OwnBondForce, own()))
+                patch.setitem(FORCES, name, partial(pds.forces.OwnBondForce, own()))
         yield {name: Subject(str(path) if own is None else name) for name, own in BROUGHT.items()}
 
 

@@ -25,7 +25,7 @@ from pdsurrogate.kernels.bond_state import along_and_across
 from pdsurrogate.kernels.domain import blend, exact_share, exact_share_at
 from pdsurrogate.materials import Gent, plane_stress
 
-LAW = pds.NeoHookean()
+LAW = pds.materials.NeoHookean()
 PAPER = load_surrogate(SHIPPED / "neo-hookean-paper")
 
 

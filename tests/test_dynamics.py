@@ -20,7 +20,7 @@ from pdsurrogate.run.simulate import simulate
 from pdsurrogate.solvers import Diverging, ExplicitDynamics
 from pdsurrogate.solvers.conditions import Loading
 
-LAW = pds.NeoHookean()
+LAW = pds.materials.NeoHookean()
 
 SMALL = {
     "spacing": 0.1,

@@ -16,7 +16,7 @@ import pdsurrogate as pds
 from pdsurrogate.artifacts import ArtifactError, load_card, load_surrogate
 from pdsurrogate.artifacts.shipped import SHIPPED_CARDS
 
-LAW = pds.Gent(chain_limit=60.0)
+LAW = pds.materials.Gent(chain_limit=60.0)
 REFERENCES = ("", "#1", "#all")
 
 
@@ -26,9 +26,13 @@ def committee(tmp_path_factory):
 
     def fitted(law):
         samples = pds.training_samples(law, 800, (0.6, 2.0), random_state=0)
-        return pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y), samples, law
+        return (
+            pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y),
+            samples,
+            law,
+        )
 
-    others = [pds.Gent(2.0, 200.0, chain_limit=60.0), pds.Gent(chain_limit=70.0)]
+    others = [pds.materials.Gent(2.0, 200.0, chain_limit=60.0), pds.materials.Gent(chain_limit=70.0)]
     found = {"data": "mine.csv", "law": LAW.describe()}
     place = tmp_path_factory.mktemp("edited")
     text = pds.CardText("x", identification=found)
@@ -38,10 +42,10 @@ def committee(tmp_path_factory):
 @pytest.fixture(scope="module")
 def isochoric(tmp_path_factory):
     """A learnt isochoric energy by itself, with a hull of test data."""
-    law = pds.NeoHookean()
+    law = pds.materials.NeoHookean()
     samples = pds.training_samples(law, 300, (0.7, 1.8), random_state=0, target="isochoric-energy")
     samples.design["hull"] = [[1.0, 0.0, 0.5], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.5]]
-    regressor = pds.SobolevRegressor(4, "algebraic", max_iter=60, random_state=0)
+    regressor = pds.learning.SobolevRegressor(4, "algebraic", max_iter=60, random_state=0)
     model = pds.surrogate_pipeline(regressor, "isochoric-energy").fit(samples.X, samples.y)
     return pds.store(model, samples, law, tmp_path_factory.mktemp("edited"), "iso", "1", "x")
 

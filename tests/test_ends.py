@@ -259,11 +259,11 @@ def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
 
     monkeypatch.setattr(module, "simulate", interrupted)
     force = pds.load_surrogate("analytic")
-    keys = {"body": pds.Rectangle(size=(1.0, 1.0)), "spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
+    keys = {"body": pds.shapes.Rectangle(size=(1.0, 1.0)), "spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
     calls = {
         "stress_test.deformations": lambda: module.run_described(Subject("analytic"), keys),
         "stress_test.conformance": lambda: module.checkpoint(Subject("analytic")),
-        "reports.compare": lambda: module.measure_scene(module.Candidate("exact", force, "float64"), pds.NeoHookean(), 0.25),
+        "reports.compare": lambda: module.measure_scene(module.Candidate("exact", force, "float64"), pds.materials.NeoHookean(), 0.25),
     }
     with pytest.raises(KeyboardInterrupt):
         calls[where]()

@@ -11,11 +11,11 @@ from pdsurrogate.artifacts import load_surrogate
 from pdsurrogate.learning import energy as learning
 from pdsurrogate.solvers import SOLVERS
 
-LAW = pds.NeoHookean()
+LAW = pds.materials.NeoHookean()
 
 
 # Iterations enough for an R^2 above 0.5, for which one of the checks asks; no other depends on how far the training has come.
-@parametrize_with_checks([pds.SobolevRegressor(6, max_iter=10, random_state=0)])
+@parametrize_with_checks([pds.learning.SobolevRegressor(6, max_iter=10, random_state=0)])
 def test_the_estimator_keeps_scikit_learns_conventions(estimator, check):
     check(estimator)
 
@@ -28,7 +28,7 @@ def surface(X):
 
 def test_value_and_gradient_are_learnt_together(random):
     X, other = random.uniform(-1, 1, (300, 2)), random.uniform(-1, 1, (200, 2))
-    model = pds.SobolevRegressor(12, random_state=0).fit(X, surface(X))
+    model = pds.learning.SobolevRegressor(12, random_state=0).fit(X, surface(X))
     error = model.predict(other) - surface(other)
     assert np.sqrt((error**2).mean(axis=0)).max() < 1e-2
     # The gradient predicted is that of the value predicted.
@@ -45,7 +45,7 @@ def test_gradients_make_up_for_samples(random):
         X = random.uniform(-1, 1, (25, 2))
         error = {}
         for columns in (1, 3):
-            model = pds.SobolevRegressor(6, alpha=0.0, random_state=seed).fit(X, surface(X)[:, :columns].squeeze())
+            model = pds.learning.SobolevRegressor(6, alpha=0.0, random_state=seed).fit(X, surface(X)[:, :columns].squeeze())
             predicted = model.predict(other).reshape(500, -1)[:, 0]
             error[columns] = np.sqrt(((predicted - surface(other)[:, 0]) ** 2).mean())
         ratios.append(error[3] / error[1])
@@ -54,19 +54,21 @@ def test_gradients_make_up_for_samples(random):
 
 def test_anchor_and_flat_are_exact(random):
     X = random.uniform(-1, 1, (200, 2))
-    model = pds.SobolevRegressor(8, anchor=(0.2, -0.1), flat=(0,), max_iter=100, random_state=0).fit(X, surface(X))
+    model = pds.learning.SobolevRegressor(8, anchor=(0.2, -0.1), flat=(0,), max_iter=100, random_state=0).fit(X, surface(X))
     value, by_first, by_second = model.predict([[0.2, -0.1]])[0]
     assert abs(value) < 1e-13
     assert abs(by_first) < 1e-13
     assert abs(by_second) > 1e-3
     with pytest.raises(ValueError, match="anchor"):
-        pds.SobolevRegressor(flat=(0,)).fit(X, surface(X))
+        pds.learning.SobolevRegressor(flat=(0,)).fit(X, surface(X))
 
 
 @pytest.fixture(scope="module")
 def fitted():
     samples = pds.training_samples(LAW, 800, target="sheet-energy")
-    return pds.surrogate_pipeline(pds.SobolevRegressor(8, max_iter=200, random_state=0), "sheet-energy").fit(samples.X, samples.y), samples
+    return pds.surrogate_pipeline(pds.learning.SobolevRegressor(8, max_iter=200, random_state=0), "sheet-energy").fit(
+        samples.X, samples.y
+    ), samples
 
 
 def test_pipeline_predicts_the_energy_and_its_derivatives(fitted):
@@ -79,7 +81,7 @@ def test_pipeline_predicts_the_energy_and_its_derivatives(fitted):
 
 def test_surrogate_is_the_pipeline(fitted, tmp_path):
     model, samples = fitted
-    surrogate = pds.surrogate_of(model, LAW, samples)
+    surrogate = pds.learning.surrogate_of(model, LAW, samples)
     found = surrogate.energy_derivatives(LAW, *samples.X.T)
     expected = model.predict(samples.X)
     np.testing.assert_allclose(np.stack([found.psi, found.by_trace, found.by_area], axis=1), expected, rtol=1e-9, atol=1e-11)
@@ -95,8 +97,8 @@ def test_surrogate_is_the_pipeline(fitted, tmp_path):
 def test_only_an_energy_pipeline_becomes_an_energy(fitted, tmp_path):
     _, samples = fitted
     with pytest.raises(ValueError, match="by a SobolevRegressor, not by a ChebyshevRegressor"):
-        pds.surrogate_pipeline(pds.ChebyshevRegressor(3), "sheet-energy")
-    free = pds.surrogate_pipeline(pds.SobolevRegressor(3, max_iter=2, random_state=0), "sheet-energy").set_params(
+        pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(3), "sheet-energy")
+    free = pds.surrogate_pipeline(pds.learning.SobolevRegressor(3, max_iter=2, random_state=0), "sheet-energy").set_params(
         regressor__regressor__flat=()
     )
     with pytest.raises(ValueError, match=r"must have anchor \(0.0, 0.0\) and flat \(0,\), not \(0.0, 0.0\) and \(\)"):
@@ -106,7 +108,7 @@ def test_only_an_energy_pipeline_becomes_an_energy(fitted, tmp_path):
 
 def test_second_derivatives_of_the_network(fitted):
     model, samples = fitted
-    surrogate, (trace, J), h = pds.surrogate_of(model, LAW, samples), samples.X[:200].T, 1e-6
+    surrogate, (trace, J), h = pds.learning.surrogate_of(model, LAW, samples), samples.X[:200].T, 1e-6
     found = surrogate.energy_derivatives(LAW, trace, J)
     for key, shift in (("trace", (h, 0)), ("area", (0, h))):
         high, low = (surrogate.energy_derivatives(LAW, trace + sign * shift[0], J + sign * shift[1]) for sign in (1, -1))
@@ -118,7 +120,7 @@ def test_second_derivatives_of_the_network(fitted):
 
 def test_settings_can_be_searched():
     samples = pds.training_samples(LAW, 200, target="sheet-energy")
-    model = pds.surrogate_pipeline(pds.SobolevRegressor(4, max_iter=30, random_state=0), "sheet-energy")
+    model = pds.surrogate_pipeline(pds.learning.SobolevRegressor(4, max_iter=30, random_state=0), "sheet-energy")
     search = GridSearchCV(model, {"regressor__regressor__n_units": [2, 6]}, cv=2).fit(samples.X, samples.y)
     assert search.best_params_["regressor__regressor__n_units"] == 6
 

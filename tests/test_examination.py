@@ -14,7 +14,7 @@ from pdsurrogate.cli import app
 from pdsurrogate.identification import MODES, TestData, TestDataWarning, examine, load_test_data, nominal_stress
 from pdsurrogate.identification.examination import suspicions
 
-LAW = pds.MooneyRivlin(0.4, 400.0, 0.2)
+LAW = pds.materials.MooneyRivlin(0.4, 400.0, 0.2)
 
 
 def made_of(law, modes=tuple(MODES), n=8, greatest=3.0):
@@ -31,7 +31,7 @@ def changed(data, rows, stress):
 
 
 def examined(data, law="mooney-rivlin"):
-    model = pds.LawRegressor(law).fit(data.stretches, data.nominal_stress, data.balanced_weights())
+    model = pds.identification.LawRegressor(law).fit(data.stretches, data.nominal_stress, data.balanced_weights())
     return examine(model, data)
 
 
@@ -54,7 +54,7 @@ CHANGES = {
 
 
 def test_good_data_are_let_alone(good):
-    assert examined(good) == examine(pds.EnergyRegressor().fit(good.stretches, good.nominal_stress), good)
+    assert examined(good) == examine(pds.identification.EnergyRegressor().fit(good.stretches, good.nominal_stress), good)
     assert not examined(good).refusals
     assert not examined(good).remarks
 
@@ -88,7 +88,7 @@ def test_a_shift_of_the_mode_that_reaches_least_is_no_fault_of_its_rows():
     stretch = {"uniaxial": [*common, 4, 5], "equibiaxial": [*common, 3.5], "pure-shear": [*common, 4]}
     mode = np.repeat(list(stretch), [len(values) for values in stretch.values()])
     X = np.vstack([np.stack([np.array(values), MODES[name](np.array(values))], axis=1) for name, values in stretch.items()])
-    data = TestData("made", mode, X, nominal_stress(pds.Gent(0.4, 400.0, 60.0), X), np.ones(len(X)))
+    data = TestData("made", mode, X, nominal_stress(pds.materials.Gent(0.4, 400.0, 60.0), X), np.ones(len(X)))
     assert not suspicions(data)
     shifted = mode == "equibiaxial"
     (said,) = suspicions(changed(data, shifted, data.nominal_stress[shifted] + 0.1))
@@ -136,13 +136,13 @@ def test_another_law_that_is_five_times_better_is_named():
     said = " ".join(examined(data, "neo-hookean").remarks)
     assert "an energy without a law" in said
     assert "times better than neo-hookean" in said
-    models = [pds.LawRegressor(name).fit(data.stretches, data.nominal_stress) for name in ("mooney-rivlin", "ogden")]
+    models = [pds.identification.LawRegressor(name).fit(data.stretches, data.nominal_stress) for name in ("mooney-rivlin", "ogden")]
     assert "times better than mooney-rivlin" in examine(models[0], data, models).remarks[-1]
 
 
 def test_what_cauchy_stresses_throughout_leave_open_is_said(good):
     """A flexible law takes them for those of another rubber; the remark that names such a form must not lead there without a word."""
-    data = made_of(pds.Gent(0.3, 300.0, 80.0), greatest=4.0)
+    data = made_of(pds.materials.Gent(0.3, 300.0, 80.0), greatest=4.0)
     cauchy = replace(data, nominal_stress=data.nominal_stress * data.stretches[:, 0])
     assert not examined(cauchy, "ogden").remarks
     said = " ".join(examined(cauchy, "gent").remarks)
@@ -153,15 +153,15 @@ def test_what_cauchy_stresses_throughout_leave_open_is_said(good):
 def test_fits_are_refused_unless_forced(good):
     wrong = changed(good, 4, -0.5)
     with pytest.raises(ValueError, match=r"row 5 \(uniaxial, stretch 2.18571, nominal stress -0.5\) pushes where rubber pulls"):
-        pds.fit_to_tests(pds.LawRegressor("gent"), wrong)
+        pds.fit_to_tests(pds.identification.LawRegressor("gent"), wrong)
     with pytest.warns(TestDataWarning, match="row 5"):
-        pds.fit_to_tests(pds.LawRegressor("gent"), wrong, force=True)
+        pds.fit_to_tests(pds.identification.LawRegressor("gent"), wrong, force=True)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert pds.fit_to_tests(pds.LawRegressor("mooney-rivlin"), good).law_.second_share == pytest.approx(0.2, rel=1e-3)
+        assert pds.fit_to_tests(pds.identification.LawRegressor("mooney-rivlin"), good).law_.second_share == pytest.approx(0.2, rel=1e-3)
 
 
-@pytest.mark.parametrize("regressor", [pds.LawRegressor("gent"), pds.EnergyRegressor()])
+@pytest.mark.parametrize("regressor", [pds.identification.LawRegressor("gent"), pds.identification.EnergyRegressor()])
 def test_a_regressor_whose_fit_is_refused_or_fails_is_not_fitted(good, regressor):
     wrong = changed(good, 4, -0.5)
 
@@ -244,7 +244,9 @@ def test_fit_simulates_the_tests_with_its_artefact(good, written, tmp_path):
     assert found["simulated"]["rows_outside_domain"] == 0
     assert "outside the artefact's domain" not in done.stderr
     law = pds.load_card(tmp_path / "artifacts" / "x").material.trained_with
-    exact = nominal_stress(pds.MooneyRivlin(*(law[key] for key in ("shear_modulus", "bulk_modulus", "second_share"))), good.stretches)
+    exact = nominal_stress(
+        pds.materials.MooneyRivlin(*(law[key] for key in ("shear_modulus", "bulk_modulus", "second_share"))), good.stretches
+    )
     np.testing.assert_allclose(found["simulated"]["nominal_stress"], exact, atol=2e-3 * exact.max())  # the surrogate's own error
 
 

@@ -15,7 +15,7 @@ from pdsurrogate.results import measures, vtk
 from pdsurrogate.results.deformed import deformed_cells
 from pdsurrogate.results.views import section
 
-LAW = pds.NeoHookean(2.0, 200.0)
+LAW = pds.materials.NeoHookean(2.0, 200.0)
 F2 = np.array([[1.25, 0.2], [-0.1, 0.9]])
 F3 = np.array([[1.2, 0.1, 0.05], [0.0, 0.95, 0.2], [0.1, -0.05, 0.9]])
 

@@ -11,7 +11,7 @@ from pdsurrogate.identification.energy import groups_of
 from pdsurrogate.materials import plane_stress
 
 
-class AnyEnergy(AnyInput, pds.EnergyRegressor):
+class AnyEnergy(AnyInput, pds.identification.EnergyRegressor):
     """`EnergyRegressor` for the general checks."""
 
 
@@ -30,7 +30,7 @@ def r_squared(truth, predicted) -> float:
 
 
 def fitted(data, **parameters):
-    return pds.EnergyRegressor(**parameters).fit(data.stretches, data.nominal_stress, data.balanced_weights())
+    return pds.identification.EnergyRegressor(**parameters).fit(data.stretches, data.nominal_stress, data.balanced_weights())
 
 
 @pytest.mark.parametrize("name", ["treloar", "kawabata"])
@@ -51,7 +51,7 @@ def test_it_describes_rubber_about_as_well_as_ogdens_law_to_a_thousandth(name):
 def test_half_of_kawabatas_grid_foretells_the_other(kawabata):
     rows = np.arange(len(kawabata)) // 2  # both stresses of a state go together
     half = rows % 2 == 0
-    model = pds.EnergyRegressor().fit(kawabata.stretches[half], kawabata.nominal_stress[half])
+    model = pds.identification.EnergyRegressor().fit(kawabata.stretches[half], kawabata.nominal_stress[half])
     assert r_squared(kawabata.nominal_stress[~half], model.predict(kawabata.stretches[~half])) > 0.998
 
 
@@ -59,16 +59,16 @@ def test_two_modes_foretell_the_biaxial_grid(kawabata):
     """Fitted to the uniaxial rows and those of pure shear alone, as a laboratory has them; Ogden's law has 0.971, Neo-Hookean 0.882."""
     first, second = kawabata.stretches.T
     known = (np.abs(kawabata.nominal_stress) > 0) & ((np.abs(np.log(second * np.sqrt(first))) < 0.02) | (np.abs(second - 1) < 1e-9))
-    model = pds.EnergyRegressor().fit(kawabata.stretches[known], kawabata.nominal_stress[known])
+    model = pds.identification.EnergyRegressor().fit(kawabata.stretches[known], kawabata.nominal_stress[known])
     assert 15 < known.sum() < 80
     assert r_squared(kawabata.nominal_stress[~known], model.predict(kawabata.stretches[~known])) > 0.97
 
 
 def test_a_law_of_the_form_is_found_again():
-    law = pds.Ogden(moduli=(0.4, -0.02), exponents=(2.0, -2.0), bulk_modulus=420.0)
+    law = pds.materials.Ogden(moduli=(0.4, -0.02), exponents=(2.0, -2.0), bulk_modulus=420.0)
     stretch = np.linspace(1.05, 3, 20)
     X = np.concatenate([np.stack([stretch, lateral], axis=1) for lateral in (stretch**-0.5, np.ones(20), stretch)])
-    model = pds.EnergyRegressor().fit(X, nominal_stress(law, X))
+    model = pds.identification.EnergyRegressor().fit(X, nominal_stress(law, X))
     fresh = np.exp(np.random.default_rng(0).uniform(-0.5, 1.2, (200, 2)))
     np.testing.assert_allclose(model.predict(fresh), nominal_stress(law, fresh), rtol=1e-6, atol=1e-8)
     assert model.law_.shear_modulus == pytest.approx(law.shear_modulus, rel=1e-7)
@@ -77,7 +77,9 @@ def test_a_law_of_the_form_is_found_again():
 def test_what_physics_asks_holds_by_construction(random):
     """Of stresses that are noise: zero at rest, stable against shear waves of every direction, growing."""
     stretch = np.exp(random.uniform(-0.5, 1.0, (60, 2)))
-    model = pds.EnergyRegressor().fit(stretch, nominal_stress(pds.NeoHookean(), stretch) + 0.5 * random.standard_normal(60))
+    model = pds.identification.EnergyRegressor().fit(
+        stretch, nominal_stress(pds.materials.NeoHookean(), stretch) + 0.5 * random.standard_normal(60)
+    )
     law = model.law_
     assert abs(model.predict([[1.0, 1.0]])[0]) < 1e-10
     far = model.predict(np.array([[5.0, 1.0], [10.0, 1.0], [20.0, 1.0]]))
@@ -148,12 +150,12 @@ def test_rubber_that_no_sum_of_powers_of_stretches_is(rubber, greatest, between,
     for left, asked, truth, most in ((None, states, right, between), ("pure-shear", modes["pure-shear"], None, unseen)):
         X = np.concatenate([rows for name, rows in modes.items() if name != left])
         y = stress_of(rubber, X)
-        model = pds.EnergyRegressor(bulk_ratio=1e7).fit(X, y, 1 / y**2)
+        model = pds.identification.EnergyRegressor(bulk_ratio=1e7).fit(X, y, 1 / y**2)
         truth = stress_of(rubber, asked) if truth is None else truth
         print(rubber.__name__, left, np.sqrt(np.mean((model.predict(asked) / truth - 1) ** 2)), model.parameter_names_)
         assert np.sqrt(np.mean((model.predict(asked) / truth - 1) ** 2)) < most
         # All weights are positive: the law itself, which refuses others, is polyconvex.
-        assert isinstance(model.law_, pds.Ogden)
+        assert isinstance(model.law_, pds.materials.Ogden)
         np.testing.assert_allclose(model.predict(asked), nominal_stress(model.law_, asked), rtol=1e-12)
 
 
@@ -161,10 +163,10 @@ def test_powers_of_invariants_run_in_a_surrogate_and_in_a_scene(tmp_path):
     """Isihara's rubber: a law with powers of invariants through a card, a learnt force, and the exact one, in the same scene."""
     stretch = np.linspace(1.05, 2.5, 12)
     X = np.concatenate([np.stack([stretch, lateral], axis=1) for lateral in (stretch**-0.5, np.ones(12))])
-    law = pds.EnergyRegressor(bulk_ratio=1e3).fit(X, stress_of(isihara, X)).law_
-    assert isinstance(law, pds.Polyconvex)
+    law = pds.identification.EnergyRegressor(bulk_ratio=1e3).fit(X, stress_of(isihara, X)).law_
+    assert isinstance(law, pds.materials.Polyconvex)
     samples = pds.training_samples(law, 1000, (0.6, 2.2), random_state=0)
-    model = pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y)
+    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y)
     path = pds.store(model, samples, law, tmp_path, "isihara", None, "an energy without a law")
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.5, material=pds.load_card(path).material.trained_with)
     right = nominal_stress(law, np.array([[1.5, 1.5**-0.5]]))[0]
@@ -179,7 +181,7 @@ def test_a_row_twice_is_one_of_twice_the_weight(random):
     y = stress_of(haines_wilson, X) * (1 + 0.02 * random.standard_normal(27))
     weight = random.integers(1, 3, 27)
     rows = random.permutation(np.repeat(np.arange(27), weight))
-    once, twice = pds.EnergyRegressor().fit(X, y, weight), pds.EnergyRegressor().fit(X[rows], y[rows])
+    once, twice = pds.identification.EnergyRegressor().fit(X, y, weight), pds.identification.EnergyRegressor().fit(X[rows], y[rows])
     np.testing.assert_allclose(twice.predict(X), once.predict(X), rtol=1e-6)
 
 
@@ -229,16 +231,16 @@ def test_one_mode_or_state_is_told():
         with pytest.warns(
             UserWarning, match=rf"the data are of one mode of loading \({mode}\): what the stress is in others is not determined"
         ):
-            model = pds.EnergyRegressor().fit(data.stretches, data.nominal_stress)
+            model = pds.identification.EnergyRegressor().fit(data.stretches, data.nominal_stress)
         beyond = dict(zip(("uniaxial", "pure-shear", "equibiaxial"), model.beyond([[2, 2**-0.5], [2, 1], [2, 2]]), strict=True))
         assert [name for name, distance in beyond.items() if distance <= 0] == [mode]
     with pytest.warns(UserWarning, match="the data are of one state: they tell one number"):
-        pds.EnergyRegressor().fit([[2.0, 1.0]], [1.0])
+        pds.identification.EnergyRegressor().fit([[2.0, 1.0]], [1.0])
 
 
 def test_a_law_that_was_found_goes_into_a_scene():
     data = pds.load_test_data("treloar").up_to(3.0)
-    law = pds.LawRegressor("gent").fit(data.stretches, data.nominal_stress).law_
+    law = pds.identification.LawRegressor("gent").fit(data.stretches, data.nominal_stress).law_
     assert pds.load_scene("uniaxial", material=law).material.build() == law
     assert pds.load_scene("uniaxial", {"material": law}).material.build() == law
 
@@ -247,11 +249,11 @@ def test_a_run_counts_the_bonds_beyond_the_data(tmp_path):
     """An energy of uniaxial data: of a sheet that is pulled all bonds are within them, of one in pure shear none."""
     data = pds.load_test_data("treloar").of("uniaxial").up_to(3.0)
     with pytest.warns(UserWarning, match="one mode of loading"):
-        model = pds.EnergyRegressor().fit(data.stretches, data.nominal_stress)
+        model = pds.identification.EnergyRegressor().fit(data.stretches, data.nominal_stress)
     law = model.law_
     samples = pds.training_samples(law, 1500, (0.5, 3.0), random_state=0)
     samples.design["hull"] = model.domain_hull()
-    pipeline = pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y)
+    pipeline = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y)
     path = pds.store(pipeline, samples, law, tmp_path, "mine", "1", "a test")
     assert pds.load_surrogate(path).domain.hull is not None
     shares = {}

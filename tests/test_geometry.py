@@ -125,7 +125,7 @@ STAR = tuple((float(np.cos(angle)), float(np.sin(angle))) for angle in np.pi / 2
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_outlines_that_cross_or_run_twice_are_refused(vertices, message, scale):
     with pytest.raises(pds.SceneError, match=message if scale == 1 else message.split(" at ")[0].split(":")[0]):
-        pds.Polygon(vertices=[(scale * x1, scale * x2) for x1, x2 in vertices])
+        pds.shapes.Polygon(vertices=[(scale * x1, scale * x2) for x1, x2 in vertices])
 
 
 @pytest.mark.parametrize(
@@ -140,8 +140,8 @@ def test_outlines_that_cross_or_run_twice_are_refused(vertices, message, scale):
     ],
 )
 def test_outlines_that_touch_themselves_are_taken(vertices):
-    assert pds.Polygon(vertices=vertices).shape == "polygon"
-    assert pds.Polygon(vertices=[(x1 + 1e6, x2 - 1e6) for x1, x2 in vertices]).shape == "polygon"
+    assert pds.shapes.Polygon(vertices=vertices).shape == "polygon"
+    assert pds.shapes.Polygon(vertices=[(x1 + 1e6, x2 - 1e6) for x1, x2 in vertices]).shape == "polygon"
 
 
 def test_supports_on_an_axis_do_not_turn_the_body():

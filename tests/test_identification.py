@@ -12,7 +12,7 @@ from pdsurrogate.identification import MODES, figure, held_out_modes, load_test_
 from pdsurrogate.materials import LAWS, homogeneous
 
 
-class AnyLaw(AnyInput, pds.LawRegressor):
+class AnyLaw(AnyInput, pds.identification.LawRegressor):
     """`LawRegressor` for the general checks."""
 
 
@@ -42,7 +42,7 @@ def three_modes():
 def test_parameters_of_made_up_data_come_back(name):
     X = three_modes()
     law = LAWS[name](0.4, 400.0, **TREES[name])
-    model = pds.LawRegressor(name).fit(X, nominal_stress(law, X))
+    model = pds.identification.LawRegressor(name).fit(X, nominal_stress(law, X))
     assert model.parameter_names_ == ["shear_modulus", *TREES[name]]
     np.testing.assert_allclose(model.parameters_, [0.4, *TREES[name].values()], rtol=1e-5)
 
@@ -50,8 +50,8 @@ def test_parameters_of_made_up_data_come_back(name):
 def test_standard_errors_are_the_scatter_of_repeated_fits(random):
     """The scatter of 50 fits to noisy data is the reported standard error, within three errors of a scatter of 50, a tenth each."""
     X = three_modes()
-    exact = nominal_stress(pds.Gent(0.3, 300.0, 90.0), X)
-    fits = [pds.LawRegressor("gent").fit(X, exact + 0.02 * random.standard_normal(len(X))) for _ in range(50)]
+    exact = nominal_stress(pds.materials.Gent(0.3, 300.0, 90.0), X)
+    fits = [pds.identification.LawRegressor("gent").fit(X, exact + 0.02 * random.standard_normal(len(X))) for _ in range(50)]
     found = np.array([fit.parameters_ for fit in fits])
     reported = np.mean([fit.standard_errors_ for fit in fits], axis=0)
     np.testing.assert_allclose(found.std(axis=0), reported, rtol=0.3)
@@ -61,11 +61,11 @@ def test_standard_errors_are_the_scatter_of_repeated_fits(random):
 def test_stresses_are_the_exact_solutions():
     """Of any bulk modulus; states of free sides among them, which no lateral stretch that a laboratory states could be given to."""
     for law in (
-        pds.NeoHookean(),
-        pds.Gent(),
-        pds.Ogden(bulk_modulus=5.0),
-        pds.FullNetwork(),
-        pds.Polyconvex(first=(0.3, 0.1), second=(0.05, 0.01)),
+        pds.materials.NeoHookean(),
+        pds.materials.Gent(),
+        pds.materials.Ogden(bulk_modulus=5.0),
+        pds.materials.FullNetwork(),
+        pds.materials.Polyconvex(first=(0.3, 0.1), second=(0.05, 0.01)),
     ):
         for mode, solve in (("uniaxial", homogeneous.uniaxial), ("equibiaxial", homogeneous.equibiaxial)):
             stretch = np.array([0.7, 1.5, 3.0])
@@ -73,18 +73,18 @@ def test_stresses_are_the_exact_solutions():
             exact = [solve(law, value).nominal_stress for value in stretch]
             np.testing.assert_allclose(stress, exact, rtol=1e-9)  # Newton's iteration and brentq at rounding
     # Past the limit of the law there is none, however much it swells.
-    assert np.isnan(nominal_stress(pds.Gent(bulk_modulus=1e4, chain_limit=10.0), np.array([[8.0, 8**-0.5]]))).all()
+    assert np.isnan(nominal_stress(pds.materials.Gent(bulk_modulus=1e4, chain_limit=10.0), np.array([[8.0, 8**-0.5]]))).all()
 
 
 @pytest.mark.parametrize("bulk_ratio", [100.0, 1000.0])
 def test_the_chain_limit_of_made_up_data_is_the_truth(bulk_ratio):
     """101.8 (0.13) came back for 80 (docs/tutorial/own-data.md), as laws were fitted as incompressible."""
-    truth = pds.Gent(0.4, 0.4 * bulk_ratio, chain_limit=80.0)
+    truth = pds.materials.Gent(0.4, 0.4 * bulk_ratio, chain_limit=80.0)
     stretch = np.array([1.2, 1.6, 2.0, 2.5, 3.0, 3.5])
     X = np.stack([stretch, stretch**-0.5], axis=1)
     stress = [homogeneous.uniaxial(truth, value).nominal_stress for value in stretch]
     for given in ({"bulk_ratio": bulk_ratio}, {"bulk_modulus": 0.4 * bulk_ratio}):
-        found = pds.LawRegressor("gent", **given).fit(X, stress)
+        found = pds.identification.LawRegressor("gent", **given).fit(X, stress)
         np.testing.assert_allclose(found.parameters_, [0.4, 80.0], rtol=1e-6)
         assert found.law_.bulk_modulus == pytest.approx(truth.bulk_modulus, rel=1e-6)
 
@@ -114,7 +114,7 @@ def test_a_bar_that_is_pulled_gives_the_test_back(treloar):
 def test_artefacts_simulate_tests(reference, most):
     """By bond forces, an energy of sheets and one of space; the errors are those of their cards."""
     X = np.array([[1.5, np.nan], [0.7, np.nan], [2.0, 1.0], [1.0, 2.0], [2.0, 2.0]])
-    law = pds.NeoHookean(2.0, 200.0)
+    law = pds.materials.NeoHookean(2.0, 200.0)
     simulated = homogeneous_force(pds.load_surrogate(reference), law, X)
     np.testing.assert_allclose(simulated, homogeneous.sheet_states(law, *X.T)[0], rtol=most, atol=most)
 
@@ -130,7 +130,7 @@ INCOMPRESSIBLE = 1e7
 
 def fitted(name, data, weights=None, bulk_ratio=1000.0):
     weights = data.balanced_weights() if weights is None else weights
-    return pds.LawRegressor(name, bulk_ratio=bulk_ratio).fit(data.stretches, data.nominal_stress, weights)
+    return pds.identification.LawRegressor(name, bulk_ratio=bulk_ratio).fit(data.stretches, data.nominal_stress, weights)
 
 
 def test_yeoh_is_the_solution_of_a_linear_problem(treloar):
@@ -200,12 +200,12 @@ def test_ogden_predicts_kawabatas_grid_best(treloar):
 
 
 def test_modes_are_held_out(treloar):
-    rows = held_out_modes([pds.LawRegressor("gent")], treloar)
+    rows = held_out_modes([pds.identification.LawRegressor("gent")], treloar)
     assert [list(row["held_out"]) for row in rows] == [["uniaxial"], ["equibiaxial"], ["pure-shear"]]
-    only = held_out_modes([pds.LawRegressor("gent")], treloar, ["uniaxial"])
+    only = held_out_modes([pds.identification.LawRegressor("gent")], treloar, ["uniaxial"])
     assert list(only[0]["held_out"]) == ["equibiaxial", "pure-shear"]
     with pytest.raises(ValueError, match="nothing held out"):
-        held_out_modes([pds.LawRegressor()], treloar.of("uniaxial"), ["uniaxial"])
+        held_out_modes([pds.identification.LawRegressor()], treloar.of("uniaxial"), ["uniaxial"])
 
 
 def test_report_and_figure(treloar):
@@ -226,7 +226,7 @@ def test_report_and_figure(treloar):
 
 def test_a_parameter_that_the_data_do_not_tell_has_no_finite_error():
     X = np.array([[1.2, 1.2**-0.5]])
-    model = pds.LawRegressor("gent").fit(X, [0.5])
+    model = pds.identification.LawRegressor("gent").fit(X, [0.5])
     assert np.isinf(model.standard_errors_).all()
     assert report(model, one_row(X, 0.5))["standard_errors"]["chain_limit"] is None
 
@@ -271,9 +271,9 @@ def test_bad_files_are_refused_by_line(tmp_path, text, message):
 
 def test_bad_stretches_are_refused():
     with pytest.raises(ValueError, match="two columns"):
-        pds.LawRegressor().fit(np.ones((3, 3)), np.ones(3))
+        pds.identification.LawRegressor().fit(np.ones((3, 3)), np.ones(3))
     with pytest.raises(ValueError, match="positive"):
-        pds.LawRegressor().fit(-np.ones((3, 2)), np.ones(3))
+        pds.identification.LawRegressor().fit(-np.ones((3, 2)), np.ones(3))
 
 
 def test_a_column_that_is_twice_in_a_file_is_refused(tmp_path):
@@ -283,7 +283,7 @@ def test_a_column_that_is_twice_in_a_file_is_refused(tmp_path):
         load_test_data(path)
 
 
-@pytest.mark.parametrize("regressor", [pds.LawRegressor("mooney-rivlin"), pds.EnergyRegressor()])
+@pytest.mark.parametrize("regressor", [pds.identification.LawRegressor("mooney-rivlin"), pds.identification.EnergyRegressor()])
 def test_tables_are_read_by_the_names_of_their_columns(regressor):
     pandas = pytest.importorskip("pandas")
     data = load_test_data("treloar").up_to(3.0)
@@ -294,7 +294,7 @@ def test_tables_are_read_by_the_names_of_their_columns(regressor):
     assert found.law_ == known.law_
     for given in (table, turned):
         np.testing.assert_array_equal(found.predict(given), known.predict(data.stretches))
-    members = [pds.committee(regressor, given, data.nominal_stress, 2)[0].law_ for given in (data.stretches, turned)]
+    members = [pds.identification.committee(regressor, given, data.nominal_stress, 2)[0].law_ for given in (data.stretches, turned)]
     assert members[0] == members[1]
     other = table.rename(columns={"lateral_stretch": "across"})
     for refused in (lambda: clone(regressor).fit(other, data.nominal_stress), lambda: found.predict(other)):

@@ -15,7 +15,7 @@ from pdsurrogate.kernels.domain import distance_coefficients
 from pdsurrogate.learning.isochoric import ISOCHORIC_ENERGY
 from pdsurrogate.materials import plane_strain, solid
 
-LAW = pds.Ogden()
+LAW = pds.materials.Ogden()
 NAMES = ("neo-hookean", "ogden", "arruda-boyce", "full-network")
 PLANES = {"strain": plane_strain, "space": solid}
 
@@ -28,7 +28,7 @@ def ogden():
 @pytest.fixture(scope="module")
 def fitted():
     samples = pds.training_samples(LAW, 400, target="isochoric-energy")
-    return pds.surrogate_pipeline(pds.SobolevRegressor(4, max_iter=200, random_state=0), "isochoric-energy").fit(
+    return pds.surrogate_pipeline(pds.learning.SobolevRegressor(4, max_iter=200, random_state=0), "isochoric-energy").fit(
         samples.X, samples.y
     ), samples
 
@@ -60,7 +60,7 @@ def drawn(n, plane, low=0.3, high=3.5, seed=3):
 
 def test_samples_are_the_energy_of_the_law():
     """Derivatives of a law of invariants are its own; of principal stretches, differences of the energy."""
-    law = pds.MooneyRivlin()
+    law = pds.materials.MooneyRivlin()
     samples = pds.training_samples(law, 200, random_state=2, target="isochoric-energy")
     np.testing.assert_allclose(samples.y.T, np.broadcast_arrays(*law.isochoric(*samples.X.T, law.parameters)[:3]), rtol=1e-9, atol=1e-12)
     samples = pds.training_samples(LAW, 200, (0.4, 3.0), 0.0, target="isochoric-energy")
@@ -78,7 +78,7 @@ def test_pipeline_and_surrogate_are_one_function(fitted, tmp_path):
     model, samples = fitted
     unseen = pds.training_samples(LAW, 500, random_state=5, target="isochoric-energy")
     assert unseen.target.errors(model.predict(unseen.X), unseen)["rms"] < 2e-3
-    surrogate = pds.surrogate_of(model, LAW, samples)
+    surrogate = pds.learning.surrogate_of(model, LAW, samples)
     expected = model.predict(unseen.X)
     np.testing.assert_allclose(np.stack(surrogate.isochoric_derivatives(*unseen.X.T), axis=1), expected, rtol=1e-9, atol=1e-11)
     assert surrogate.isochoric_derivatives(3.0, 3.0)[0] == 0
@@ -92,14 +92,14 @@ def test_pipeline_and_surrogate_are_one_function(fitted, tmp_path):
 def test_pipelines_of_other_energies_are_refused(fitted):
     model, _ = fitted
     with pytest.raises(ValueError, match="the pipeline predicts the target isochoric-energy, and the samples are of sheet-energy"):
-        pds.surrogate_of(model, LAW, pds.training_samples(LAW, 10, target="sheet-energy"))
+        pds.learning.surrogate_of(model, LAW, pds.training_samples(LAW, 10, target="sheet-energy"))
     with pytest.raises(ValueError, match="I2bar must be positive"):
         model.predict([[3.0, -1.0]])
 
 
 def test_laws_that_lock_are_learnt_as_far_as_they_go():
-    law = pds.Gent(chain_limit=5.0)
-    low, high = pds.reachable_stretches(law, (0.25, 4.0), target="isochoric-energy")
+    law = pds.materials.Gent(chain_limit=5.0)
+    low, high = pds.learning.reachable_stretches(law, (0.25, 4.0), target="isochoric-energy")
     assert low > 0.25
     assert high < 4.0
     assert np.isfinite(pds.training_samples(law, 500, (low, high), target="isochoric-energy").y).all()
@@ -142,7 +142,7 @@ def test_kernel_is_the_network(ogden, plane, precision, error):
 def test_shipped_artefacts_are_as_exact_as_they_state(name, plane):
     """Energy and stress are the law's, the latter within five times the greatest error that the card states: the states are others."""
     model = load_surrogate(SHIPPED / f"{name}-isochoric")
-    law = pds.LAWS[name]()
+    law = pds.materials.LAWS[name]()
     states, squares = drawn(200, plane)
     found = model.isochoric_energy(law, plane, "extrapolate", "float64").evaluate(*states)
     exact = np.array(PLANES[plane].isochoric_response(law, *states))
@@ -206,7 +206,7 @@ def test_one_artefact_serves_every_bulk_modulus(ogden, plane):
     """Forces within ten times the stated error of the exact energy's, at K = 100 and 1000 mu, and the energy within it."""
     body = block(plane)
     for bulk in (100.0, 1000.0):
-        law = pds.Ogden(bulk_modulus=bulk)
+        law = pds.materials.Ogden(bulk_modulus=bulk)
         learnt, exact = (model.bind(body, law, ForceSettings(plane=plane)) for model in (ogden, pds.BondEnergyForce()))
         found, expected = (evaluated(force, wavy(body.points)) for force in (learnt, exact))
         assert np.abs(found - expected).max() < 10 * ogden.stated["max"] * np.abs(expected).max()
@@ -248,9 +248,9 @@ def test_what_it_does_not_serve_it_says(ogden):
     with pytest.raises(ValueError, match=r"ogden-isochoric@1 does not take plane=stress; it takes plane=strain\|space; force=analytic"):
         ogden.bind(sheet(), LAW, ForceSettings())
     with pytest.raises(ValueError, match="describes the law ogden, not gent"):
-        ogden.bind(block("space"), pds.Gent(), ForceSettings(plane="space"))
+        ogden.bind(block("space"), pds.materials.Gent(), ForceSettings(plane="space"))
     with pytest.raises(ValueError, match=r"describes ogden with modulus_1 = 1\.49.*, not 1\.38"):
-        ogden.check_material(pds.Ogden(exponents=(1.4, 5.0, -2.0)))
+        ogden.check_material(pds.materials.Ogden(exponents=(1.4, 5.0, -2.0)))
     wrong = load_surrogate(SHIPPED / "ogden-isochoric")
     wrong.output_weights[0] *= 1.1
     with pytest.raises(ValueError, match="differs from the forces of ogden"):
@@ -318,7 +318,7 @@ def test_single_precision_finds_the_same_equilibrium_of_a_bonded_cube():
 
 def test_bodies_of_two_materials(ogden):
     """Learnt on one side and exact on the other, or learnt on both; pairs outside are counted by material."""
-    body, soft, stiff = block("space"), pds.Ogden(), pds.NeoHookean(3.0, 300.0)
+    body, soft, stiff = block("space"), pds.materials.Ogden(), pds.materials.NeoHookean(3.0, 300.0)
     left = body.points[:, 0] < 0.5
     neo_hookean, exact = load_surrogate(SHIPPED / "neo-hookean-isochoric"), pds.BondEnergyForce()
 

@@ -15,7 +15,7 @@ from pdsurrogate.learning import reachable_stretches, surrogate_of
 from pdsurrogate.materials import LAWS, InvariantLaw, homogeneous, plane_stress
 from pdsurrogate.materials.consistency import check_consistency
 
-LIMITED = [pds.Gent(chain_limit=10.0), pds.ArrudaBoyce(chain_links=4.0), pds.FullNetwork(chain_links=9.0)]
+LIMITED = [pds.materials.Gent(chain_limit=10.0), pds.materials.ArrudaBoyce(chain_links=4.0), pds.materials.FullNetwork(chain_links=9.0)]
 """Laws that lock: all of them before equibiaxial stretch 6."""
 
 
@@ -30,14 +30,14 @@ def test_every_law_is_tried():
 @pytest.mark.parametrize(
     ("law", "tolerance"),
     [
-        (pds.MooneyRivlin(second_share=0.0), 1e-12),
-        (pds.Yeoh(second=0.0, third=0.0), 1e-12),
+        (pds.materials.MooneyRivlin(second_share=0.0), 1e-12),
+        (pds.materials.Yeoh(second=0.0, third=0.0), 1e-12),
         # The chain's second term is of relative order I1/N.
-        (pds.Gent(bulk_modulus=100.0, chain_limit=1e9), 1e-7),
-        (pds.ArrudaBoyce(chain_links=1e7), 1e-4),
-        (pds.FullNetwork(chain_links=1e7), 1e-4),
-        (pds.Ogden(moduli=(1.0,), exponents=(2.0,)), 1e-9),
-        (pds.Polyconvex(), 1e-9),
+        (pds.materials.Gent(bulk_modulus=100.0, chain_limit=1e9), 1e-7),
+        (pds.materials.ArrudaBoyce(chain_links=1e7), 1e-4),
+        (pds.materials.FullNetwork(chain_links=1e7), 1e-4),
+        (pds.materials.Ogden(moduli=(1.0,), exponents=(2.0,)), 1e-9),
+        (pds.materials.Polyconvex(), 1e-9),
     ],
     ids=lambda value: getattr(value, "name", ""),
 )
@@ -48,17 +48,17 @@ def test_neo_hookean_limit(law, tolerance, random):
     if law.name == "gent":  # its volumetric part is another: compare at J3 = 1
         state = first**2 + second**2, first * second, np.ones(200)
         np.testing.assert_allclose(
-            plane_stress.response(law, *state)[:2], plane_stress.response(pds.NeoHookean(), *state)[:2], rtol=tolerance
+            plane_stress.response(law, *state)[:2], plane_stress.response(pds.materials.NeoHookean(), *state)[:2], rtol=tolerance
         )
         return
-    expected = plane_stress.first_piola_stress(pds.NeoHookean(), F)
+    expected = plane_stress.first_piola_stress(pds.materials.NeoHookean(), F)
     np.testing.assert_allclose(plane_stress.first_piola_stress(law, F), expected, rtol=tolerance, atol=10 * tolerance)
 
 
 def test_mooney_rivlin_is_an_ogden_law(random):
     """Exponents 2 and -2 with moduli 2 C10 and -2 C01: the two families of laws share no code for the stress."""
-    mooney = pds.MooneyRivlin(1.0, 100.0, 0.3)
-    ogden = pds.Ogden(moduli=(0.7, -0.3), exponents=(2.0, -2.0))
+    mooney = pds.materials.MooneyRivlin(1.0, 100.0, 0.3)
+    ogden = pds.materials.Ogden(moduli=(0.7, -0.3), exponents=(2.0, -2.0))
     first, second = stretches(random, 300)
     state = first**2 + second**2, first * second, np.exp(random.uniform(-0.2, 0.2, 300))
     for row, (one, other) in enumerate(zip(plane_stress.response(mooney, *state), plane_stress.response(ogden, *state), strict=True)):
@@ -67,13 +67,13 @@ def test_mooney_rivlin_is_an_ogden_law(random):
 
 def test_ogden_tension_is_the_papers_formula():
     """sum mu_k (l^(a_k - 1) - l^(-a_k/2 - 1)), the incompressible limit, at K = 1e7 mu."""
-    law = pds.Ogden(bulk_modulus=1e7)
+    law = pds.materials.Ogden(bulk_modulus=1e7)
     for stretch in (0.7, 2.0, 5.0):
         expected = sum(mu * (stretch ** (a - 1) - stretch ** (-a / 2 - 1)) for mu, a in zip(law.moduli, law.exponents, strict=True))
         assert homogeneous.uniaxial(law, stretch).nominal_stress == pytest.approx(expected, rel=1e-5)
 
 
-@pytest.mark.parametrize("law", [pds.Ogden(), pds.FullNetwork()], ids=lambda law: law.name)
+@pytest.mark.parametrize("law", [pds.materials.Ogden(), pds.materials.FullNetwork()], ids=lambda law: law.name)
 def test_equal_stretches_are_no_exception(law):
     """At and around equal stretches the response is smooth: the separation that avoids 0/0 costs less than 1e-9."""
     for J3 in (0.95, 1.0, 1.1):
@@ -100,7 +100,7 @@ def test_undeformed_rubber_is_free_of_stress(law):
 def test_complex_steps_give_the_isochoric_derivatives():
     """W1 and W11 of every invariant law that is plain arithmetic, by complex steps: exact to rounding."""
     h = 1e-30
-    for law in (pds.NeoHookean(), pds.MooneyRivlin(second_share=0.3), pds.Yeoh()):
+    for law in (pds.materials.NeoHookean(), pds.materials.MooneyRivlin(second_share=0.3), pds.materials.Yeoh()):
         for I1, I2 in ((3.0, 3.0), (7.3, 5.1), (20.0, 40.0)):
             plain = law.isochoric(I1, I2, law.parameters)
             by_I1 = law.isochoric(I1 + h * 1j, I2, law.parameters)
@@ -131,7 +131,7 @@ def test_inverse_langevin_to_rounding():
 
 def test_quadrature_of_the_full_network_is_converged(random):
     """Against a Gauss-Legendre product rule of 40 x 40 directions in an octant, up to nine tenths of the locking stretch."""
-    law = pds.FullNetwork(chain_links=20.0)
+    law = pds.materials.FullNetwork(chain_links=20.0)
     u, weight = np.polynomial.legendre.leggauss(40)
     z, angle = (u[:, None] + 1) / 2, np.pi / 4 * (u[None, :] + 1)
     directions = np.stack(np.broadcast_arrays((1 - z**2) * np.cos(angle) ** 2, (1 - z**2) * np.sin(angle) ** 2, z**2), axis=-1)
@@ -185,7 +185,7 @@ def test_surrogates_keep_short_of_the_limit(law):
     low, high = reachable_stretches(law)
     assert 0.5 < low < 1 < high < 4
     samples = pds.training_samples(law, 4000, (low, high), random_state=0)
-    model = pds.surrogate_pipeline(pds.ChebyshevRegressor((12, 6)), features="isochoric").fit(samples.X, samples.y)
+    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((12, 6)), features="isochoric").fit(samples.X, samples.y)
     report = pds.evaluate(surrogate_of(model, law, samples).bond_force, law, (low, high), 2000)
     assert max(report["on_surface"]["rms"], report["off_surface"]["rms"]) < 2e-3
 
@@ -193,7 +193,7 @@ def test_surrogates_keep_short_of_the_limit(law):
 @pytest.mark.parametrize("law", EXAMPLES, ids=lambda law: f"{law.name}-{law.shear_modulus:g}")
 def test_every_law_has_a_surrogate_within_two_thousandths(law):
     samples = pds.training_samples(law, 4000, reachable_stretches(law), random_state=0)
-    model = pds.surrogate_pipeline(pds.ChebyshevRegressor((12, 6)), features="isochoric").fit(samples.X, samples.y)
+    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((12, 6)), features="isochoric").fit(samples.X, samples.y)
     report = pds.evaluate(surrogate_of(model, law, samples).bond_force, law, reachable_stretches(law), 3000)
     assert max(report["on_surface"]["rms"], report["off_surface"]["rms"]) < 2e-3
     assert report["at_rest"] < 1e-9
@@ -249,7 +249,7 @@ def test_ogden_of_a_scene_takes_lists():
     law = scene.material.build()
     assert law.shear_modulus == pytest.approx(0.4225)
     assert law.bulk_modulus == pytest.approx(42.25)
-    assert pds.Ogden().shape == pytest.approx(law.shape)
+    assert pds.materials.Ogden().shape == pytest.approx(law.shape)
 
 
 @pytest.mark.parametrize("name", ["gent", "ogden", "full-network"])
@@ -264,12 +264,16 @@ def test_shipped_surrogates(name):
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("law", [pds.ArrudaBoyce(), pds.Ogden(), pds.FullNetwork(), pds.Ogden(bulk_modulus=10.0)], ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    "law",
+    [pds.materials.ArrudaBoyce(), pds.materials.Ogden(), pds.materials.FullNetwork(), pds.materials.Ogden(bulk_modulus=10.0)],
+    ids=lambda law: law.name,
+)
 def test_thickness_from_the_learnt_force(law, precision, random):
     """J3 is off by the force error over K/mu: that of the force, in units of mu, is below 5e-3 everywhere in this state."""
     body = pds.Body.rectangle(1.0, 1.0, 0.1, 0.315)
     samples = pds.training_samples(law, 4000, random_state=0)
-    fitted = pds.surrogate_pipeline(pds.ChebyshevRegressor((12, 6)), features="isochoric").fit(samples.X, samples.y)
+    fitted = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((12, 6)), features="isochoric").fit(samples.X, samples.y)
     model = surrogate_of(fitted, law, samples)
     force = model.bind(body, law, ForceSettings(precision=precision))
     assert force.learnt_thickness
@@ -289,7 +293,7 @@ def test_thickness_from_the_learnt_force(law, precision, random):
 
 
 def test_points_outside_the_domain_are_left_to_the_law():
-    law = pds.Ogden()
+    law = pds.materials.Ogden()
     body = pds.Body.rectangle(1.0, 1.0, 0.2, 0.5)
     model = pds.load_surrogate("ogden")
     force = model.bind(body, law, ForceSettings())
@@ -338,7 +342,7 @@ def test_a_users_own_law(random):
     assert homogeneous.uniaxial(law, stretch).nominal_stress == pytest.approx((rise[1] - rise[0]) / (2 * h), rel=1e-7)
     # It is learnt and simulated as every other.
     samples = pds.training_samples(law, 2000, (0.6, 3.0), random_state=0)
-    fitted = pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 4)), features="isochoric").fit(samples.X, samples.y)
+    fitted = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 4)), features="isochoric").fit(samples.X, samples.y)
     model = surrogate_of(fitted, law, samples)
     body = pds.Body.rectangle(1.0, 1.0, 0.2, 0.5)
     forces = []
@@ -372,20 +376,20 @@ def test_a_law_with_a_wrong_derivative_is_refused(name, change):
 
 
 def test_wrong_volumetric_and_principal_stretch_derivatives_are_refused():
-    class Volume(pds.NeoHookean):
+    class Volume(pds.materials.NeoHookean):
         @staticmethod
         def volumetric(J3, parameters):
-            U, dU, ddU = pds.NeoHookean.volumetric(J3, parameters)
+            U, dU, ddU = pds.materials.NeoHookean.volumetric(J3, parameters)
             return U, dU, ddU / 2
 
     with pytest.raises(ValueError, match="neo-hookean: U'' is 50 at J3 = 1, but differences make it 100"):
         plane_stress.volume_ratio(Volume(), 2.0, 1.0)
     for row, name in enumerate(("g1", "g2", "g3", "h"), start=1):
 
-        class Stretch(pds.Ogden):
+        class Stretch(pds.materials.Ogden):
             @staticmethod
             def term(*arguments, row=row):
-                values = list(pds.Ogden.term(*arguments))
+                values = list(pds.materials.Ogden.term(*arguments))
                 values[row] = 2 * values[row]
                 return tuple(values)
 
@@ -395,6 +399,14 @@ def test_wrong_volumetric_and_principal_stretch_derivatives_are_refused():
 
 def test_the_check_of_a_law_lets_sound_ones_pass():
     """Near their limits and far from them, and where rounding of the energy is felt."""
-    laws = [pds.Gent(chain_limit=limit) for limit in (0.01, 1e9)] + [pds.ArrudaBoyce(chain_links=links) for links in (1.01, 1e7)]
-    for law in [*laws, *LIMITED, *EXAMPLES, pds.Yeoh(second=10.0, third=10.0), pds.Ogden(moduli=(1e-4, 1.0), exponents=(20.0, 2.0))]:
+    laws = [pds.materials.Gent(chain_limit=limit) for limit in (0.01, 1e9)] + [
+        pds.materials.ArrudaBoyce(chain_links=links) for links in (1.01, 1e7)
+    ]
+    for law in [
+        *laws,
+        *LIMITED,
+        *EXAMPLES,
+        pds.materials.Yeoh(second=10.0, third=10.0),
+        pds.materials.Ogden(moduli=(1e-4, 1.0), exponents=(20.0, 2.0)),
+    ]:
         check_consistency(law)

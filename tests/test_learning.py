@@ -28,7 +28,7 @@ from pdsurrogate.learning.pipeline import feature_transformer, outputs_of_force
 from pdsurrogate.learning.sampling import force_factor, states_of_strain, stretches_of_strain
 from pdsurrogate.materials import plane_stress
 
-LAW = pds.NeoHookean()
+LAW = pds.materials.NeoHookean()
 
 
 # Some checks fit dozens of times, and one asks for an R^2 above 0.5: networks have the few iterations and units that reach it. No other
@@ -37,8 +37,8 @@ LAW = pds.NeoHookean()
     [
         pds.LevenbergMarquardtRegressor((8,), max_iter=4, random_state=0),
         pds.LevenbergMarquardtRegressor((8, 6), activation="tanh", max_iter=4, n_init=2, random_state=0),
-        pds.InputAwareTargetRegressor(),
-        pds.ChebyshevRegressor(3),
+        pds.learning.InputAwareTargetRegressor(),
+        pds.learning.ChebyshevRegressor(3),
         feature_transformer("symmetric").set_params(func=None, kw_args=None, feature_names_out="one-to-one"),
     ]
 )
@@ -54,9 +54,9 @@ def test_the_estimator_of_torch_keeps_them_too(estimator, check):
 
 def test_algorithm_1_follows_eq_2(random):
     """Dimensional samples against direct evaluation of Eqs. (2), (8), (17), (18) on the same bonds."""
-    law = pds.NeoHookean(3.0, 300.0)
+    law = pds.materials.NeoHookean(3.0, 300.0)
     horizon = 0.063
-    samples = pds.algorithm_1(law, 1000, horizon=horizon, nondimensional=False, random_state=3)
+    samples = pds.learning.algorithm_1(law, 1000, horizon=horizon, nondimensional=False, random_state=3)
     assert len(samples) == 1000
     # The same draws again, by hand.
     generator = np.random.default_rng(3)
@@ -86,9 +86,9 @@ def test_algorithm_1_follows_eq_2(random):
 @pytest.mark.parametrize("weight", ["inverse", "constant", "linear"])
 def test_nondimensional_samples_are_the_dimensional_ones_over_a_factor(weight):
     options = {"n_samples": 200, "horizon": 0.5, "weight": weight, "random_state": 1}
-    law = pds.NeoHookean(2.0, 200.0)
-    plain = pds.algorithm_1(law, nondimensional=False, **options)
-    scaled = pds.algorithm_1(law, nondimensional=True, **options)
+    law = pds.materials.NeoHookean(2.0, 200.0)
+    plain = pds.learning.algorithm_1(law, nondimensional=False, **options)
+    scaled = pds.learning.algorithm_1(law, nondimensional=True, **options)
     np.testing.assert_allclose(plain.X[:, 2], 0.5 * scaled.X[:, 2])
     factor = force_factor(plain.X[:, 2], 0.5, weight, 2.0)
     np.testing.assert_allclose(plain.y, scaled.y * factor[:, None])
@@ -97,7 +97,7 @@ def test_nondimensional_samples_are_the_dimensional_ones_over_a_factor(weight):
 
 
 def test_samples_repeat_from_their_seed():
-    for draw in (pds.algorithm_1, pds.training_samples):
+    for draw in (pds.learning.algorithm_1, pds.training_samples):
         first, again, other = draw(LAW, 400, random_state=5), draw(LAW, 400, random_state=5), draw(LAW, 400, random_state=6)
         np.testing.assert_array_equal(first.X, again.X)
         np.testing.assert_array_equal(first.y, again.y)
@@ -159,15 +159,15 @@ def test_force_is_odd_or_even_in_the_rotation_by_construction(fitted, random):
 def test_dimensional_training_gives_the_dimensionless_network():
     """Samples with lengths and forces in units, and without, lead to the same surrogate."""
     options = {"n_samples": 2000, "horizon": 0.063, "random_state": 4}
-    law = pds.NeoHookean(2.0, 200.0)
+    law = pds.materials.NeoHookean(2.0, 200.0)
     network = pds.LevenbergMarquardtRegressor((8,), max_iter=60, random_state=0)
     models = []
     for nondimensional in (True, False):
-        samples = pds.algorithm_1(law, nondimensional=nondimensional, **options)
+        samples = pds.learning.algorithm_1(law, nondimensional=nondimensional, **options)
         units = {} if nondimensional else {"horizon": 0.063, "weight": "inverse", "shear_modulus": 2.0}
         models.append(pds.surrogate_pipeline(network, features="paper", **units).fit(samples.X, samples.y))
     plain = [surrogate_of(model, law, samples) for model in models]
-    X = pds.algorithm_1(law, 200, random_state=9).X
+    X = pds.learning.algorithm_1(law, 200, random_state=9).X
     np.testing.assert_allclose(plain[0].bond_force(*X.T), plain[1].bond_force(*X.T), rtol=1e-6, atol=1e-8)
 
 
@@ -176,7 +176,7 @@ def test_dimensional_training_gives_the_dimensionless_network():
 def test_bonds_without_shear_do_not_stop_a_training(features, rotation):
     """They do not tell how a force grows with shear, which the outputs of two sets ask for: left out there, with a word, and kept here."""
     samples = pds.training_samples(LAW, 300, random_state=0)
-    sheared = pds.surrogate_pipeline(pds.ChebyshevRegressor(2), features=features).fit(samples.X, samples.y)
+    sheared = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features=features).fit(samples.X, samples.y)
     bonds = np.array([[1.2, rotation, 1, 1.2**-4, 1.44], [1.5, 0, 0.5, 0.5, 1.2]])
     X, y = np.vstack([samples.X, bonds]), np.vstack([samples.y, AnalyticBondForce(LAW).bond_force(*bonds.T)])
     model = clone(sheared)
@@ -191,12 +191,12 @@ def test_bonds_without_shear_do_not_stop_a_training(features, rotation):
     assert np.isfinite(model.predict(X)).all()
 
 
-@pytest.mark.parametrize("law", [pds.Gent(), pds.Gent(chain_limit=5.0), pds.Ogden()], ids=repr)
+@pytest.mark.parametrize("law", [pds.materials.Gent(), pds.materials.Gent(chain_limit=5.0), pds.materials.Ogden()], ids=repr)
 @pytest.mark.parametrize("stretches", [(0.9, 1.15), (1 / 1.08, 1.08), (0.99, 1.01)])
 def test_small_strains_are_learnt(law, stretches):
     """`fit small --least 0.9 --greatest 1.15` ended in "sample 33 is not finite": states beyond the range were put on its corners."""
     samples = pds.training_samples(law, 2000, stretches)
-    model = pds.surrogate_pipeline(pds.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
+    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
     report = pds.evaluate(model, law, stretches, 2000)
     assert max(report[key]["rms"] for key in ("on_surface", "off_surface")) < 1e-4
     assert all(row["rms"] < 1e-4 for row in report["by_strain"])
@@ -209,9 +209,9 @@ def test_small_strains_are_learnt(law, stretches):
 
 def test_a_body_runs_on_small_strains():
     """A surrogate that ends at a stretch of 1.08, against the exact force, both in double precision."""
-    law = pds.Gent()
+    law = pds.materials.Gent()
     samples = pds.training_samples(law, 2000, (1 / 1.08, 1.08))
-    model = pds.surrogate_pipeline(pds.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
+    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.07, material="gent", precision="float64")
     learnt, exact = (pds.simulate(scene, force) for force in (model, "analytic"))
     assert learnt.levels[0]["nominal_stress"] == pytest.approx(exact.levels[0]["nominal_stress"], rel=1e-4)
@@ -221,13 +221,13 @@ def test_a_failed_training_leaves_no_fitted_pipeline(fitted):
     """`check_is_fitted` passed, and what came after ended in AttributeError: offsets_."""
     samples = pds.training_samples(LAW, 300, random_state=0)
 
-    class Failing(pds.ChebyshevRegressor):
+    class Failing(pds.learning.ChebyshevRegressor):
         def fit(self, X, y, sample_weight=None):
             raise ValueError("no")
 
     scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.1)
     new = pds.surrogate_pipeline(Failing(2), features="isochoric")
-    again = pds.surrogate_pipeline(pds.ChebyshevRegressor(2), features="isochoric").fit(samples.X, samples.y)
+    again = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric").fit(samples.X, samples.y)
     again.set_params(regressor__regressor__regressor=Failing(2))
     for model in (new, again):
         with pytest.raises(ValueError, match="no"):
@@ -237,7 +237,7 @@ def test_a_failed_training_leaves_no_fitted_pipeline(fitted):
         with pytest.raises(ValueError, match="not fitted"):
             pds.simulate(scene, model)
     negative = -np.ones(len(samples))
-    for regressor in (pds.ChebyshevRegressor(2), pds.LevenbergMarquardtRegressor((2,)), pds.SobolevRegressor(2)):
+    for regressor in (pds.learning.ChebyshevRegressor(2), pds.LevenbergMarquardtRegressor((2,)), pds.learning.SobolevRegressor(2)):
         with pytest.raises(ValueError, match=r"[Nn]egative"):
             regressor.fit(samples.X, samples.y[:, 0], sample_weight=negative)
         with pytest.raises(NotFittedError):
@@ -275,8 +275,8 @@ def test_a_polynomial_of_too_many_terms_is_refused():
     """230,230 terms of 20 features took all memory, without a word."""
     X = np.random.default_rng(0).random((40, 20))
     with pytest.raises(ValueError, match="degree 6 makes more than 10000 terms of 20 features: take a degree of at most 3"):
-        pds.ChebyshevRegressor().fit(X, X[:, 0])
-    assert len(pds.ChebyshevRegressor(3).fit(X, X[:, 0]).powers_) == 1771
+        pds.learning.ChebyshevRegressor().fit(X, X[:, 0])
+    assert len(pds.learning.ChebyshevRegressor(3).fit(X, X[:, 0]).powers_) == 1771
 
 
 @pytest.mark.parametrize("column", [0, 3, 4])
@@ -484,7 +484,7 @@ def test_polynomial_kernels_of_every_degree(random, degrees):
 def test_isochoric_features_lose_nothing():
     """Two features are enough for Neo-Hookean rubber on and off the surface, where the response is a constant of them."""
     samples = pds.training_samples(LAW, 1500, random_state=0)
-    model = pds.surrogate_pipeline(pds.ChebyshevRegressor(2), features="isochoric").fit(samples.X, samples.y)
+    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric").fit(samples.X, samples.y)
     fresh = pds.training_samples(LAW, 1500, random_state=1)
     np.testing.assert_allclose(model.predict(fresh.X), fresh.y, rtol=1e-9, atol=1e-9)
     surrogate = surrogate_of(model, LAW, samples)
@@ -493,7 +493,7 @@ def test_isochoric_features_lose_nothing():
         assert (kernel_tractions(surrogate, LAW, dtype, 1.0, 0.0, 0.5, 1.0, 1.0) == 0).all()
 
 
-@pytest.mark.parametrize("law", [pds.NeoHookean(), pds.Gent()], ids=["both", "one"])
+@pytest.mark.parametrize("law", [pds.materials.NeoHookean(), pds.materials.Gent()], ids=["both", "one"])
 def test_an_output_that_only_rounding_moves_is_not_learnt(law):
     """Neo-Hookean rubber has two constant isochoric outputs, Gent's one; scaled to unit variance their rounding would be fitted."""
     samples = pds.training_samples(law, 1500, random_state=0)
@@ -517,7 +517,9 @@ def test_torch_network_becomes_a_surrogate():
     np.testing.assert_allclose(compiled, model.predict(samples.X), rtol=1e-9, atol=1e-11)
 
 
-@pytest.mark.parametrize("regressor", [pds.ChebyshevRegressor(4), pds.LevenbergMarquardtRegressor((4,), max_iter=5, random_state=0)])
+@pytest.mark.parametrize(
+    "regressor", [pds.learning.ChebyshevRegressor(4), pds.LevenbergMarquardtRegressor((4,), max_iter=5, random_state=0)]
+)
 @pytest.mark.parametrize("scaler", [{"with_mean": False}, {"with_std": False}], ids=str)
 def test_a_scaler_that_does_half_is_exported_as_it_is(regressor, scaler):
     """``StandardScaler(with_mean=False)`` keeps a mean that it does not use; the surrogate took it off."""
@@ -542,10 +544,10 @@ def test_errors_are_reported_for_ranges_that_are_mostly_compression():
 
 def test_a_law_that_ends_within_the_range_says_so():
     """Training stopped at "Input y contains NaN"."""
-    law = pds.Gent(chain_limit=20)
+    law = pds.materials.Gent(chain_limit=20)
     with pytest.raises(ValueError, match=r"gent ends before all states of stretches from 0.6 to 4; it has those from 0.67\d* to 2.8\d*"):
         pds.training_samples(law, 300, (0.6, 4.0))
-    assert len(pds.training_samples(law, 300, pds.reachable_stretches(law, (0.6, 4.0)))) == 300
+    assert len(pds.training_samples(law, 300, pds.learning.reachable_stretches(law, (0.6, 4.0)))) == 300
 
 
 @pytest.mark.parametrize(
@@ -553,24 +555,24 @@ def test_a_law_that_ends_within_the_range_says_so():
     [
         (lambda: pds.training_samples("neo-hookean"), TypeError, "law must be a material law, such as NeoHookean"),
         (lambda: pds.training_samples("neo-hookean", target="sheet-energy"), TypeError, "law must be a material law"),
-        (lambda: pds.reachable_stretches("neo-hookean"), TypeError, "law must be a material law"),
+        (lambda: pds.learning.reachable_stretches("neo-hookean"), TypeError, "law must be a material law"),
         (lambda: pds.critical_stretch_of("neo-hookean", 1.0, 0.1), TypeError, "law must be a material law"),
-        (lambda: pds.critical_stretch_of(pds.NeoHookean(), "1", 0.1), TypeError, "the fracture energy must be a number"),
-        (lambda: pds.training_samples(pds.NeoHookean(), 0), ValueError, "n_samples must be at least 1, not 0"),
-        (lambda: pds.algorithm_1(pds.NeoHookean(), 10.5), TypeError, "n_samples must be a whole number"),
-        (lambda: pds.evaluate(pds.surrogate_pipeline(), pds.NeoHookean()), ValueError, "not fitted"),
-        (lambda: pds.evaluate(3, pds.NeoHookean()), ValueError, "a int is no model of a bond force"),
+        (lambda: pds.critical_stretch_of(pds.materials.NeoHookean(), "1", 0.1), TypeError, "the fracture energy must be a number"),
+        (lambda: pds.training_samples(pds.materials.NeoHookean(), 0), ValueError, "n_samples must be at least 1, not 0"),
+        (lambda: pds.learning.algorithm_1(pds.materials.NeoHookean(), 10.5), TypeError, "n_samples must be a whole number"),
+        (lambda: pds.evaluate(pds.surrogate_pipeline(), pds.materials.NeoHookean()), ValueError, "not fitted"),
+        (lambda: pds.evaluate(3, pds.materials.NeoHookean()), ValueError, "a int is no model of a bond force"),
         (
-            lambda: pds.evaluate(pds.surrogate_pipeline(target="sheet-energy"), pds.NeoHookean()),
+            lambda: pds.evaluate(pds.surrogate_pipeline(target="sheet-energy"), pds.materials.NeoHookean()),
             ValueError,
             "not fitted",
         ),
-        (lambda: pds.NeoHookean(shear_modulus="1"), TypeError, "neo-hookean: shear_modulus must be a number, not '1'"),
-        (lambda: pds.NeoHookean(np.array([1.0])), TypeError, "shear_modulus must be a number"),
-        (lambda: pds.NeoHookean(bulk_modulus=True), TypeError, "bulk_modulus must be a number, not True"),
-        (lambda: pds.Gent(chain_limit="9"), TypeError, "chain_limit must be a number"),
-        (lambda: pds.Ogden(shear_modulus="1"), TypeError, "ogden: shear_modulus must be a number"),
-        (lambda: pds.Ogden(moduli=("1",), exponents=(2.0,)), TypeError, "ogden: moduli must be numbers"),
+        (lambda: pds.materials.NeoHookean(shear_modulus="1"), TypeError, "neo-hookean: shear_modulus must be a number, not '1'"),
+        (lambda: pds.materials.NeoHookean(np.array([1.0])), TypeError, "shear_modulus must be a number"),
+        (lambda: pds.materials.NeoHookean(bulk_modulus=True), TypeError, "bulk_modulus must be a number, not True"),
+        (lambda: pds.materials.Gent(chain_limit="9"), TypeError, "chain_limit must be a number"),
+        (lambda: pds.materials.Ogden(shear_modulus="1"), TypeError, "ogden: shear_modulus must be a number"),
+        (lambda: pds.materials.Ogden(moduli=("1",), exponents=(2.0,)), TypeError, "ogden: moduli must be numbers"),
     ],
 )
 def test_arguments_of_another_kind_are_refused_by_name(call, error, message):
@@ -580,10 +582,10 @@ def test_arguments_of_another_kind_are_refused_by_name(call, error, message):
 
 @pytest.mark.parametrize("columns", [1, 4])
 def test_targets_have_their_columns(columns):
-    samples = pds.training_samples(pds.NeoHookean(), 200)
+    samples = pds.training_samples(pds.materials.NeoHookean(), 200)
     y = np.tile(samples.y, 2)[:, :columns]
     with pytest.raises(ValueError, match="y must have the 2 columns t_n, t_tau, not shape"):
-        pds.surrogate_pipeline(pds.ChebyshevRegressor(2), features="isochoric").fit(samples.X, y)
-    energies = pds.training_samples(pds.NeoHookean(), 200, target="sheet-energy")
+        pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric").fit(samples.X, y)
+    energies = pds.training_samples(pds.materials.NeoHookean(), 200, target="sheet-energy")
     with pytest.raises(ValueError, match="y must have the 3 columns psi"):
         pds.surrogate_pipeline(target="sheet-energy").fit(energies.X, np.tile(energies.y, 2)[:, :columns])

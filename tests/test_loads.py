@@ -85,7 +85,7 @@ class Regions:
 
 
 def scene_of(*loads, steps=1, **options):
-    body, hole = pds.Rectangle(size=(WIDTH, HEIGHT)), pds.Circle(radius=0.2, centre=(WIDTH / 2, HEIGHT / 2))
+    body, hole = pds.shapes.Rectangle(size=(WIDTH, HEIGHT)), pds.shapes.Circle(radius=0.2, centre=(WIDTH / 2, HEIGHT / 2))
     return pds.Scene(name="loads", spacing=0.1, body=body, holes=(hole,), material="neo-hookean", loads=loads, steps=steps, **options)
 
 
@@ -355,7 +355,7 @@ def test_a_force_on_an_edge_that_is_held_by_reflection_is_refused():
     scene = pds.Scene(
         name="held",
         spacing=0.1,
-        body=pds.Rectangle(size=(1.0, 1.0)),
+        body=pds.shapes.Rectangle(size=(1.0, 1.0)),
         material="neo-hookean",
         prescribed=({"region": "left", "x1": 0, "x2": 0}, {"region": "right", "x1": 0.2}),
         loads=({"region": "right", "force": (0.3, 0)},),

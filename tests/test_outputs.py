@@ -57,7 +57,7 @@ def _programme() -> pds.Scene:
         name="programme",
         spacing=0.1,
         units=UNITS,
-        body=pds.Rectangle(size=(1.0, 0.4)),
+        body=pds.shapes.Rectangle(size=(1.0, 0.4)),
         material="neo-hookean",
         materials=({"region": {"box": ((0.5, 0.0), (1.0, 0.4))}, "material": stiff},),
         prescribed=({"region": "left", "x1": 0.0, "x2": 0.0},),
@@ -82,7 +82,7 @@ def _in_space() -> pds.Scene:
 
 def _pulled(material) -> pds.Scene:
     held, pulled = {"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.5}
-    body = pds.Rectangle(size=(1.0, 0.5))
+    body = pds.shapes.Rectangle(size=(1.0, 0.5))
     return pds.Scene(name="pulled", spacing=0.125, units=UNITS, body=body, material=material, prescribed=(held, pulled), steps=(1.0,))
 
 
@@ -92,7 +92,7 @@ def _far() -> pds.Scene:
         name="far",
         spacing=0.1,
         units=UNITS,
-        body=pds.Rectangle(size=(1.0, 0.3)),
+        body=pds.shapes.Rectangle(size=(1.0, 0.3)),
         material="neo-hookean",
         prescribed=({"region": "left", "x1": 0.0, "x2": 0.0},),
         loads=({"region": "right", "traction": (0.0, 0.3)},),
@@ -105,10 +105,14 @@ def _committee(folder: Path) -> Path:
     data = pds.load_test_data("treloar").up_to(3.0)
 
     def fitted(rows) -> tuple:
-        energy = pds.EnergyRegressor().fit(data.stretches[rows], data.nominal_stress[rows])
+        energy = pds.identification.EnergyRegressor().fit(data.stretches[rows], data.nominal_stress[rows])
         samples = pds.training_samples(energy.law_, 1500, (0.5, 3.0), random_state=0)
         samples.design["hull"] = energy.domain_hull()
-        return pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y), samples, energy.law_
+        return (
+            pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y),
+            samples,
+            energy.law_,
+        )
 
     everything = np.arange(len(data.nominal_stress))
     model, samples, law = fitted(everything)
@@ -263,7 +267,7 @@ def test_errors_are_those_against_the_reference(folders, quantity):
     (level,) = pds.load_result(folders["plane"]).levels
     reference = level[f"{quantity}_reference"]
     assert level[f"{quantity}_error"] == pytest.approx(level[quantity] / reference - 1, abs=1e-12)
-    exact = pds.materials.homogeneous.uniaxial(pds.NeoHookean(), 1.5)
+    exact = pds.materials.homogeneous.uniaxial(pds.materials.NeoHookean(), 1.5)
     assert reference == pytest.approx(exact.nominal_stress if quantity == "nominal_stress" else 0.5 * (1 - exact.lateral_stretch))
 
 

@@ -9,7 +9,7 @@ from pdsurrogate.forces import ForceSettings, OwnBondForce, OwnForceFailed
 from pdsurrogate.run.simulate import SimulationFailed
 from pdsurrogate.scenes import SceneError
 
-LAWS = [(MyRubber(), pds.NeoHookean()), (MyEnergy(), pds.MooneyRivlin(second_share=0.2))]
+LAWS = [(MyRubber(), pds.materials.NeoHookean()), (MyEnergy(), pds.materials.MooneyRivlin(second_share=0.2))]
 
 
 @pytest.mark.parametrize(("own", "law"), LAWS, ids=["force", "energy"])
@@ -123,7 +123,7 @@ def test_a_force_of_no_rubber_is_refused_before_the_run(mistake, message):
 
 def test_what_is_slightly_so_is_said():
     with pytest.warns(UserWarning, match="Off is not zero at rest"):
-        OwnBondForce(Off(lambda force, rotation: np.add(force, [5e-4, 0]))).check_material(pds.NeoHookean())
+        OwnBondForce(Off(lambda force, rotation: np.add(force, [5e-4, 0]))).check_material(pds.materials.NeoHookean())
 
 
 @pytest.mark.parametrize(("slopes", "name"), [((0.44, 0.1), "dW/dI1bar"), ((0.4, 0.12), "dW/dI2bar")])

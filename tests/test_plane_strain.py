@@ -162,7 +162,7 @@ def test_selective_forces_are_the_gradient_of_the_energy(name, random):
         assert abs((y[:, 0] * out[:, 1] - y[:, 1] * out[:, 0]).sum()) < 1e-12 * size
 
 
-@pytest.mark.parametrize("law", [pds.Gent(), pds.Ogden(), pds.FullNetwork()], ids=lambda law: law.name)
+@pytest.mark.parametrize("law", [pds.materials.Gent(), pds.materials.Ogden(), pds.materials.FullNetwork()], ids=lambda law: law.name)
 def test_selective_forces_of_other_laws(law, random):
     body = sheet(0.2)
     force, y, direction = bound(EXACT["bond-energy"], body, law), wavy(body.points), random.standard_normal(body.points.shape)

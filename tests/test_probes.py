@@ -16,7 +16,7 @@ F = np.array([[1.2, 0.3], [-0.1, 0.9]])
 
 @pytest.fixture(scope="module")
 def stretched():
-    body, law = pds.Body.rectangle(1.0, 0.6, 0.1, 0.3), pds.NeoHookean()
+    body, law = pds.Body.rectangle(1.0, 0.6, 0.1, 0.3), pds.materials.NeoHookean()
     force = pds.load_surrogate("analytic").bind(body, law, pds.ForceSettings())
     return body, law, PointState(force, body.points @ F.T)
 

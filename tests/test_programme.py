@@ -13,7 +13,7 @@ from pdsurrogate.run.simulate import SimulationFailed, simulate
 from pdsurrogate.solvers import Increments
 from pdsurrogate.solvers.motion import Motion
 
-SHEET = {"name": "sheet", "spacing": 0.1, "body": pds.Rectangle(size=(1.0, 0.8)), "material": "neo-hookean"}
+SHEET = {"name": "sheet", "spacing": 0.1, "body": pds.shapes.Rectangle(size=(1.0, 0.8)), "material": "neo-hookean"}
 CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 1.0, "x2": 0.0})
 
 
@@ -121,7 +121,7 @@ def test_dynamics_may_stand_anywhere():
 @pytest.mark.parametrize("interrupted", [1, 3, 4])
 def test_a_programme_resumes_to_the_same_bits(tmp_path, interrupted, monkeypatch):
     """After an output in equilibrium within a step, in dynamics, and after dynamics."""
-    scene = scene_of(({"to": 0.3, "outputs": 2}, dynamic(0.4, 0.1, 2), 0.2, 0.0), body=pds.Rectangle(size=(0.8, 0.8)))
+    scene = scene_of(({"to": 0.3, "outputs": 2}, dynamic(0.4, 0.1, 2), 0.2, 0.0), body=pds.shapes.Rectangle(size=(0.8, 0.8)))
     whole = simulate(scene, "bond-energy", folder=tmp_path / "whole")
     write, written = Checkpoints.write, []
 
@@ -267,7 +267,7 @@ def test_viscosity_leaves_loads_as_they_are(load):
     assert last["work"] == pytest.approx(last["strain_energy"] + last["kinetic_energy"] + last["damped_energy"], rel=0.02)
 
 
-UNIT = pds.Rectangle(size=(1.0, 1.0))
+UNIT = pds.shapes.Rectangle(size=(1.0, 1.0))
 PULLED = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.2})
 
 

@@ -17,7 +17,7 @@ from pdsurrogate.results import measures
 from pdsurrogate.scenes.model import Units
 from pdsurrogate.stress_test.deformations import wavy
 
-LAW = pds.NeoHookean()
+LAW = pds.materials.NeoHookean()
 MODELS = [*FORCES, "neo-hookean", "neo-hookean-energy"]
 ROOT = Path(__file__).parents[1]
 FOREIGN = {

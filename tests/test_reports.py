@@ -9,13 +9,13 @@ import pdsurrogate as pds
 from pdsurrogate.cli import app
 from pdsurrogate.reports import presentation, speed
 
-LAW = pds.NeoHookean()
+LAW = pds.materials.NeoHookean()
 
 
 def test_costs_are_ordered_as_the_work_is():
     body = pds.Body.rectangle(1.0, 1.0, 0.05, 0.1575)
     told = []
-    cases = [speed.TimedModel(pds.NOSBForce(), "float64", body), speed.TimedModel(pds.BANOSBForce(), "float64", body)]
+    cases = [speed.TimedModel(pds.forces.NOSBForce(), "float64", body), speed.TimedModel(pds.forces.BANOSBForce(), "float64", body)]
     nosb, rival = speed.measure_speed(cases, LAW, 0.0, lambda *words: told.append(words))
     assert told
     for row in (nosb, rival):

@@ -139,13 +139,13 @@ def test_plane_stress_is_space_free_of_stress_across(law, random):
 
 @given(first=st.floats(0.5, 2), second=st.floats(0.5, 2), shear=st.floats(-1, 1))
 def test_plane_strain_is_the_derivative_of_its_energy(first, second, shear):
-    for law in (pds.Yeoh(), pds.Ogden()):
+    for law in (pds.materials.Yeoh(), pds.materials.Ogden()):
         assert_stress_is_the_derivative_of_the_energy(plane_strain, law, np.array([[[first, shear], [0.0, second]]]))
 
 
 def test_kernels_of_a_sheet_take_plane_strain_for_plane_stress(random):
     """Its condition on the thickness makes C33 = 1, whatever iteration solves it."""
-    body, law = pds.Body.rectangle(1.0, 1.0, 0.2, 0.5), pds.Ogden()
+    body, law = pds.Body.rectangle(1.0, 1.0, 0.2, 0.5), pds.materials.Ogden()
     kinematics = Kinematics(body, "float64")
     points = MaterialPoints(kinematics, law, "float64")
     points.response = plane_strain.response.block(law)
@@ -155,7 +155,9 @@ def test_kernels_of_a_sheet_take_plane_strain_for_plane_stress(random):
     np.testing.assert_allclose(points.records[:, 3], 1.0, rtol=1e-12)
 
 
-@pytest.mark.parametrize("law", [pds.Gent(), pds.ArrudaBoyce(), pds.FullNetwork(chain_links=8.0)], ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    "law", [pds.materials.Gent(), pds.materials.ArrudaBoyce(), pds.materials.FullNetwork(chain_links=8.0)], ids=lambda law: law.name
+)
 def test_past_the_limit_there_is_no_stress(law):
     F = np.diag([12.0, 12.0**-0.5, 12.0**-0.5])[None]
     assert np.isnan(solid.first_piola_stress(law, F)).all()

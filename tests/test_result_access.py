@@ -138,7 +138,7 @@ def test_results_scenes_laws_and_models_are_short_in_text_and_have_tables_for_no
     assert repr(loaded.scene) == "<Scene pulled: rectangle, spacing 0.2 cm, neo-hookean, 2 steps>"
     model = pds.load_surrogate("neo-hookean@1")
     assert repr(model) == "<NetworkForce neo-hookean@1 of neo-hookean>"
-    things = stretched, stretched.scene, pds.Gent(), model, pds.load_surrogate("analytic"), pds.load_card("neo-hookean@1")
+    things = stretched, stretched.scene, pds.materials.Gent(), model, pds.load_surrogate("analytic"), pds.load_card("neo-hookean@1")
     for thing in things:
         text = thing._repr_html_()
         assert text.startswith("<table>")

@@ -202,7 +202,7 @@ def test_differences_of_scenes_in_words(tmp_path):
     assert "title" not in told  # which changes no result
     assert Contents.of(first, [model]).differences(Contents.of(first, [model])) == ""
     # A mesh is told by what its file holds.
-    mesh = pds.Mesh(file=str(tmp_path / "sheet.vtk"))
+    mesh = pds.shapes.Mesh(file=str(tmp_path / "sheet.vtk"))
     digests = []
     for text in ("one", "other"):
         (tmp_path / "sheet.vtk").write_text(text)

@@ -170,11 +170,11 @@ def test_changes_stay_as_the_caller_gave_them(tmp_path):
 @pytest.mark.parametrize(
     ("part", "fields", "message"),
     [
-        (pds.Circle, {"radius": -1}, "radius: Input should be greater than 0 (given -1)"),
-        (pds.Circle, {"radi": 1}, "radius: Field required; radi: unknown key; did you mean radius?"),
-        (pds.Rectangle, {"size": (True, 1.0)}, "size.0: Input should be a valid number (given True)"),
-        (pds.Polygon, {"vertices": [(0, 0), (1, 1)]}, "vertices: needs at least 3 entries, not 2"),
-        (pds.Precut, {"start": (0, 1), "end": (0, 1)}, "a precut needs two different ends"),
+        (pds.shapes.Circle, {"radius": -1}, "radius: Input should be greater than 0 (given -1)"),
+        (pds.shapes.Circle, {"radi": 1}, "radius: Field required; radi: unknown key; did you mean radius?"),
+        (pds.shapes.Rectangle, {"size": (True, 1.0)}, "size.0: Input should be a valid number (given True)"),
+        (pds.shapes.Polygon, {"vertices": [(0, 0), (1, 1)]}, "vertices: needs at least 3 entries, not 2"),
+        (pds.shapes.Precut, {"start": (0, 1), "end": (0, 1)}, "a precut needs two different ends"),
         (Grip, {"edge": "lft"}, "edge: Input should be 'left', 'right', 'bottom', 'top', 'back' or 'front' (given 'lft')"),
         (MaterialSpec, {"law": "gent", "chain_limt": 3}, "gent has no parameter 'chain_limt'; did you mean chain_limit?"),
         (

@@ -341,7 +341,7 @@ def test_summary_has_what_is_promised():
 
 def test_surrogate_beyond_its_domain_falls_back(tmp_path):
     """Trained to stretch 1.5 and run to 2.0: the result is that of the exact force, and the share of bonds that fell back is told."""
-    law = pds.NeoHookean()
+    law = pds.materials.NeoHookean()
     samples = pds.training_samples(law, 3000, (0.75, 1.5), random_state=0)
     model = pds.surrogate_pipeline(pds.LevenbergMarquardtRegressor((12,), "algebraic", max_iter=300, random_state=0))
     short = pds.load_surrogate(pds.store(model.fit(samples.X, samples.y), samples, law, tmp_path, "short", "1", "to 1.5"))
@@ -484,13 +484,15 @@ def test_scenes_by_name_and_file(tmp_path):
 
 def test_fitted_pipelines_are_taken():
     """``pds.simulate(scene, pipeline)`` ended in an AttributeError."""
-    scene, law = pds.load_scene("uniaxial", FAST), pds.NeoHookean()
+    scene, law = pds.load_scene("uniaxial", FAST), pds.materials.NeoHookean()
     samples, energies = (
         pds.training_samples(law, 3000, (0.8, 1.5), random_state=0),
         pds.training_samples(law, 500, (0.8, 1.5), target="sheet-energy"),
     )
-    bond = pds.surrogate_pipeline(pds.ChebyshevRegressor(2), features="isochoric").fit(samples.X, samples.y)
-    energy = pds.surrogate_pipeline(pds.SobolevRegressor(8, max_iter=300, random_state=0), "sheet-energy").fit(energies.X, energies.y)
+    bond = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric").fit(samples.X, samples.y)
+    energy = pds.surrogate_pipeline(pds.learning.SobolevRegressor(8, max_iter=300, random_state=0), "sheet-energy").fit(
+        energies.X, energies.y
+    )
     for pipeline in (bond, energy):
         result = pds.simulate(scene, pipeline)
         assert result.summary["force"] == "fitted pipeline"
@@ -504,9 +506,9 @@ def test_fitted_pipelines_are_taken():
 
 
 def test_what_is_no_force_says_what_is_taken():
-    scene, law = pds.load_scene("uniaxial", FAST), pds.NeoHookean()
+    scene, law = pds.load_scene("uniaxial", FAST), pds.materials.NeoHookean()
     samples = pds.training_samples(law, 300, random_state=0)
-    pipeline = pds.surrogate_pipeline(pds.ChebyshevRegressor(2), features="isochoric")
+    pipeline = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(2), features="isochoric")
     with pytest.raises(ValueError, match="not fitted"):
         pds.simulate(scene, pipeline)
     with pytest.raises(ValueError, match="a LinearRegression by itself does not say which stretches it was fitted to"):

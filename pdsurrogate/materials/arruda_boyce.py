@@ -32,7 +32,7 @@ class ArrudaBoyce(InvariantLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.ArrudaBoyce(chain_links=20.0)
+    >>> law = pds.materials.ArrudaBoyce(chain_links=20.0)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     1.056

@@ -52,7 +52,7 @@ class FullNetwork(PrincipalStretchLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.FullNetwork(chain_links=20.0)
+    >>> law = pds.materials.FullNetwork(chain_links=20.0)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     1.0667

@@ -32,7 +32,7 @@ class Gent(InvariantLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.Gent(chain_limit=80.0)
+    >>> law = pds.materials.Gent(chain_limit=80.0)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     1.0602

@@ -29,7 +29,7 @@ class MooneyRivlin(InvariantLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.MooneyRivlin(second_share=0.2)
+    >>> law = pds.materials.MooneyRivlin(second_share=0.2)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     0.9802

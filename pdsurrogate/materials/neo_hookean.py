@@ -27,7 +27,7 @@ class NeoHookean(InvariantLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.NeoHookean(shear_modulus=2.0)
+    >>> law = pds.materials.NeoHookean(shear_modulus=2.0)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     2.0872

@@ -35,7 +35,7 @@ class Ogden(PrincipalStretchLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.Ogden(moduli=(0.63, 0.0012), exponents=(1.3, 5.0))
+    >>> law = pds.materials.Ogden(moduli=(0.63, 0.0012), exponents=(1.3, 5.0))
     >>> print(round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4))
     0.3927
     """

@@ -42,7 +42,7 @@ class Polyconvex(Ogden):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.Polyconvex(first=(0.4, 0.01))
+    >>> law = pds.materials.Polyconvex(first=(0.4, 0.01))
     >>> law.shear_modulus, round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4)
     (0.8, 0.8637)
     """

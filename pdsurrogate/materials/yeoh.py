@@ -29,7 +29,7 @@ class Yeoh(InvariantLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.Yeoh(shear_modulus=0.4)
+    >>> law = pds.materials.Yeoh(shear_modulus=0.4)
     >>> print(round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4))
     0.4165
     """

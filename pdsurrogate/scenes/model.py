@@ -50,7 +50,7 @@ class TipDiameter(NamedTuple):
     Attributes
     ----------
     family : str
-        Family of the force models, see `pdsurrogate.ForceModel`.
+        Family of the force models, see `pdsurrogate.forces.ForceModel`.
     plane : str
     least, greatest : float
         Horizons in spacings, from and to.
@@ -373,7 +373,7 @@ class Scene(StrictModel):
     >>> scene = pds.Scene(
     ...     name="block",
     ...     spacing=0.25,
-    ...     body=pds.Rectangle(size=(1.0, 1.0)),
+    ...     body=pds.shapes.Rectangle(size=(1.0, 1.0)),
     ...     material={"law": "neo-hookean"},
     ...     prescribed=(pds.Prescribed(region="left", x1=0.0, x2=0.0), pds.Prescribed(region="right", x1=0.2)),
     ...     steps=(1.0,),
