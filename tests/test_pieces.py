@@ -11,7 +11,7 @@ from pdsurrogate.results import vtk
 from pdsurrogate.results.contents import Contents
 from pdsurrogate.results.deformed import deformed_cells
 from pdsurrogate.results.folder import make_room
-from pdsurrogate.results.states import Moment, SavedStates, StatesInFiles, StatesInPieces
+from pdsurrogate.results.states import Moment, StatesInFiles
 
 
 class Rank:
@@ -24,6 +24,7 @@ class SomePoints:
 
     def __init__(self, rank, size, numbers, own):
         self.ranks, self.numbers, self.own = Rank(rank, size), numbers, own
+        self.divided, self.leads = True, rank == 0
 
     def agree(self, error):
         if error is not None:
@@ -52,15 +53,15 @@ def written(result, tmp_path):
     moment, fields = result.states[0]
     (tmp_path / "whole").mkdir()
     (tmp_path / "pieces").mkdir()
-    StatesInFiles(tmp_path / "whole", result.body, "hole").append(moment, fields)
+    StatesInFiles(tmp_path / "whole", "hole", result.body).append(moment, fields)
     parts = list(parts_of(result.body, [-1.5, -0.75, 0.0, 1.5], 2 * result.body.spacing))
     for numbers, part in reversed(parts):
-        StatesInPieces(tmp_path / "pieces", part, "hole").append(moment, {name: values[numbers] for name, values in fields.items()})
+        StatesInFiles(tmp_path / "pieces", "hole", part).append(moment, {name: values[numbers] for name, values in fields.items()})
     return tmp_path
 
 
 def test_pieces_hold_what_the_whole_holds(result, written):
-    whole, pieces = (SavedStates(written / name, "hole") for name in ("whole", "pieces"))
+    whole, pieces = (StatesInFiles.saved(written / name, "hole") for name in ("whole", "pieces"))
     assert pieces.moments == whole.moments == [result.states.moments[0]]
     fields, others = whole[0][1], pieces[0][1]
     assert list(fields) == list(others)
@@ -69,7 +70,7 @@ def test_pieces_hold_what_the_whole_holds(result, written):
 
 
 def test_nodes_between_pieces_lie_where_both_put_them(written):
-    (cells, moved), (others, too) = (SavedStates(written / name, "hole").cells(0) for name in ("whole", "pieces"))
+    (cells, moved), (others, too) = (StatesInFiles.saved(written / name, "hole").cells(0) for name in ("whole", "pieces"))
     assert len(cells) == len(others)
     # Corner by corner: nodes between pieces are there twice, and their displacements are written in single precision.
     np.testing.assert_allclose(others.nodes[others.blocks[0]], cells.nodes[cells.blocks[0]], atol=1e-12)
@@ -88,10 +89,10 @@ def test_paraview_s_reader_finds_them(result, written):
 def test_a_rank_that_cannot_write_leaves_the_states_before(result, written, monkeypatch):
     monkeypatch.setattr(vtk, "write_state", lambda *arguments: (_ for _ in ()).throw(OSError(28, "No space left on device")))
     numbers, part = next(parts_of(result.body, [-1.5, 1.5], 1.0))
-    states = StatesInPieces(written / "pieces", part, "hole", [result.states.moments[0]])
+    states = StatesInFiles(written / "pieces", "hole", part, [result.states.moments[0]])
     with pytest.raises(OSError, match="No space left"):
         states.append(Moment(2.0, 1.3, 0.0), {name: values[numbers] for name, values in result.states[0][1].items()})
-    assert len(states.moments) == len(SavedStates(written / "pieces", "hole").moments) == 1
+    assert len(states.moments) == len(StatesInFiles.saved(written / "pieces", "hole").moments) == 1
 
 
 def test_a_new_run_takes_the_place_of_pieces(result, written):

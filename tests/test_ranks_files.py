@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from several_ranks import HERE, MPIEXEC, TIMEOUT, environment, several
 
-from pdsurrogate.results.states import SavedStates
+from pdsurrogate.results.states import StatesInFiles
 
 pytestmark = several
 
@@ -84,7 +84,7 @@ def run(command):
 
 def last_state(folder):
     """Displacements of the last state, which are written in double precision."""
-    return SavedStates(folder, json.loads((folder / "summary.json").read_text())["scene"])[-1][1]["displacement"]
+    return StatesInFiles.saved(folder, json.loads((folder / "summary.json").read_text())["scene"])[-1][1]["displacement"]
 
 
 def test_arrays_of_parts_come_in_the_order_of_the_whole_body_and_go_back():
@@ -185,7 +185,7 @@ def test_large_bodies_are_written_in_pieces(command, tmp_path):
     assert done.returncode == 0, done.stdout
     assert "no picture of it is drawn" in done.stdout
     assert sorted(path.name for path in folder.glob("*vtu")) == ["hole-000.piece0.vtu", "hole-000.piece1.vtu", "hole-000.pvtu"]
-    whole, pieces = (SavedStates(tmp_path / name, "hole")[0][1] for name in ("whole", "pieces"))
+    whole, pieces = (StatesInFiles.saved(tmp_path / name, "hole")[0][1] for name in ("whole", "pieces"))
     assert list(whole) == list(pieces)
     for name, values in whole.items():
         np.testing.assert_array_equal(pieces[name], values)

@@ -21,7 +21,7 @@ from .deformed import deformed_cells
 from .files import write_json, write_text
 from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occupied, saved_scene
 from .measures import POINT_FIELDS
-from .states import SavedStates, States, StatesInFiles, StatesInMemory, StatesInPieces
+from .states import States, StatesInFiles, StatesInMemory
 
 ENERGIES = ("energy", "work", "kinetic_energy", "damped_energy", "strain_energy", "released_energy")
 """Columns of the history that are energies."""
@@ -77,7 +77,7 @@ class Result:
     @property
     def in_pieces(self) -> bool:
         """Whether each of several ranks has written the fields of its own points; `save` draws no pictures of them then."""
-        return isinstance(self.states, StatesInPieces)
+        return isinstance(self.states, StatesInFiles) and self.states.in_pieces
 
     def displacement(self, level: int = -1) -> np.ndarray:
         """Displacements at a level, shape (n, d)."""
@@ -109,15 +109,14 @@ class Result:
     def _write(self, folder: Path, overwrite: bool) -> None:
         from . import animation, figures
 
-        in_files = isinstance(self.states, StatesInFiles | StatesInPieces | SavedStates)
-        streamed = in_files and self.states.folder.resolve() == folder.resolve()
+        streamed = isinstance(self.states, StatesInFiles) and self.states.folder.resolve() == folder.resolve()
         if not streamed and self.body is None:
             raise ValueError(f"the result was read from files, and those are what it would write: copy them to {folder}")
         if not streamed:
             make_room(folder, Contents.read(self.summary), overwrite)
         if self.states:
             if not streamed:
-                written = StatesInFiles(folder, self.body, self.scene.name)
+                written = StatesInFiles(folder, self.scene.name, self.body)
                 for state in self.states:
                     written.append(*state)
             moves = not self.scene.stretched or self.scene.dynamics is not None
@@ -146,7 +145,7 @@ class Result:
 
     def cells(self, level: int = -1) -> tuple[CellMesh, np.ndarray]:
         """Cells of the body at a level, apart where a crack is open, and the displacements of their nodes, shape (k, d)."""
-        if isinstance(self.states, SavedStates):
+        if self.body is None:
             return self.states.cells(level)
         return deformed_cells(self.body, self.states[level][1])
 
@@ -370,7 +369,7 @@ def load_result(folder: str | Path) -> Result:
         raise ValueError(f"{folder / SUMMARY}: the scene as run is not in it, as earlier versions left it out: run the scene again")
     try:
         scene = Scene.model_validate(summary["scene_as_run"])
-        states = SavedStates(folder, name, summary.get("states")) if (folder / f"{name}.pvd").exists() else StatesInMemory()
+        states = StatesInFiles.saved(folder, name, summary.get("states")) if (folder / f"{name}.pvd").exists() else StatesInMemory()
         history, convergence = (_from_csv(folder / table) for table in (HISTORY, CONVERGENCE))
     except (ValueError, KeyError, OSError, ElementTree.ParseError) as error:
         raise ValueError(f"{folder}: the result cannot be read: {' '.join(str(error).split())}") from None

@@ -17,7 +17,7 @@ from ..ranks import communicator
 from ..results import measures
 from ..results.contents import Contents
 from ..results.probes import Probes
-from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory, StatesInPieces
+from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory
 from ..scenes import Mesh, Scene
 from .checkpoints import Checkpoints
 from .damage import Damage
@@ -177,10 +177,10 @@ class Run:
     def states_of(self, moments: list[Moment] | None = None) -> States:
         """Return the storage of states, with the moments of those that are recorded already."""
         if self._in_pieces:
-            return StatesInPieces(self.folder, self.body, self.scene.name, moments)
+            return StatesInFiles(self.folder, self.scene.name, self.body, moments)
         if self.ranks.rank:
             return Moments(moments)
-        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.whole, self.scene.name, moments)
+        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.scene.name, self.whole, moments)
 
     @property
     def _in_pieces(self) -> bool:
