@@ -19,7 +19,7 @@ from pdsurrogate.results import vtk
 from pdsurrogate.results.measures import POINT_FIELDS
 from pdsurrogate.studies.table import KEYS_OF_LEVELS, KEYS_OF_RUNS
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 GUIDE = (ROOT / "docs" / "guide" / "results.md").read_text()
 
 BY_NAME = (
@@ -220,7 +220,7 @@ def test_every_field_of_a_state_is_in_its_table(folders):
 def test_what_is_said_to_be_tested_is_named_in_the_test():
     for header in ("field", "column", "column of the convergence", "key of `summary.json`", "key in `levels`"):
         for name, (_, tests) in table_under(header).items():
-            files = re.findall(r"`(tests/\w+\.py)`", tests)
+            files = re.findall(r"`(tests/[\w/]+\.py)`", tests)
             # A name with the scene's own in it by the rest of it; references and errors by the quantity.
             word = re.sub(r"^PROBE_|(_NAME)?(_I)?$|_(reference|error)$", "", name.rpartition(".")[2])
             assert files, name

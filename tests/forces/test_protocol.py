@@ -19,7 +19,7 @@ from pdsurrogate.stress_test.deformations import wavy
 
 LAW = pds.materials.NeoHookean()
 MODELS = [*FORCES, "neo-hookean", "neo-hookean-energy"]
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 FOREIGN = {
     "_Unpickler",
     "_exit",

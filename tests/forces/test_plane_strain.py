@@ -48,7 +48,7 @@ def fourth_order(function, step):
 def test_homogeneous_states_are_those_of_a_solid(law):
     """Stress and energy of every law under every exact model against space with F33 = 1, edges included; the stress across too.
 
-    Rounding, 1e-13, times K/mu; 2e-11 more of laws whose stretches are roots of a cubic in space (`tests/test_responses.py`).
+    Rounding, 1e-13, times K/mu; 2e-11 more of laws whose stretches are roots of a cubic in space (`tests/materials/test_responses.py`).
     """
     body, full = sheet(0.2), in_space(F)
     P = solid.first_piola_stress(law, full)

@@ -121,7 +121,7 @@ class Cubic(InvariantLaw):
 def test_every_law_of_a_solid(law, random):
     """All seven laws and a user's own: stress and energy in a homogeneous state; forces against the energy's slope in another.
 
-    Rounding, 1e-13, times K/mu, and 2e-11 more of laws whose stretches are roots of a cubic (`tests/test_responses.py`).
+    Rounding, 1e-13, times K/mu, and 2e-11 more of laws whose stretches are roots of a cubic (`tests/materials/test_responses.py`).
     """
     body = box((4, 4, 4))
     force, tolerance = bound("bond-energy", body, law), (1e-12 * law.bulk_modulus + 2e-11) * law.shear_modulus
