@@ -50,7 +50,7 @@ class InvalidState(RuntimeError):
 
 def at_point(body: Body, i: int, what: str) -> str:
     """Return a message that begins with the number and the place of a point."""
-    return f"point {body.share.number(i)} at ({', '.join(f'{x:.4g}' for x in body.points[i])}): {what}"
+    return f"point {body.share.numbers[i]} at ({', '.join(f'{x:.4g}' for x in body.points[i])}): {what}"
 
 
 def locate(body: Body, values: np.ndarray, what: str) -> str:

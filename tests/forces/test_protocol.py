@@ -9,10 +9,10 @@ from bodies import sheet
 
 import pdsurrogate as pds
 from pdsurrogate.artifacts import load_surrogate
-from pdsurrogate.body.share import SERIAL
 from pdsurrogate.forces import FORCES, ForceSettings, ForceSurrogate
 from pdsurrogate.forces.protocol import CompiledBondForce
 from pdsurrogate.materials import homogeneous, plane_stress
+from pdsurrogate.ranks import Share
 from pdsurrogate.results import measures
 from pdsurrogate.scenes.model import Units
 from pdsurrogate.stress_test.deformations import wavy
@@ -126,12 +126,12 @@ def test_every_field_has_the_components_and_a_unit_that_it_states():
 
 def test_sums_over_a_body_that_one_process_has_whole(random):
     a, b, weights = random.standard_normal((50, 2)), random.standard_normal((50, 2)), random.random(50)
-    assert SERIAL.dot(a, b) == pytest.approx((a * b).sum(), rel=1e-12)
-    assert SERIAL.dot(a, b, weights) == pytest.approx((weights[:, None] * a * b).sum(), rel=1e-12)
-    assert SERIAL.sum(a) == pytest.approx(a.sum())
-    assert SERIAL.maximum(a) == a.max()
-    assert np.isnan(SERIAL.maximum(np.array([1.0, np.nan, 2.0])))
-    assert SERIAL.extent(a) == max(np.ptp(a[:, 0]), np.ptp(a[:, 1]))
-    count, piece = SERIAL.pieces(5, np.array([0, 1]), np.array([1, 2]))
+    share = Share.whole(50)
+    assert share.dot(a, b) == pytest.approx((a * b).sum(), rel=1e-12)
+    assert share.dot(a, b, weights) == pytest.approx((weights[:, None] * a * b).sum(), rel=1e-12)
+    assert share.sum(a) == pytest.approx(a.sum())
+    assert share.greatest(a) == a.max()
+    assert np.isnan(share.greatest(np.array([1.0, np.nan, 2.0])))
+    count, piece = Share.whole(5).pieces(np.array([0, 1]), np.array([1, 2]))
     assert count == 3
     assert piece[0] == piece[2] != piece[3] != piece[4]
