@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from ..materials import Law, homogeneous
 from ..materials.law import check_number, checked_law
 from ..scenes import Scene
-from ..scenes.model import TIP_DIAMETER, tip_diameter
+from ..scenes.tip_diameter import TIP_DIAMETER, tip_diameter
 
 
 def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_diameter: float = TIP_DIAMETER) -> float:
