@@ -10,7 +10,7 @@ import numpy as np
 
 from ..array_files import read_arrays
 from .contents import Contents
-from .files import write_with
+from .files import replacing
 
 FORMAT = 8
 NAME = "checkpoint.npz"
@@ -44,12 +44,8 @@ class Checkpoint:
         text = json.dumps({"format": FORMAT, "identity": self.identity, "progress": self.progress}, allow_nan=False)
         # First, so that what the file is stands in its head.
         arrays = {_DESCRIPTION: np.frombuffer(text.encode(), dtype=np.uint8), **self.arrays}
-
-        def write_arrays(path: Path) -> None:
-            with path.open("wb") as file:
-                np.savez(file, **arrays)
-
-        write_with(folder / NAME, write_arrays)
+        with replacing(folder / NAME) as temporary, temporary.open("wb") as file:
+            np.savez(file, **arrays)
 
     @classmethod
     def read(cls, folder: Path, identity: dict, shapes: dict[str, tuple]) -> Checkpoint:

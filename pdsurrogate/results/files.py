@@ -6,7 +6,7 @@ import errno
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -48,12 +48,6 @@ def write_text(path: Path, text: str) -> None:
 def write_json(path: Path, data) -> None:
     """Write a JSON file whole; numbers that are not finite are refused."""
     write_text(path, json.dumps(data, indent=2, allow_nan=False) + "\n")
-
-
-def write_with(path: Path, writer: Callable[[Path], None]) -> None:
-    """Let `writer` write a file whole."""
-    with replacing(path) as temporary:
-        writer(temporary)
 
 
 def remove_leftovers(folder: Path) -> None:

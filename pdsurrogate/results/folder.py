@@ -140,7 +140,7 @@ def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> Non
         return
     if others := sorted(names - {name}):
         raise FolderTaken(f"{folder} holds the results of another scene ({', '.join(others)}); {WAY_OUT}")
-    summary = _summary(folder / SUMMARY)
+    summary = read_summary(folder)
     found = Contents.read(summary or identity_in(folder))
     if found is None:
         raise FolderTaken(f"{folder} holds results of {name} that do not tell their scene; {WAY_OUT}")
@@ -228,7 +228,7 @@ def is_marked(path: Path) -> bool:
 def _scenes_in(folder: Path) -> set[str]:
     """Names of the scenes of which a folder holds runs."""
     scenes = {path.stem for path in folder.glob("*.pvd") if _is_index(path)}
-    summary = _summary(folder / SUMMARY)
+    summary = read_summary(folder)
     if summary is not None:
         return scenes | {summary["scene"]}
     begun = Contents.read(identity_in(folder))
@@ -246,16 +246,10 @@ def _is_index(path: Path) -> bool:
     return bool(listed) and all(re.fullmatch(re.escape(path.stem) + r"-\d{3,}\.p?vtu", file) for file in listed)
 
 
-def saved_scene(folder: Path) -> str | None:
-    """Name of the scene whose results a folder holds; None where it holds none."""
-    summary = _summary(folder / SUMMARY)
-    return None if summary is None else summary["scene"]
-
-
-def _summary(path: Path) -> dict | None:
-    """The summary of a run; None where there is none."""
+def read_summary(folder: Path) -> dict | None:
+    """Return the summary of the run whose results a folder holds; None where there is none."""
     try:
-        read = json.loads(path.read_text("utf-8"))
+        read = json.loads((folder / SUMMARY).read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return None
     if not (isinstance(read, dict) and isinstance(read.get("levels"), list)):
@@ -271,7 +265,7 @@ def _is_table(path: Path, *columns: str) -> bool:
 
 
 _SIGNATURES = {
-    SUMMARY: lambda path: _summary(path) is not None,
+    SUMMARY: lambda path: read_summary(path.parent) is not None,
     HISTORY: lambda path: _is_table(path, "step", "PARAMETER", "evaluations"),
     CONVERGENCE: lambda path: _is_table(path, "PARAMETER", "increment", "evaluation"),
     # The head alone, so that a damaged checkpoint is one.

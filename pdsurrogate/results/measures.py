@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -207,3 +208,42 @@ def point_fields(state: PointState) -> dict[str, np.ndarray]:
         if values is not None:
             fields[name] = values if field.components == 1 else values.reshape(-1, field.components)
     return fields
+
+
+def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
+    """Return the values of a field, or of a component of it, see `Result.field`.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    base, indices = _split(name) if name not in fields else (name, ())
+    if base not in fields:
+        raise ValueError(f"field: the state has no {name!r}; there are {', '.join(fields)}, and components as stress_22")
+    values = fields[base]
+    values = values.reshape(-1, 3, 3) if values.ndim == 2 and values.shape[1] == 9 else values
+    if indices and values.ndim - 1 != len(indices):
+        needed = {1: "no components", 2: f"one component, as {base}_1", 3: f"two indices, as {base}_22"}[values.ndim]
+        raise ValueError(f"field: {name!r} does not fit: {base} has {needed}")
+    return values[(slice(None), *indices)]
+
+
+def scalars_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
+    """Return a number for each point, shape (n,): a component, or of a vector its length; raise ValueError for a tensor."""
+    values = values_of(fields, name)
+    if values.ndim == 3:
+        raise ValueError(f"field: {name} has nine components; say which, as {name}_22")
+    return values if values.ndim == 1 else np.linalg.norm(values, axis=1)
+
+
+def unit_of(name: str) -> str | None:
+    """Return the kind of unit (of a scene's units) of a field or component; None if it has none."""
+    field = POINT_FIELDS.get(name) or POINT_FIELDS.get(_split(name)[0])
+    return field and field.unit
+
+
+def _split(name: str) -> tuple[str, tuple[int, ...]]:
+    """Return a field's name and the indices of the component that its digits name: ("stress", (1, 1)) for ``stress_22``."""
+    found = re.fullmatch(r"(.+)_([123]{1,2})", name)
+    return (found[1], tuple(int(digit) - 1 for digit in found[2])) if found else (name, ())
