@@ -194,16 +194,8 @@ class Card(_Part):
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def to_json(self) -> str:
-        """The card as it is stored; a hull of test data, a committee and a digest are left out where there is none."""
-        content = self.model_dump()
-        for part in (content, *content["members"]):
-            if part["domain"]["hull"] is None:
-                del part["domain"]["hull"]
-        if not self.members:
-            del content["members"]
-        if self.digest is None:
-            del content["digest"]
-        return json.dumps(content, indent=2, allow_nan=False) + "\n"
+        """Return the card as it is stored; a hull of test data, a committee and a digest are left out where there is none."""
+        return json.dumps(self.model_dump(exclude_defaults=True), indent=2, allow_nan=False) + "\n"
 
     def of_member(self, number: int) -> Card:
         """The card of a member of the committee, the first of which is 1."""
@@ -241,7 +233,7 @@ def read_card(data: bytes, where: str) -> Card:
         raise CardError(f"{where}: the card has {len(data)} bytes, which is not a card")
     try:
         text = data.decode("utf-8")
-        content = json.loads(text, parse_constant=_refuse, parse_float=_finite, object_pairs_hook=_without_duplicates)
+        content = json.loads(text, parse_constant=_finite, parse_float=_finite, object_pairs_hook=_without_duplicates)
     except (ValueError, RecursionError) as error:
         raise CardError(f"{where}: the card is damaged, it is not valid JSON: {error}; put back what was written") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
@@ -428,14 +420,10 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 80 else text[:77] + "..."
 
 
-def _refuse(constant: str):
-    raise ValueError(f"{constant} is not a number")
-
-
 def _finite(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
-        raise ValueError(f"{text} is too large a number")
+        raise ValueError(f"{text} is {'not' if math.isnan(value) else 'too large'} a number")
     return value
 
 

@@ -101,58 +101,46 @@ def own_folder() -> Path:
     In a checkout of this package, whose ``artifacts`` holds the shipped ones, ``own-artifacts``.
     """
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
-    if chosen:
-        return Path(chosen)
-    return Path(OWN_IN_CHECKOUT if Path(OWN).resolve() in SHIPPED else OWN)
+    return Path(chosen or (OWN_IN_CHECKOUT if Path(OWN).resolve() in SHIPPED else OWN))
 
 
 def next_version(folder: str | Path, name: str) -> str:
-    """The version for a new artefact: one above the highest that the folder holds of that name, from 1 on."""
+    """Return the version for a new artefact: one above the highest that the folder holds of that name, from 1 on."""
     check_path(folder, "folder")
     _check_name(name)
-    versions = _versions(Path(folder) / name) if (Path(folder) / name).is_dir() else []
-    return str(_version_key(versions[-1].name)[0] + 1) if versions else "1"
+    versions = _versions(Path(folder) / name)
+    return str(_version_key(versions[-1])[0] + 1) if versions else "1"
 
 
 def search_path() -> list[Path]:
-    """Folders in which artefacts are looked up by name, first match first.
+    """Return the folders in which artefacts are looked up by name, first match first.
 
     ``PDSURROGATE_ARTIFACTS`` if set, ``artifacts`` and ``own-artifacts`` in the working folder, and those shipped with the package.
     """
-    folders = [folder for folder in (Path(OWN_IN_CHECKOUT), Path(OWN), *SHIPPED) if folder.is_dir()]
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
-    if chosen:
-        if not Path(chosen).is_dir():
-            raise ArtifactError(
-                f"PDSURROGATE_ARTIFACTS is {chosen!r}, which is not a folder: set it to a folder of artefacts, or not at all"
-            )
-        folders.insert(0, Path(chosen))
-    return folders
+    if chosen and not Path(chosen).is_dir():
+        raise ArtifactError(f"PDSURROGATE_ARTIFACTS is {chosen!r}, which is not a folder: set it to a folder of artefacts, or not at all")
+    return [folder for folder in (*([Path(chosen)] if chosen else []), Path(OWN_IN_CHECKOUT), Path(OWN), *SHIPPED) if folder.is_dir()]
 
 
 @_reading()
 def list_artifacts() -> list[Path]:
-    """Folders of all artefacts on the search path, by name and rising version."""
-    found: dict[tuple[str, str], Path] = {}
-    for root in search_path():
-        for folder in _subfolders(root):
-            for version in _versions(folder):
-                if (version / CARD).is_file():
-                    found.setdefault((folder.name, version.name), version)
-    return [found[key] for key in sorted(found, key=lambda key: (key[0], _version_key(key[1])))]
+    """Return the folders of all artefacts on the search path, by name and rising version."""
+    names = {folder.name for root in search_path() for folder in root.iterdir() if folder.is_dir()}
+    return [version for name in sorted(names) for version in _on_search_path(name) if (version / CARD).is_file()]
 
 
 @_reading()
 def find_artifact(reference: str | Path) -> Path:
-    """Folder of an artefact.
+    """Return the folder of an artefact.
 
     Parameters
     ----------
     reference : str or path
         ``NAME`` (its highest version) or ``NAME@VERSION``, looked up on the search path; or the path of an artefact's folder or of a folder
         of its versions.  Text is a path if it has a separator or begins with a dot, or if it is a folder that holds a card; other folders
-        of the same name, such as one of results, are none of its meanings.  Which member of a committee is meant (`parted`) is not
-        looked at.
+        of the same name, such as one of results, are none of its meanings.  The number of a member of a committee (`parted`) makes no
+        difference.
 
     Raises
     ------
@@ -178,7 +166,7 @@ def find_artifact(reference: str | Path) -> Path:
 
 
 def parted(reference: str | Path) -> tuple[str | Path, str | None]:
-    """An artefact's reference, and which of its committee is meant by ``#3`` or ``#all`` behind it; None where nothing is."""
+    """Return an artefact's reference, and the member of its committee that ``#3`` or ``#all`` behind it names; None without either."""
     found = WHICH_MEMBER.fullmatch(str(reference))
     if found is None or Path(reference).exists():
         return reference, None
@@ -188,36 +176,34 @@ def parted(reference: str | Path) -> tuple[str | Path, str | None]:
 
 
 def _in_folder(path: Path) -> Path | None:
-    """The artefact in a folder, or its highest version where the folder holds versions."""
-    if (path / CARD).is_file():
-        return path
-    held = [folder for folder in _versions(path) if (folder / CARD).is_file()] if path.is_dir() else []
+    """Return the artefact in a folder, or its highest version where the folder holds versions; None where it holds no card."""
+    held = [folder for folder in (*_versions(path), path) if (folder / CARD).is_file()]
     return held[-1] if held else None
 
 
 def _by_name(text: str) -> Path | None:
     """Return the artefact NAME or NAME@VERSION on the search path, readable or not, so that no other one takes its place."""
     name, separator, version = text.partition("@")
+    found = [folder for folder in _on_search_path(name) if not separator or version == folder.name]
+    return found[-1] if found else None
+
+
+def _on_search_path(name: str) -> list[Path]:
+    """Return the folders of all versions of an artefact, in rising order; of the same version in several folders the first."""
     if not re.fullmatch(NAME_PATTERN, name):
-        return None
-    found: dict[str, Path] = {}
-    for root in search_path():
-        if (root / name).is_dir():
-            for folder in _versions(root / name):
-                found.setdefault(folder.name, folder)
-    candidates = [found[key] for key in sorted(found, key=_version_key) if not separator or version == key]
-    return candidates[-1] if candidates else None
+        return []
+    found = {folder.name: folder for root in reversed(search_path()) for folder in _versions(root / name)}
+    return sorted(found.values(), key=_version_key)
 
 
 def _versions(folder: Path) -> list[Path]:
-    """Folders whose names are versions, in rising order; what an interrupted writing leaves has a name that is none."""
-    return sorted(
-        (inner for inner in _subfolders(folder) if re.fullmatch(VERSION_PATTERN, inner.name)), key=lambda inner: _version_key(inner.name)
-    )
+    """Return the folders whose names are versions, in rising order; what an interrupted writing leaves has a name that is none."""
+    inner = folder.iterdir() if folder.is_dir() else ()
+    return sorted((path for path in inner if path.is_dir() and re.fullmatch(VERSION_PATTERN, path.name)), key=_version_key)
 
 
-def _subfolders(folder: Path) -> list[Path]:
-    return sorted(inner for inner in folder.iterdir() if inner.is_dir())
+def _version_key(folder: Path) -> tuple[int, ...]:
+    return tuple(int(part) for part in folder.name.split("."))
 
 
 def load_card(reference: str | Path) -> Card:
@@ -527,13 +513,13 @@ def new_artifact(folder: str | Path, name: str, version: str) -> Path:
     return target
 
 
-def _check_name(name) -> None:
+def _check_name(name: str) -> None:
     _check_matches("name", name, NAME_PATTERN)
     if name in FORCES:
         raise ArtifactError(f"name {name!r} is not allowed: it is that of a force model, which would be taken for the artefact")
 
 
-def _check_matches(key: str, value, pattern: str) -> None:
+def _check_matches(key: str, value: str, pattern: str) -> None:
     if not isinstance(value, str) or not re.fullmatch(pattern, value):
         raise ArtifactError(f"{key} {value!r} is not allowed: it must be text that matches {pattern}")
 
@@ -628,7 +614,3 @@ def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) 
     if len(data) != stated.bytes or hashlib.sha256(data).hexdigest() != stated.sha256:
         raise ArtifactError(f"{where}: the file is not the one that the card describes (its size or SHA-256 differs): damaged or exchanged")
     return data
-
-
-def _version_key(version: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in version.split("."))
