@@ -29,22 +29,22 @@ VERSION_PATTERN = r"^[0-9]{1,9}(\.[0-9]{1,9}){0,2}$"
 SHA256 = r"^[0-9a-f]{64}$"
 MOST_BYTES = 2**20
 MOST_PLANES = 1000
-"""Of the hull of test data."""
+"""Most planes of the hull of test data."""
 
 MOST_MEMBERS = 999
-"""Of a committee."""
+"""Most members of a committee."""
 
 MOST_STORED = 0.1
 """RMS error on the plane-stress surface, relative to the force, beyond which a surrogate describes nothing and is not stored."""
 
 NOTED = 0.01
-"""The same error beyond which whoever stores or runs a surrogate is told."""
+"""RMS error, as for `MOST_STORED`, beyond which storing or running a surrogate warns."""
 
 SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
 """Files of an artefact beside its card."""
 
 SAME = 1e-9
-"""Relative difference of numbers of a card that say the same twice."""
+"""Relative difference within which numbers of a card that occur twice agree: rounding of their text and of one formula."""
 
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
@@ -52,8 +52,18 @@ Share = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(strict=True, ge=0)]
 
 
-class CardError(ValueError):
-    """A card that cannot be read or does not make sense."""
+class ArtifactError(ValueError):
+    """An artefact that cannot be found, read or written; the message says why.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> try:
+    ...     pds.load_surrogate("no-such-rubber")
+    ... except pds.ArtifactError as error:
+    ...     print(str(error)[:30])
+    unknown force 'no-such-rubber'
+    """
 
 
 class _Part(BaseModel):
@@ -61,7 +71,7 @@ class _Part(BaseModel):
 
 
 def _looked_at(value, check):
-    """A part that is checked, and kept as the plain values that it is written as."""
+    """Check a part, and keep it as plain values."""
     check(value)
     return value
 
@@ -153,7 +163,7 @@ class DomainSpec(_Part):
     hull: Annotated[tuple[tuple[Finite, Finite, Finite], ...], Field(min_length=3, max_length=MOST_PLANES)] | None = None
 
     def build(self) -> Domain:
-        """The domain that the solver tests."""
+        """Return the domain that the solver tests."""
         return Domain(self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk, self.hull)
 
 
@@ -198,7 +208,7 @@ class Card(_Part):
         return json.dumps(self.model_dump(exclude_defaults=True), indent=2, allow_nan=False) + "\n"
 
     def of_member(self, number: int) -> Card:
-        """The card of a member of the committee, the first of which is 1."""
+        """Return the card of a member of the committee, numbered from 1."""
         member = self.members[number - 1]
         named = {"description": f"{self.description}; member {number} of {len(self.members)}", "members": (), "digest": None}
         return self.model_copy(update={**named, "material": member.material, "domain": member.domain, "errors": member.errors})
@@ -226,64 +236,62 @@ def read_card(data: bytes, where: str) -> Card:
 
     Raises
     ------
-    CardError
+    ArtifactError
         If it is damaged, incomplete, or of a schema that this version does not know; says which and what to do.
     """
     if len(data) > MOST_BYTES:
-        raise CardError(f"{where}: the card has {len(data)} bytes, which is not a card")
+        raise ArtifactError(f"{where}: the card has {len(data)} bytes, which is not a card")
     try:
         text = data.decode("utf-8")
         content = json.loads(text, parse_constant=_finite, parse_float=_finite, object_pairs_hook=_without_duplicates)
     except (ValueError, RecursionError) as error:
-        raise CardError(f"{where}: the card is damaged, it is not valid JSON: {error}; put back what was written") from None
+        raise ArtifactError(f"{where}: the card is damaged, it is not valid JSON: {error}; put back what was written") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise CardError(f"{where}: format: this is not the card of a {FORMAT}")
+        raise ArtifactError(f"{where}: format: this is not the card of a {FORMAT}")
     schema = content.get("schema_version")
     if type(schema) is not int:
-        raise CardError(f"{where}: schema_version: the card has no schema_version that is a whole number, so it is damaged")
-    if schema > SCHEMA_VERSION:
-        raise CardError(
-            f"{where}: the artefact has schema version {schema}, this pdsurrogate reads {SCHEMA_VERSION}: upgrade pdsurrogate to use it"
-        )
-    if schema < OLDEST_SCHEMA:
-        raise CardError(f"{where}: the artefact has schema version {schema}, which is no longer read: fit it again with this pdsurrogate")
+        raise ArtifactError(f"{where}: schema_version: the card has no schema_version that is a whole number, so it is damaged")
+    if not OLDEST_SCHEMA <= schema <= SCHEMA_VERSION:
+        newer = f"this pdsurrogate reads {SCHEMA_VERSION}: upgrade pdsurrogate to use it"
+        remedy = newer if schema > SCHEMA_VERSION else "which is no longer read: fit it again with this pdsurrogate"
+        raise ArtifactError(f"{where}: the artefact has schema version {schema}, {remedy}")
     try:
         return checked_card(content)
     except RecursionError:
-        raise CardError(f"{where}: the card is damaged: its tables are nested too deeply") from None
-    except CardError as error:
-        raise CardError(f"{where}: the card is damaged: {error}; put back what was written, or store the artefact again") from None
+        raise ArtifactError(f"{where}: the card is damaged: its tables are nested too deeply") from None
+    except ArtifactError as error:
+        raise ArtifactError(f"{where}: the card is damaged: {error}; put back what was written, or store the artefact again") from None
 
 
 def checked_card(content: Mapping[str, Any]) -> Card:
-    """A card of plain values that agree with one another.
+    """Return the card of plain values that agree with one another.
 
     Raises
     ------
-    CardError
+    ArtifactError
         Names the fields, what is wrong with them and what would be right.
     """
     check_plain(content)
     try:
         card = Card.model_validate(content)
     except (ValidationError, OverflowError) as error:
-        raise CardError(_told(error) if isinstance(error, ValidationError) else "a whole number is too large") from None
+        raise ArtifactError(_told(error) if isinstance(error, ValidationError) else "a whole number is too large") from None
     if card.schema_version > OLDEST_SCHEMA and card.digest is None:
-        raise CardError("digest: is missing")
+        raise ArtifactError("digest: is missing")
     for problem in _contradictions(card):
-        raise CardError(problem)
+        raise ArtifactError(problem)
     return card
 
 
 def check_plain(content: Mapping[str, Any]) -> None:
-    """Raise CardError if there is something that a card cannot hold."""
+    """Raise ArtifactError if there is something that a card cannot hold."""
     for field, value in _leaves(dict(content)):
         if not (value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))):
-            raise CardError(f"{field}: must be a finite number, text, a list or a table, not {_shown(value)}")
+            raise ArtifactError(f"{field}: must be a finite number, text, a list or a table, not {_shown(value)}")
 
 
 def law_described(material: Material) -> Law:
-    """The law that a material names, with the parameters that were trained with.
+    """Return the law that a material names, with the parameters that were trained with.
 
     Raises
     ------
@@ -374,7 +382,7 @@ def same_values(one, other) -> bool:
 
 
 def _leaves(value: Any, field: str = "") -> Iterator[tuple[str, Any]]:
-    """Everything that is no list and no table, with its dotted field."""
+    """Yield every value that is no list and no table, with its dotted field."""
     if isinstance(value, dict | list | tuple):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
             yield from _leaves(inner, f"{field}.{key}" if field else str(key))
@@ -401,11 +409,11 @@ WORDS = {
     "model_attributes_type": "must be a table",
     "tuple_type": "must be a list",
 }
-"""What is wrong with a field, by pydantic's types of it."""
+"""Messages about a field by pydantic's types of errors."""
 
 
 def _told(error: ValidationError) -> str:
-    """All problems in one line, each with its field, what would be right and what is there."""
+    """Return all problems in one line, each with its field, the right kind of value and the present one."""
     lines = []
     for problem in error.errors():
         field, kind = ".".join(map(str, problem["loc"])), problem["type"]

@@ -11,7 +11,7 @@ import shutil
 import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,8 +43,8 @@ from .card import (
     SCHEMA_VERSION,
     SURROGATE,
     VERSION_PATTERN,
+    ArtifactError,
     Card,
-    CardError,
     checked_card,
     law_described,
     read_card,
@@ -63,20 +63,6 @@ MOST_BYTES = 64 * 2**20
 
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
 """Force models that can be stored, by the kind their card states."""
-
-
-class ArtifactError(ValueError):
-    """An artefact that cannot be found, read or written; the message says why.
-
-    Examples
-    --------
-    >>> import pdsurrogate as pds
-    >>> try:
-    ...     pds.load_surrogate("no-such-rubber")
-    ... except pds.ArtifactError as error:
-    ...     print(str(error)[:30])
-    unknown force 'no-such-rubber'
-    """
 
 
 @contextmanager
@@ -207,7 +193,7 @@ def _version_key(folder: Path) -> tuple[int, ...]:
 
 
 def load_card(reference: str | Path) -> Card:
-    """The card of an artefact, or of a member of its committee (``NAME#3``); nothing else is read.
+    """Return the card of an artefact, or of a member of its committee (``NAME#3``); nothing else is read.
 
     Examples
     --------
@@ -259,10 +245,7 @@ def _card_of(folder: Path) -> Card:
             data = file.read(2**20 + 1)
     except OSError as error:
         raise ArtifactError(f"{folder}: cannot read the card: {error.strerror}") from None
-    try:
-        return read_card(data, str(folder / CARD))
-    except CardError as error:
-        raise ArtifactError(str(error)) from None
+    return read_card(data, str(folder / CARD))
 
 
 def _check_unchanged(folder: Path, card: Card) -> None:
@@ -282,7 +265,7 @@ def _check_unchanged(folder: Path, card: Card) -> None:
 
 
 def load_surrogate(reference: str | Path) -> ForceModel:
-    """A force model by name, or the surrogate of an artefact or of a member of its committee.
+    """Return a force model by name, or the surrogate of an artefact or of a member of its committee.
 
     The card is read first; the payload is compared with its digest there, and then read as plain arrays, so that loading runs no code that
     the file brings along.
@@ -336,12 +319,10 @@ def _described_model(folder: Path, card: Card, which: str | None) -> ForceModel:
     model = _built(name, folder, card, SURROGATE, _arrays(folder, card, SURROGATE))
     if which is None:
         return model
-    numbers = range(1, len(card.members) + 1)
-    members = tuple(
-        Member(found, law_of(of_member := card.of_member(number)), _modulus(of_member) / _modulus(card))
-        for number, found in zip(numbers, _members(folder, card, numbers), strict=True)
-    )
-    return replace(model, members=members)
+    numbers, modulus = range(1, len(card.members) + 1), law_of(card).shear_modulus
+    laws = [law_of(card.of_member(number)) for number in numbers]
+    members = zip(_members(folder, card, numbers), laws, strict=True)
+    return replace(model, members=tuple(Member(found, law, law.shear_modulus / modulus) for found, law in members))
 
 
 def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[ForceModel]:
@@ -364,7 +345,7 @@ def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
 
 
 def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> ForceModel:
-    """The model in the arrays of a payload, with what its card states, which must be true of it."""
+    """Return the model in the arrays of a payload, and check what its card states of it."""
     try:
         model = KINDS[card.kind].from_payload(name, payload, card.domain.build(), card.material.law, card.material.shape)
     except (ValueError, TypeError, OverflowError) as error:
@@ -383,7 +364,7 @@ def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> For
 
 
 def law_of(card: Card) -> Law:
-    """The law that a card names, with the parameters that were trained with.
+    """Return the law that a card names, with the parameters that were trained with.
 
     Raises
     ------
@@ -394,10 +375,6 @@ def law_of(card: Card) -> Law:
         return law_described(card.material)
     except ValueError as error:
         raise ArtifactError(f"{card.name}@{card.version}: the card's {error}") from None
-
-
-def _modulus(card: Card) -> float:
-    return law_of(card).shear_modulus
 
 
 def _stated(card: Card) -> dict[str, float] | None:
@@ -445,14 +422,12 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
     energy = f"{law.name}-energy" if plane == "stress" else f"{law.name}-isochoric"
     name, exact = {"bond force": (law.name, "analytic"), "bond energy": (energy, "bond-energy")}.get(family, (None, family))
     folder = name and _by_name(name)
-    if not folder:
-        return load_surrogate(exact)
-    model = _surrogate_in(folder)
-    try:
-        model.check_material(law)
-    except ValueError:  # another material of the same law
-        return load_surrogate(exact)
-    return model
+    if folder:
+        model = _surrogate_in(folder)
+        with suppress(ValueError):  # another material of the same law
+            model.check_material(law)
+            return model
+    return load_surrogate(exact)
 
 
 def default_force(scene: Scene) -> ForceModel:
@@ -467,7 +442,7 @@ def default_force(scene: Scene) -> ForceModel:
 
 
 def load_pipeline(reference: str | Path, *, trust: bool = False):
-    """The fitted scikit-learn pipeline of an artefact, for those who refine it.
+    """Return the fitted scikit-learn pipeline of an artefact, for those who refine it.
 
     It is a pickle of Python objects: loading it runs code from the file.  Its digest is compared with the card's
     first, which shows that it is the file that the card was written for, not that whoever wrote both means well.
@@ -576,7 +551,7 @@ def save_artifact(
             undigested = {"format": FORMAT, "schema_version": SCHEMA_VERSION, **card, "payloads": payloads, "digest": "0" * 64}
             full = checked_card(undigested)
             full = full.model_copy(update={"digest": full.found_digest()})
-        except CardError as error:
+        except ArtifactError as error:
             raise ArtifactError(f"{card['name']}@{card['version']}: it cannot be stored with this card: {error}") from None
         (temporary / CARD).write_text(full.to_json(), encoding="utf-8")
         _surrogate_in(temporary, ALL if members else None)
@@ -598,7 +573,7 @@ def _describe(path: Path, contains: str) -> dict:
 
 
 def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) -> bytes:
-    """Bytes of a payload whose size and digest are those of the card, at most so many."""
+    """Return the bytes of a payload, at most so many, after comparing size and digest with the card."""
     where = f"{called(folder, card)}: {name}"
     if name not in card.payloads:
         raise ArtifactError(f"{where}: the artefact has none")
