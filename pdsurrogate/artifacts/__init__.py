@@ -8,7 +8,7 @@ An artefact is a folder ``NAME/VERSION/`` of up to four files:
 * ``pipeline.joblib`` is the fitted scikit-learn pipeline, for those who refine it: a pickle, which is a program, loaded only on trust.
 """
 
-from .card import SCHEMA_VERSION, Card
+from .card import Card
 from .material import with_material
 from .store import (
     ArtifactError,
@@ -29,7 +29,6 @@ from .store import (
 )
 
 __all__ = [
-    "SCHEMA_VERSION",
     "ArtifactError",
     "Card",
     "called",

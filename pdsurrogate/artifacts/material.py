@@ -87,10 +87,8 @@ def material_on(card: Card, scene: Scene) -> Law:
         If the card names none.
     """
     law = law_of(card)
-    if scene.material is None and not _has_moduli(card):
-        return law
     if not _has_moduli(card):
-        return law.scaled(scene.law().shear_modulus / law.shear_modulus)
+        return law if scene.material is None else law.scaled(scene.law().shear_modulus / law.shear_modulus)
     data = (card.training.get("identification") or {}).get("data")
     if data in DATA_OF_THE_PACKAGE and scene.units.stress in PASCALS:
         return law.scaled(PASCALS["MPa"] / PASCALS[scene.units.stress])

@@ -39,10 +39,8 @@ def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tupl
     position, lower, upper : ndarray, shape (lines,)
         Coordinate of each line along the other axis, and the displacement of its lower and upper end.
     """
-    along = body.points[:, 1 - axis]
-    line = np.floor((along - along.min()) / body.cell[1 - axis] + 0.5).astype(int)
-    order = np.lexsort((body.points[:, axis], line))
-    starts = np.flatnonzero(np.r_[True, np.diff(line[order]) > 0])
+    order, line = _lines_along(body, axis)
+    starts = np.flatnonzero(np.diff(line, prepend=-1) > 0)
     stops = np.r_[starts[1:], len(order)]
     full = stops - starts >= 2
     starts, stops = starts[full], stops[full]
@@ -52,7 +50,7 @@ def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tupl
     def continued(outer, inner, place):
         return u[outer] + (u[outer] - u[inner]) * (place - x[outer]) / (x[outer] - x[inner])
 
-    return along[order][starts], continued(starts, starts + 1, low), continued(stops - 1, stops - 2, high)
+    return body.points[order[starts], 1 - axis], continued(starts, starts + 1, low), continued(stops - 1, stops - 2, high)
 
 
 def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
@@ -61,14 +59,20 @@ def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
     Root mean square of its second differences between neighbouring points, over its greatest value.  A smooth field
     of wavelength L gives about (2 pi cell/L)^2 / 2; a mode that changes sign from point to point, of order 1.
     """
-    lateral = 1 - axis
-    line = np.floor((body.points[:, lateral] - body.points[:, lateral].min()) / body.cell[lateral] + 0.5).astype(int)
-    order = np.lexsort((body.points[:, axis], line))
-    u, x, line = displacements[order, lateral], body.points[order, axis], line[order]
+    order, line = _lines_along(body, axis)
+    u, x = displacements[order, 1 - axis], body.points[order, axis]
     neighbours = (line[2:] == line[:-2]) & (np.abs(x[2:] - x[:-2] - 2 * body.cell[axis]) < 0.1 * body.cell[axis])
     second = (u[2:] - 2 * u[1:-1] + u[:-2])[neighbours]
     greatest = np.abs(u).max()
     return float(np.sqrt((second**2).mean()) / greatest) if len(second) and greatest > 0 else 0.0
+
+
+def _lines_along(body: Body, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return points of a sheet in order along lines one cell wide, and the number of the line of each."""
+    across = body.points[:, 1 - axis]
+    line = np.floor((across - across.min()) / body.cell[1 - axis] + 0.5).astype(int)
+    order = np.lexsort((body.points[:, axis], line))
+    return order, line[order]
 
 
 class PointState:

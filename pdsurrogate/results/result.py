@@ -13,10 +13,9 @@ from ..body import Body, CellMesh
 from ..html_tables import html_facts
 from ..scenes import Scene
 from .contents import Contents
-from .deformed import deformed_cells
 from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occupied, read_summary
 from .measures import unit_of, values_of
-from .states import States, StatesInFiles, StatesInMemory
+from .states import States, StatesInFiles, StatesInMemory, deformed_cells
 from .tables import column_unit, html_history, read_table, write_tables
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from ..body import Body, CellMesh
 from ..body.share import Share
 from . import vtk
-from .deformed import deformed_cells
 from .folder import is_marked, state_files
 
 Fields = dict[str, np.ndarray]
@@ -180,6 +179,24 @@ class StatesInFiles:
 
 def _piece(path: Path, rank: int) -> Path:
     return path.with_suffix(f".piece{rank}.vtu")
+
+
+def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
+    """Return the cells of a body, apart where a crack is open, and the displacements of their nodes, shape (k, d).
+
+    Parameters
+    ----------
+    body : Body
+    fields : dict of ndarray
+        Fields of a state, with its displacement and deformation gradient.
+    """
+    d, cells = body.dimension, body.cells
+    F = fields["deformation_gradient"].reshape(-1, 3, 3)[:, :d, :d]
+    state = body.points, fields["displacement"][:, :d], F
+    # Only where bonds are cut or break can neighbours come apart.
+    if np.any(fields.get("damage", 0)) or body.separates is not None:
+        cells = cells.torn(*state)
+    return cells, cells.moved(*state)
 
 
 @contextmanager
