@@ -22,12 +22,12 @@ ANEW = "begin anew by --overwrite in the place of --resume"
 
 
 class CheckpointError(ValueError):
-    """A checkpoint that cannot be resumed from; the message says why."""
+    """Checkpoint that a run cannot resume from; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """State of a run.
+    """State of a run that can be resumed.
 
     Attributes
     ----------
@@ -58,14 +58,14 @@ class Checkpoint:
         ----------
         folder : Path
         identity : dict
-            Of the run that wants to resume.
+            Identity of the run that resumes.
         shapes : dict
-            Shape and dtype of every array that it needs.
+            Shape and dtype of every required array.
 
         Raises
         ------
         CheckpointError
-            If there is none, it is damaged, or belongs to another run.
+            If there is no checkpoint, or it is damaged or belongs to another run.
         """
         path = Path(folder) / NAME
         if not path.is_file():

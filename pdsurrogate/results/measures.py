@@ -1,4 +1,4 @@
-"""Measures of a deformed body: its energy, displacements of its edges, fields on its points."""
+"""Measures of a deformed body: energy, displacements of the edges, fields on the points."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from ..materials.stretches import principal_stretches
 
 
 def strain_energy(force: InternalForce) -> float:
-    """Stored energy in the state last evaluated, in the plane per unit thickness.
+    """Return the stored energy in the state last evaluated, of a sheet per unit thickness.
 
-    The force's own; of a force map, which has none, that of the points' deformation gradients.
+    A force map has no energy; the energy of the law at the deformation gradients of the points replaces it.
     """
     if force.has_energy:
         return force.energy()
@@ -29,10 +29,10 @@ def strain_energy(force: InternalForce) -> float:
 
 
 def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Displacement along `axis` of the two edges that bound the body along it, extrapolated to them.
+    """Return the displacements along `axis` of the two edges that bound a sheet along it.
 
-    Points are taken line by line across the body, the lines one cell wide; the two outermost points of each line
-    are continued linearly to the outermost coordinate of the body plus half a cell.
+    Points form lines along the axis, one cell wide; the two outermost points of each line are extrapolated linearly to the outermost
+    coordinate of the body plus half a cell.
 
     Returns
     -------
@@ -54,10 +54,10 @@ def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tupl
 
 
 def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
-    """Roughness of the lateral displacement along the loaded axis: zero-energy modes show in it.
+    """Return the roughness of the lateral displacement along the loaded axis, which reveals zero-energy modes.
 
-    Root mean square of its second differences between neighbouring points, over its greatest value.  A smooth field
-    of wavelength L gives about (2 pi cell/L)^2 / 2; a mode that changes sign from point to point, of order 1.
+    It is the root mean square of second differences between neighbouring points, over the greatest displacement.  A smooth field of
+    wavelength L gives about (2 pi cell/L)^2 / 2; a mode that changes sign from point to point, about 1.
     """
     order, line = _lines_along(body, axis)
     u, x = displacements[order, 1 - axis], body.points[order, axis]
@@ -81,26 +81,26 @@ class PointState:
     Parameters
     ----------
     force : InternalForce
-        Asked for what it says of the points at these positions, without forces.
+        Force model on the body.
     positions : ndarray, shape (n, d)
     damage : ndarray, shape (n,), optional
-        Of a run in which bonds break.
+        Share of broken bonds, in a run with fracture.
 
     Attributes
     ----------
     plane : str
-        What the thickness does, or "space".
+        State of stress or strain: "stress", "strain" or "space".
     laws : list of tuple
-        The laws, each with the points that are of it.
+        Material laws, each with its points.
     position, displacement : ndarray, shape (n, d)
-        In the undeformed body, and since.
+        Places in the undeformed body, and displacements from them.
     F : ndarray, shape (n, d, d)
     volume_ratio : ndarray, shape (n,)
-        Where the volumetric energy is taken: J3 under plane stress, det F or what a selective energy has in its place otherwise.
+        Volume ratio of the volumetric energy: J3 under plane stress, otherwise det F or its smoothed value in a selective energy.
     stress : ndarray, shape (n, 3, 3)
         First Piola-Kirchhoff stress, see `InternalForce.stress_and_energy`.
     energy_density : ndarray, shape (n,)
-        Per volume of the undeformed body.
+        Stored energy per undeformed volume.
     deviation : ndarray, shape (n,), or None
         See `InternalForce.learnt`.
     member_deviation : ndarray, shape (n,), or None
@@ -117,7 +117,7 @@ class PointState:
 
     @cached_property
     def deformation_gradient(self) -> np.ndarray:
-        """F, in the plane with the stretch of the thickness, shape (n, 3, 3)."""
+        """Deformation gradient, of a sheet with the stretch of the thickness, shape (n, 3, 3)."""
         if self.plane == "space":
             return self.F
         gradient = np.zeros((len(self.F), 3, 3))
@@ -127,13 +127,13 @@ class PointState:
 
     @cached_property
     def cauchy_stress(self) -> np.ndarray:
-        """P F^T / det F, shape (n, 3, 3)."""
+        """Cauchy stress P F^T / det F, shape (n, 3, 3)."""
         F = self.deformation_gradient
         return self.stress @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]
 
     @cached_property
     def principal_stretches(self) -> np.ndarray:
-        """Square roots of the eigenvalues of F^T F, that of the thickness among them, the greatest first, shape (n, 3)."""
+        """Principal stretches in falling order, including that of the thickness, shape (n, 3)."""
         within = principal_stretches(self.F)
         if self.plane == "space":
             return within
@@ -141,35 +141,35 @@ class PointState:
         return -np.sort(-stretches, axis=1)
 
     def greatest_stretch(self) -> np.ndarray:
-        """Greatest principal stretch, of a body in the plane that within the plane, shape (n,)."""
+        """Return the greatest principal stretch, of a sheet the greatest in its plane, shape (n,)."""
         if self.plane == "space":
             return self.principal_stretches[:, 0].copy()
         return principal_stretches(self.F)[:, 0]
 
     def pressure(self) -> np.ndarray:
-        """Minus a third of the trace of the Cauchy stress, shape (n,)."""
+        """Return minus a third of the trace of the Cauchy stress, shape (n,)."""
         return -np.trace(self.cauchy_stress, axis1=1, axis2=2) / 3
 
     def von_mises(self) -> np.ndarray:
-        """Root of 3/2 s:s, s the deviator of the Cauchy stress, shape (n,)."""
+        """Return the root of 3/2 s:s, with the deviator s of the Cauchy stress, shape (n,)."""
         deviator = self.cauchy_stress + self.pressure()[:, None, None] * np.eye(3)
         return np.sqrt(1.5 * (deviator * deviator).sum(axis=(1, 2)))
 
     def thickness(self) -> np.ndarray | None:
-        """C33, the square of the stretch of the thickness of a body in the plane, shape (n,)."""
+        """Return C33, the squared stretch of the thickness of a sheet, shape (n,); None of a solid."""
         return None if self.plane == "space" else self.deformation_gradient[:, 2, 2] ** 2
 
 
 @dataclass(frozen=True)
 class PointField:
-    """A field on the points, for result files.
+    """Field on the points, for result files.
 
     Attributes
     ----------
     values : callable
-        Function of a `PointState`; None where the field has no meaning.
+        Function of a `PointState`; it returns None where the field has no meaning.
     components : int
-        Of a point; a tensor has 9, row by row.
+        Number of values at a point; a tensor has 9, row by row.
     unit : {"length", "stress", None}
         Which of the scene's units the values have; None if they have none.
     """
@@ -179,14 +179,14 @@ class PointField:
     unit: str | None = None
 
 
-def _in_space(vectors: np.ndarray) -> np.ndarray:
-    """Vectors with three components, shape (n, 3)."""
+def _with_three_components(vectors: np.ndarray) -> np.ndarray:
+    """Return vectors with three components, shape (n, 3)."""
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
 POINT_FIELDS = {
-    "position": PointField(lambda state: _in_space(state.position), 3, "length"),
-    "displacement": PointField(lambda state: _in_space(state.displacement), 3, "length"),
+    "position": PointField(lambda state: _with_three_components(state.position), 3, "length"),
+    "displacement": PointField(lambda state: _with_three_components(state.displacement), 3, "length"),
     "principal_stretch": PointField(PointState.greatest_stretch),
     "principal_stretches": PointField(lambda state: state.principal_stretches, 3),
     "volume_ratio": PointField(lambda state: state.volume_ratio.copy()),
@@ -201,11 +201,11 @@ POINT_FIELDS = {
     "member_deviation": PointField(lambda state: state.member_deviation, unit="stress"),
     "damage": PointField(lambda state: state.damage),
 }
-"""All fields on the points, by their names in result files: a new one is one line."""
+"""Fields on the points by their names in result files."""
 
 
 def point_fields(state: PointState) -> dict[str, np.ndarray]:
-    """The fields of `POINT_FIELDS` that have a meaning in a state, shape (n,) or (n, components)."""
+    """Return the fields of `POINT_FIELDS` that have a meaning in a state, shape (n,) or (n, components)."""
     fields = {}
     for name, field in POINT_FIELDS.items():
         values = field.values(state)

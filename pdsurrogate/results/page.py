@@ -1,4 +1,4 @@
-"""One page of HTML that holds all of a result: pictures of fields with a slider over the outputs, curves, tables; nothing is fetched."""
+"""HTML page of a result: pictures of fields with a slider over the outputs, curves and tables; it loads nothing from a network."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ PAGE = Path(__file__).with_name("page.html")
 """Template of the page."""
 
 MOST_OUTPUTS = 40
-"""States that a page shows; of more, as many evenly over the run."""
+"""Greatest number of states on a page; of a longer run they are spread evenly."""
 
 MOST_ROWS = 200
-"""Rows of the history that a page shows."""
+"""Greatest number of rows of the history on a page."""
 
 USUAL = ("displacement", "von_mises", "principal_stretch", "damage")
 """Fields that a page shows by default, where the last state has them."""
@@ -38,14 +38,14 @@ def html_page(result: Result, fields: Sequence[str] = (), progress: Callable[[in
     ----------
     result : Result
     fields : sequence of str
-        As for `Result.plot`; by default `USUAL` ones.
+        Fields as for `Result.plot`; by default those of `USUAL`.
     progress : callable
-        Function of the number of pictures that are drawn, and of the number that there will be.
+        Function of the number of finished pictures and of their total number.
 
     Raises
     ------
     ValueError
-        If a field is not there.
+        If the result has no such field.
     """
     count = len(result.states)
     shown = np.unique(np.linspace(0, count - 1, min(MOST_OUTPUTS, count)).round().astype(int)).tolist()

@@ -28,7 +28,7 @@ class Moment:
         Place on the one axis of the whole run, on which states follow each other: 1 at the first level in equilibrium, 2 at the second,
         and so on; from the last level on the time of the dynamics is added.
     stretch : float or None
-        Of a scene with grips.
+        Distance of the grips over its undeformed value, in a scene with grips.
     time : float
         Time that all dynamics have taken; 0 at a level before them.
     t : float or None
@@ -87,7 +87,7 @@ class Moments:
 class StatesInFiles:
     """States as a VTU series with a PVD index, written when they are reached, and read back when they are used.
 
-    Of a divided body every rank writes a piece of each state, for its own points.
+    Every rank of a divided body writes a piece of each state, for its own points.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class StatesInFiles:
     name : str
         Stem of the file names.
     body : Body, optional
-        Whose cells are written; of a divided one the share of this rank. States without a body are only read.
+        Body with the cells to write; in a divided run the share of this rank. States without a body are only read.
     moments : list of Moment, optional
         States that are there already, of a run that is resumed; files of later ones are removed.
     """
@@ -116,7 +116,7 @@ class StatesInFiles:
         Parameters
         ----------
         folder, name
-            As for the class.
+            Parameters of the class.
         most : int, optional
             Number of states in the summary of the run; a run that was killed may have written one more.
 
@@ -141,7 +141,7 @@ class StatesInFiles:
         share, path = self.body.share, self._path(len(self.moments))
         values = {name: value for name, value in asdict(moment).items() if value is not None}
         cells, nodes = deformed_cells(self.body, fields)
-        if self.in_pieces:  # with the halo until here, which says where the nodes between pieces are
+        if self.in_pieces:  # the halo was needed for the nodes between pieces
             path = path.with_suffix(".pvtu")
             cells, used = cells.only(share.own)
             nodes = nodes[used]
