@@ -1,4 +1,4 @@
-"""The card of an artefact: everything about it that a person or a program wants to know before anything is unpickled."""
+"""Card of an artefact: its description for readers and programs, checked before any other file is opened."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from ..scenes.problems import explain
 
 FORMAT = "pdsurrogate artefact"
 SCHEMA_VERSION, OLDEST_SCHEMA = 3, 2
-"""Raised with every change of the card or the payload that an older reader would misunderstand; cards of version 2 have no digest."""
+"""Versions of cards and payloads; a change that an older reader would misread raises the first. Cards of version 2 have no digest."""
 
 DIGESTED = ("kind", "material", "features", "domain", "errors", "payloads", "members")
-"""Parts of a card that a run or its reader depends on, beside the identification: the digest of a card is of these."""
+"""Parts of a card that its digest covers, together with the identification: those that a run depends on."""
 
 NAME_PATTERN = r"^[a-z0-9][a-z0-9._-]{0,63}$"
 VERSION_PATTERN = r"^[0-9]{1,9}(\.[0-9]{1,9}){0,2}$"
@@ -35,13 +35,13 @@ MOST_MEMBERS = 999
 """Most members of a committee."""
 
 MOST_STORED = 0.1
-"""RMS error on the plane-stress surface, relative to the force, beyond which a surrogate describes nothing and is not stored."""
+"""RMS error on the plane-stress surface, relative to the force, above which a surrogate is not stored."""
 
 NOTED = 0.01
 """RMS error, as for `MOST_STORED`, beyond which storing or running a surrogate warns."""
 
 SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
-"""Files of an artefact beside its card."""
+"""Files of an artefact other than its card."""
 
 SAME = 1e-9
 """Relative difference within which numbers of a card that occur twice agree: rounding of their text and of one formula."""
@@ -197,7 +197,7 @@ class Card(_Part):
     digest: Annotated[str, Field(pattern=SHA256)] | None = None
 
     def found_digest(self) -> str:
-        """Return the SHA-256 of what the card says of its weights, which are in it by their own SHA-256."""
+        """Return the SHA-256 of the parts `DIGESTED`, which include the digests of the weights."""
         content = json.loads(self.to_json())
         parts = {name: content[name] for name in DIGESTED if name in content}
         parts["identification"] = content["training"].get("identification")
@@ -237,7 +237,7 @@ def read_card(data: bytes, where: str) -> Card:
     Raises
     ------
     ArtifactError
-        If it is damaged, incomplete, or of a schema that this version does not know; says which and what to do.
+        If the card is damaged, incomplete, or of a schema that this version does not read; the message gives the remedy.
     """
     if len(data) > MOST_BYTES:
         raise ArtifactError(f"{where}: the card has {len(data)} bytes, which is not a card")
@@ -264,12 +264,12 @@ def read_card(data: bytes, where: str) -> Card:
 
 
 def checked_card(content: Mapping[str, Any]) -> Card:
-    """Return the card of plain values that agree with one another.
+    """Return a card from plain values, after checking that they agree with one another.
 
     Raises
     ------
     ArtifactError
-        Names the fields, what is wrong with them and what would be right.
+        If values are wrong or contradict each other; the message names the fields and the right values.
     """
     check_plain(content)
     try:
@@ -284,7 +284,7 @@ def checked_card(content: Mapping[str, Any]) -> Card:
 
 
 def check_plain(content: Mapping[str, Any]) -> None:
-    """Raise ArtifactError if there is something that a card cannot hold."""
+    """Raise ArtifactError for a value that a card cannot hold."""
     for field, value in _leaves(dict(content)):
         if not (value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))):
             raise ArtifactError(f"{field}: must be a finite number, text, a list or a table, not {_shown(value)}")
@@ -296,7 +296,7 @@ def law_described(material: Material) -> Law:
     Raises
     ------
     ValueError
-        Names the field that makes no sense, or the law if it is unknown.
+        If a field is wrong or the law is unknown; the message names it.
     """
     try:
         return MaterialSpec.model_validate(material.trained_with).build()
@@ -305,7 +305,7 @@ def law_described(material: Material) -> Law:
 
 
 def _contradictions(card: Card) -> Iterator[str]:
-    """Return the contradictions in a card, and entries with which no artefact is stored."""
+    """Yield the contradictions in a card, and values beyond the limits of stored artefacts."""
     files = {SURROGATE, *([MEMBERS] if card.members else [])}
     for name in sorted(files ^ set(card.payloads) - {PIPELINE}):
         there = f"with {len(card.members)} members it has {', '.join(sorted(files))} and maybe {PIPELINE}"
@@ -330,11 +330,11 @@ def _contradictions(card: Card) -> Iterator[str]:
 
 
 def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
-    """Return the contradictions between material, domain and errors of one surrogate."""
+    """Yield the contradictions between material, domain and errors of one surrogate."""
     material, domain = part.material, part.domain
     if material.trained_with.get("law") != material.law:
         yield f"material.law: must be that of material.trained_with, {_shown(material.trained_with.get('law'))}, not {_shown(material.law)}"
-    if material.law in LAWS:  # a user's own may not be there, and then none is asked for its parameters
+    if material.law in LAWS:  # a user's own law may be absent here
         try:
             law = law_described(material)
         except ValueError as error:
@@ -365,7 +365,7 @@ def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
     rms, greatest = box["on_surface"]["rms"], box["on_surface"]["max"]
     if rms > MOST_STORED:
         yield f"errors.box.on_surface.rms: must be at most {MOST_STORED}, as nothing that is farther off is stored, not {rms}"
-    # Of n errors of that root mean square the greatest is at most this.
+    # The greatest of n errors with this root mean square.
     most = math.sqrt(box["n_samples"]) * rms
     if not rms * (1 - SAME) <= greatest <= (1 + SAME) * most:
         yield f"errors.box.on_surface.max: must be from rms to rms sqrt(n_samples), {rms} to {most}, not {greatest}"

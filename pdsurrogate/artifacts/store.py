@@ -54,20 +54,20 @@ from .shipped import SHIPPED_CARDS
 CARD = "card.json"
 
 WHICH_MEMBER = re.compile(r"(.+)#(all|[1-9][0-9]{0,2})")
-"""An artefact, and which of its committee is meant: a member by its number, or all beside what runs."""
+"""Reference to an artefact with a member of its committee: its number, or all."""
 
 ALL = "all"
 
 MOST_BYTES = 64 * 2**20
-"""Size of the largest payload that is read without trust."""
+"""Greatest size of a payload in bytes."""
 
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
-"""Force models that can be stored, by the kind their card states."""
+"""Force models that can be stored, by the kind in their card."""
 
 
 @contextmanager
 def _reading() -> Iterator[None]:
-    """Turn errors of reading folders into one that names what cannot be read."""
+    """Raise ArtifactError with the path for errors of reading folders."""
     try:
         yield
     except OSError as error:
@@ -75,16 +75,16 @@ def _reading() -> Iterator[None]:
 
 
 SHIPPED = (Path(__file__).resolve().parents[1] / "_artifacts", Path(__file__).resolve().parents[2] / "artifacts")
-"""Where shipped artefacts are: in an installed package, and in a checkout."""
+"""Folders of shipped artefacts: of an installed package, and of a checkout."""
 
 OWN, OWN_IN_CHECKOUT = "artifacts", "own-artifacts"
-"""Where a user's own go in the working folder; the other one where that is a checkout, whose ``artifacts`` holds the shipped ones."""
+"""Folders of a user's artefacts in the working folder; the second in a checkout, whose ``artifacts`` holds the shipped ones."""
 
 
 def own_folder() -> Path:
     """Return the folder of a user's artefacts: ``PDSURROGATE_ARTIFACTS`` if set, else ``artifacts`` in the working folder.
 
-    In a checkout of this package, whose ``artifacts`` holds the shipped ones, ``own-artifacts``.
+    In a checkout of this package, whose ``artifacts`` holds the shipped ones, it is ``own-artifacts``.
     """
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
     return Path(chosen or (OWN_IN_CHECKOUT if Path(OWN).resolve() in SHIPPED else OWN))
@@ -125,13 +125,12 @@ def find_artifact(reference: str | Path) -> Path:
     reference : str or path
         ``NAME`` (its highest version) or ``NAME@VERSION``, looked up on the search path; or the path of an artefact's folder or of a folder
         of its versions.  Text is a path if it has a separator or begins with a dot, or if it is a folder that holds a card; other folders
-        of the same name, such as one of results, are none of its meanings.  The number of a member of a committee (`parted`) makes no
-        difference.
+        of that name, such as results, are ignored.  So is the number of a member of a committee (see `parted`).
 
     Raises
     ------
     ArtifactError
-        If there is none, and lists what there is; or if the text means an artefact by name and another one as a folder.
+        If there is none (the message lists the known ones), or the text names an artefact and the folder of another.
     """
     check_path(reference, "an artefact's reference")
     reference, _ = parted(reference)
@@ -168,14 +167,14 @@ def _in_folder(path: Path) -> Path | None:
 
 
 def _by_name(text: str) -> Path | None:
-    """Return the artefact NAME or NAME@VERSION on the search path, readable or not, so that no other one takes its place."""
+    """Return the artefact NAME or NAME@VERSION on the search path; an unreadable one is returned too, so that no other replaces it."""
     name, separator, version = text.partition("@")
     found = [folder for folder in _on_search_path(name) if not separator or version == folder.name]
     return found[-1] if found else None
 
 
 def _on_search_path(name: str) -> list[Path]:
-    """Return the folders of all versions of an artefact, in rising order; of the same version in several folders the first."""
+    """Return the folders of all versions of an artefact, in rising order; the first folder on the path wins."""
     if not re.fullmatch(NAME_PATTERN, name):
         return []
     found = {folder.name: folder for root in reversed(search_path()) for folder in _versions(root / name)}
@@ -183,7 +182,7 @@ def _on_search_path(name: str) -> list[Path]:
 
 
 def _versions(folder: Path) -> list[Path]:
-    """Return the folders whose names are versions, in rising order; what an interrupted writing leaves has a name that is none."""
+    """Return the folders whose names are versions, in rising order; folders of an interrupted writing have other names."""
     inner = folder.iterdir() if folder.is_dir() else ()
     return sorted((path for path in inner if path.is_dir() and re.fullmatch(VERSION_PATTERN, path.name)), key=_version_key)
 
@@ -211,9 +210,9 @@ def load_card(reference: str | Path) -> Card:
 def called(folder: Path, card: Card, which: str | None = None) -> str:
     """Return the name of an artefact or of a member of its committee, ``NAME@VERSION`` by its folder.
 
-    Where its card has another name, as that of a copy has, it stands behind.
+    A different name in its card, as in a copy, is added in brackets.
     """
-    placed = Path(os.path.abspath(folder))  # a link by its own name
+    placed = Path(os.path.abspath(folder))  # a link keeps its own name
     if re.fullmatch(VERSION_PATTERN, placed.name) and re.fullmatch(NAME_PATTERN, placed.parent.name):
         found = f"{placed.parent.name}@{placed.name}"
     else:
@@ -223,13 +222,7 @@ def called(folder: Path, card: Card, which: str | None = None) -> str:
 
 
 def _number(folder: Path, card: Card, which: str) -> int:
-    """Number of a member of a committee.
-
-    Raises
-    ------
-    ArtifactError
-        If there is none of it.
-    """
+    """Return the number of a member of a committee; raise ArtifactError if there is no such member."""
     if int(which) > len(card.members):
         has = f"members #1 to #{len(card.members)}" if card.members else NO_COMMITTEE
         raise ArtifactError(f"{called(folder, card)} has no member #{which}: it has {has}")
@@ -249,13 +242,7 @@ def _card_of(folder: Path) -> Card:
 
 
 def _check_unchanged(folder: Path, card: Card) -> None:
-    """Check that a card says what was stored with its weights.
-
-    Raises
-    ------
-    ArtifactError
-        If it says something else.
-    """
+    """Raise ArtifactError if the digest shows that a card was changed after it was stored with its weights."""
     stated = card.digest or SHIPPED_CARDS.get(card.payloads[SURROGATE].sha256)
     if stated is not None and stated != card.found_digest():
         raise ArtifactError(
@@ -267,19 +254,18 @@ def _check_unchanged(folder: Path, card: Card) -> None:
 def load_surrogate(reference: str | Path) -> ForceModel:
     """Return a force model by name, or the surrogate of an artefact or of a member of its committee.
 
-    The card is read first; the payload is compared with its digest there, and then read as plain arrays, so that loading runs no code that
-    the file brings along.
+    The card is read first; the payload must match its digest there, and is read as plain arrays, so loading runs no code from the file.
 
     Parameters
     ----------
     reference : str or path
-        ``analytic``, ``nosb`` …, or an artefact as for `find_artifact`; with ``#3`` behind it the third member of its committee, with
-        ``#all`` what runs by default and all members beside it, whose deviation a run then tells (the field ``member_deviation``).
+        ``analytic``, ``nosb`` …, or an artefact as for `find_artifact`.  Append ``#3`` for the third member of its committee, or ``#all``
+        for the surrogate with all members, whose deviation a run then records (field ``member_deviation``).
 
     Raises
     ------
     ArtifactError
-        If it is unknown, damaged, does not match its card, or holds anything but plain arrays.
+        If the artefact is unknown, damaged, does not match its card, or holds anything but plain arrays.
 
     Examples
     --------
@@ -297,7 +283,7 @@ def load_surrogate(reference: str | Path) -> ForceModel:
 def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
     card = _card_of(folder)
     model = _described_model(folder, card, which)
-    _check_unchanged(folder, card)  # after what names the field that contradicts the weights
+    _check_unchanged(folder, card)  # after the check that names the field
     if card.digest is None and card.payloads[SURROGATE].sha256 not in SHIPPED_CARDS:
         warnings.warn(
             f"{called(folder, card)} was stored by an earlier pdsurrogate, whose cards have no digest: nothing tells whether its material, "
@@ -326,7 +312,7 @@ def _described_model(folder: Path, card: Card, which: str | None) -> ForceModel:
 
 
 def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[ForceModel]:
-    """Members of a committee by their numbers, from a file that is read once."""
+    """Return members of a committee by their numbers; the file is read once."""
     arrays = _arrays(folder, card, MEMBERS)
     held: dict[str, dict] = {}
     for key, value in arrays.items():
@@ -364,13 +350,7 @@ def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> For
 
 
 def law_of(card: Card) -> Law:
-    """Return the law that a card names, with the parameters that were trained with.
-
-    Raises
-    ------
-    ArtifactError
-        If it is unknown.
-    """
+    """Return the law that a card names, with its parameters of training; raise ArtifactError if the law is unknown."""
     try:
         return law_described(card.material)
     except ValueError as error:
@@ -378,7 +358,7 @@ def law_of(card: Card) -> Law:
 
 
 def _stated(card: Card) -> dict[str, float] | None:
-    """Return the errors on the plane-stress surface of the training box and K/mu there; None where the law is not known here."""
+    """Return the errors on the plane-stress surface of the training box and K/mu there; None if the card states no moduli."""
     errors, trained_with = card.errors["box"]["on_surface"], card.material.trained_with
     try:
         bulk_ratio = trained_with["bulk_modulus"] / trained_with["shear_modulus"]
@@ -401,10 +381,10 @@ def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
 
 @_reading()
 def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -> ForceModel:
-    """Return the force model for a material, where the user gives none.
+    """Return the default force model of a material.
 
-    The artefact that carries the law's name on the search path (of bond energies, with ``-energy`` behind it under plane stress and
-    ``-isochoric`` elsewhere), if there is one and it describes this material; else the exact model of that kind, which serves every law.
+    It is the artefact on the search path with the name of the law (for bond energies with ``-energy`` appended under plane stress and
+    ``-isochoric`` otherwise), if there is one and it describes this material; otherwise the exact model of that kind.
 
     Parameters
     ----------
@@ -412,7 +392,7 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
     family : str
         Kind of the model, see `ForceModel.family`.
     plane : str
-        Of the body.
+        State of the body: "stress", "strain" or "space".
 
     Raises
     ------
@@ -431,10 +411,10 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
 
 
 def default_force(scene: Scene) -> ForceModel:
-    """Return the force model for a scene, where the user gives none.
+    """Return the default force model of a scene.
 
-    `surrogate_for` the scene's material under plane stress; in plane strain and in space the exact selective energy, which does not lock,
-    and the exact energy wherever there are several materials.
+    It is `surrogate_for` the material under plane stress; otherwise, and with several materials, the exact energy, which in plane strain
+    and in solids is the selective one that does not lock.
     """
     if scene.plane != "stress" or scene.materials:
         return load_surrogate("bond-energy")
@@ -442,16 +422,16 @@ def default_force(scene: Scene) -> ForceModel:
 
 
 def load_pipeline(reference: str | Path, *, trust: bool = False):
-    """Return the fitted scikit-learn pipeline of an artefact, for those who refine it.
+    """Return the fitted scikit-learn pipeline of an artefact, for refinement.
 
-    It is a pickle of Python objects: loading it runs code from the file.  Its digest is compared with the card's
-    first, which shows that it is the file that the card was written for, not that whoever wrote both means well.
+    It is a pickle of Python objects: loading it runs code from the file.  It must match its digest in the card, which shows that the file
+    belongs to the card, but not that their author is trustworthy.
 
     Parameters
     ----------
     reference : str or path
     trust : bool
-        Must be True: you trust whoever made the artefact as you would trust a program of theirs.
+        Must be True: you trust the author of the artefact as you would trust a program of theirs.
 
     Examples
     --------
@@ -476,7 +456,7 @@ def new_artifact(folder: str | Path, name: str, version: str) -> Path:
     Raises
     ------
     ArtifactError
-        If it exists already (versions are immutable), or name or version are not allowed, such as the name of a force model.
+        If it exists already (versions are immutable), or the name or version is not allowed, such as the name of a force model.
     """
     if not str(folder):
         raise ArtifactError("a folder of artefacts is needed, and its name is empty; None is that in which they are found by name")
@@ -513,23 +493,23 @@ def save_artifact(
     folder : str or path
         The folder that holds artefacts; this one becomes ``folder/NAME/VERSION``.
     card : dict
-        All of `Card` but the format, schema version, payloads and digest.
+        Entries of `Card` except format, schema version, payloads and digest.
     surrogate : LearntBondForce or LearntEnergy
     pipeline : estimator, optional
         The fitted pipeline.
     members : sequence of LearntBondForce or LearntEnergy, optional
-        Of its committee, of the same kind, as `Card.members` describes them.
+        Members of its committee, of the same kind; `Card.members` describes them.
 
     Returns
     -------
     Path
-        Of the new artefact.
+        Folder of the new artefact.
 
     Raises
     ------
     ArtifactError
-        If the version exists already (versions are immutable), name or version are not allowed, or what was written cannot be read again:
-        a model that the kernels do not evaluate.  Nothing is left on disk then.
+        If the version exists already (versions are immutable), the name or version is not allowed, or the written files cannot be read
+        again, as of a model that the kernels do not evaluate.  No file is left on disk then.
     """
     target = new_artifact(folder, card["name"], card["version"])
     Path(folder).mkdir(parents=True, exist_ok=True)
@@ -582,7 +562,7 @@ def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) 
         raise ArtifactError(f"{where}: the card states {stated.bytes} bytes; at most {most} are read")
     try:
         path = folder / name
-        # The size first: a card may state any, and reading makes room for as much.
+        # The size first, so that no file larger than stated is read into memory.
         data = path.read_bytes() if path.stat().st_size == stated.bytes else b""
     except OSError as error:
         raise ArtifactError(f"{where}: cannot be read: {error.strerror}") from None

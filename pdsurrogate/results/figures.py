@@ -98,7 +98,7 @@ def contour_figure(
     values : list of ndarray, shape (n,)
         Values of the cells, which colours show.
     label : str
-        Of the colour bars; where one is too short for it, it stands in the titles.
+        Label of the colour bars; the titles take it if a bar is too short.
     titles : list of str
     scale : tuple of float, optional
         Ends of the scale of colours of all; by default those of the values of each.

@@ -1,4 +1,4 @@
-"""The result of a simulation, and how it is stored."""
+"""Result of a simulation: access to it, writing to a folder and reading from one."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class Result:
     ----------
     scene : Scene
     body : Body or None
-        None where the result was read from files.
+        None for a result that was read from files.
     summary : dict
-        What ``summary.json`` holds: identity, size, convergence, cost, ``levels``, the scene as run and where the result comes from.
+        Content of ``summary.json``: identity, size, convergence, cost, ``levels``, scene as run and provenance.
     history : list of dict
-        Rows of ``history.csv``, whose headers have units behind the names used here: a row for every output in equilibrium, and for every
-        few steps of dynamics.
+        Rows of ``history.csv``, whose headers add units to these names: a row for every output in equilibrium, and for every few steps of
+        dynamics.
     states : States
         Fields on the points at every level, and at every output of dynamics that follow grips: pairs of a moment and fields, see
         `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.POINT_FIELDS`.
@@ -63,34 +63,34 @@ class Result:
 
     @property
     def status(self) -> str:
-        """Status of the run: "done", "failed" or "interrupted"; "running" if it is under way, or was killed."""
+        """Status of the run: "done", "failed" or "interrupted"; "running" during the run, and of a killed one."""
         return self.summary.get("status", DONE if self.summary.get("converged", True) else FAILED)
 
     @property
     def in_pieces(self) -> bool:
-        """Whether each of several ranks has written the fields of its own points; `save` draws no pictures of them then."""
+        """Whether several ranks wrote the fields in pieces, one for the points of each; `save` then draws no pictures of them."""
         return isinstance(self.states, StatesInFiles) and self.states.in_pieces
 
     def displacement(self, level: int = -1) -> np.ndarray:
-        """Displacements at a level, shape (n, d)."""
+        """Return the displacements at a level, shape (n, d)."""
         return self._fields(level)["displacement"][:, : self.scene.dimension]
 
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
         """Write ``summary.json``, ``history.csv``, ``convergence.csv``, a VTU series with its PVD index and a figure of the deformed body.
 
-        Every file is written whole; the summary last, whose ``status`` says how the run ended.  Results of the same run in the folder, of
-        this scene with this force, are removed before.  A run that was given the folder has all there but the figures.
+        Every file is written whole, and the summary last; its ``status`` states how the run ended.  Earlier results of the same scene and
+        force in the folder are removed first.  A run that was given the folder has already written everything but the figures there.
 
         Parameters
         ----------
         folder : str or path
         overwrite : bool
-            Remove those of other runs as well.
+            Whether to remove the results of other runs as well.
 
         Raises
         ------
         FolderTaken
-            If the folder holds results of another run, or a file called like one of these that no run wrote, or a run is writing there.
+            If the folder holds results of another run or a file with the name of a result that no run wrote, or a run is writing there.
         ValueError
             If the result was read from another folder.
         """
@@ -113,10 +113,10 @@ class Result:
         write_tables(folder, self.summary, self.history, self.convergence, self.scene.units)
 
     def figure(self):
-        """The deformed body at every level, coloured by the displacement across the loaded direction (Fig. 6).
+        """Return a figure of the deformed body at every level, coloured by the displacement across the loaded direction (Fig. 6).
 
-        Of a general programme at a few outputs, coloured by the size of the displacement; where bonds break, by damage.  Of a body in space
-        the view from outside and a cut through the middle.
+        A general programme is shown at a few outputs, coloured by the size of the displacement; breaking bonds, by damage.  A solid is
+        shown from outside and cut through the middle.
         """
         chosen = self.chosen_states()
         if self.scene.fracture is not None and chosen[-1] in self.in_dynamics():
@@ -128,20 +128,20 @@ class Result:
         return _drawings().states_figure(self, field, chosen)
 
     def cells(self, level: int = -1) -> tuple[CellMesh, np.ndarray]:
-        """Cells of the body at a level, apart where a crack is open, and the displacements of their nodes, shape (k, d)."""
+        """Return the cells of the body at a level, apart where a crack is open, and the displacements of their nodes, shape (k, d)."""
         if self.body is None:
             return self.states.cells(level)
         return deformed_cells(self.body, self.states[level][1])
 
     def field(self, name: str, level: int = -1) -> np.ndarray:
-        """Values of a field on the points at a level.
+        """Return the values of a field on the points at a level.
 
         Parameters
         ----------
         name : str
-            One of `field_names`; a component by its numbers behind it, as ``stress_22`` or ``displacement_1``.
+            One of `field_names`, with the indices of a component appended if desired: ``stress_22``, ``displacement_1``.
         level : int
-            Number of the state, from 0; of the last one by default.
+            Number of the state, from 0; the last one by default.
 
         Returns
         -------
@@ -167,7 +167,7 @@ class Result:
         return values_of(self._fields(level), name)
 
     def field_names(self, level: int = -1) -> list[str]:
-        """Fields that a state has; what each is: docs/guide/results.md."""
+        """Return the names of the fields of a state, which docs/guide/results.md defines."""
         return list(self._fields(level))
 
     def _fields(self, level: int) -> dict[str, np.ndarray]:
@@ -177,12 +177,12 @@ class Result:
         return self.states[level][1]
 
     def plot(self, field: str = "displacement", level: int = -1, limits: tuple[float, float] | None = None):
-        """Figure of the deformed body at a level, coloured by a field.
+        """Return a figure of the deformed body at a level, coloured by a field.
 
         Parameters
         ----------
         field : str
-            As for `field`; of a vector without component its length is shown.
+            Field or component as for `field`; a vector is shown by its length.
         level : int
         limits : tuple of float, optional
             Values at the ends of the scale of colours; by default the least and the greatest.
@@ -194,7 +194,7 @@ class Result:
         Raises
         ------
         ValueError, IndexError
-            As `field` does, and of a tensor without component.
+            If there is no such field or state, or the field is a tensor and no component is named.
         """
         self._fields(level)
         return _drawings().states_figure(self, field, [range(len(self.states))[level]], limits)
@@ -206,12 +206,12 @@ class Result:
         return self.scene.units.label(name, kind) if kind else name
 
     def table(self):
-        """The history as a table: step, loading parameter, forces and displacements of all that holds or loads the body, energies.
+        """Return the history as a table: steps, loading parameter, forces and displacements where the body is held or loaded, energies.
 
         Returns
         -------
         pandas.DataFrame or list of dict
-            The former where pandas is installed, with the units in ``.attrs["units"]``; else the rows, as in `history`.
+            A DataFrame with the units in ``.attrs["units"]`` if pandas is installed; otherwise the rows, as in `history`.
         """
         try:
             import pandas
@@ -231,7 +231,7 @@ class Result:
         return self.facts() + html_history(self.history[-5:], self.scene.units, without="moment_")
 
     def facts(self) -> str:
-        """Return what ran, how large it was and how it ended, as a table in HTML."""
+        """Return a table in HTML of force, material, size, cost and end of the run."""
         summary = self.summary
         facts = {
             "force": summary["force"],
@@ -245,13 +245,13 @@ class Result:
         return html_facts(f"Result of {summary['scene']}", facts)
 
     def in_dynamics(self) -> list[int]:
-        """Numbers of the states that were recorded in dynamics."""
+        """Return the numbers of the states that were recorded in dynamics."""
         if self.scene.stretched:
             return list(range(len(self.levels), len(self.states)))
         return [number for number, level in enumerate(self.levels) if "time" in level]
 
     def chosen_states(self, most: int = 4) -> list[int]:
-        """Numbers of the states that a figure shows: all levels, or a few outputs of the dynamics while its crack runs."""
+        """Return the numbers of the states that a figure shows: all levels, or a few outputs, spread over the growth of cracks."""
         moving, last, stretched = self.in_dynamics(), len(self.states) - 1, self.scene.stretched
         if last < 0 or (stretched and self.scene.dynamics is None):
             return list(range(last + 1))
@@ -288,7 +288,7 @@ def _drawings():
 
 
 def load_result(folder: str | Path) -> Result:
-    """The result of a run from the folder that it was saved to; of one under way, or killed, what it has reached.
+    """Return the result of a run from the folder that it was saved to; an unfinished or killed run gives the part that it reached.
 
     Parameters
     ----------
@@ -297,14 +297,14 @@ def load_result(folder: str | Path) -> Result:
     Returns
     -------
     Result
-        Whose states are read from their files when asked for; its `body` is None: points are in the field ``position``.
+        Result that reads its states from their files on access; its `body` is None, and points are in the field ``position``.
 
     Raises
     ------
     FileNotFoundError
         If the folder holds no result.
     ValueError
-        If it was saved by a version that did not keep the scene, or is damaged.
+        If the result is damaged, or was saved by a version that did not keep the scene.
 
     Examples
     --------
