@@ -113,6 +113,13 @@ def _lives(process: int) -> bool:
     return True
 
 
+_HEADS = {
+    HISTORY: rb"step,(stretch|t),evaluations|\Z",
+    CONVERGENCE: rb"(stretch|t),increment,evaluation|\Z",
+    CHECKPOINT: rb'(?s).*description\.npy.*\{"format": |\Z',
+}
+"""Patterns of the first bytes of files that have the same name in every run; an empty or damaged file of a run still matches."""
+
 WAY_OUT = "give another folder, or --overwrite (overwrite=True in Python)"
 
 
@@ -154,7 +161,7 @@ def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> Non
 
 def check_names(folder: Path, name: str, resumed: bool = False) -> None:
     """Raise FolderTaken if a file in a folder has the name of a result but no run wrote it; skip the checkpoint of a resumed run."""
-    for path in (*(folder / kind for kind in _SIGNATURES), *_files_of(folder, name)):
+    for path in (*(folder / kind for kind in (SUMMARY, *_HEADS)), *_files_of(folder, name)):
         if path.name == CHECKPOINT and resumed:
             continue
         if path.exists() and not _is_ours(path):
@@ -169,7 +176,7 @@ def make_room(folder: Path, contents: Contents, overwrite: bool = False) -> None
     for scene in _scenes_in(folder) | {name}:
         for path in filter(_is_ours, _files_of(folder, scene)):
             path.unlink()
-    for kind in _SIGNATURES:
+    for kind in (SUMMARY, *_HEADS):
         (folder / kind).unlink(missing_ok=True)
 
 
@@ -215,7 +222,9 @@ def _files_of(folder: Path, name: str) -> list[Path]:
 
 def _is_ours(path: Path) -> bool:
     """Return whether a run wrote a file that has the name of one of its own."""
-    return _SIGNATURES[path.name](path) if path.name in _SIGNATURES else is_marked(path)
+    if path.name == SUMMARY:
+        return read_summary(path.parent) is not None
+    return bool(re.match(_HEADS[path.name], head_of(path))) if path.name in _HEADS else is_marked(path)
 
 
 def is_marked(path: Path) -> bool:
@@ -254,19 +263,3 @@ def read_summary(folder: Path) -> dict | None:
         return None
     scene = read.get("scene")
     return read if isinstance(scene, str) and scene and scene == Path(scene).name else None  # not a path: files are named after it
-
-
-def _is_table(path: Path, *columns: str) -> bool:
-    """Return whether a table begins with the columns of a run's table, or is empty."""
-    head = head_of(path)
-    return head == b"" or head.startswith(tuple(",".join(columns).replace("PARAMETER", name).encode() for name in ("stretch", "t")))
-
-
-_SIGNATURES = {
-    SUMMARY: lambda path: read_summary(path.parent) is not None,
-    HISTORY: lambda path: _is_table(path, "step", "PARAMETER", "evaluations"),
-    CONVERGENCE: lambda path: _is_table(path, "PARAMETER", "increment", "evaluation"),
-    # The head alone: a damaged checkpoint is still a run's own.
-    CHECKPOINT: lambda path: (head := head_of(path)) == b"" or (b"description.npy" in head and b'{"format": ' in head),
-}
-"""Files with the same name in every run, each with the test that a run wrote it."""

@@ -76,7 +76,7 @@ class Probes:
 
 
 def _read(rows: Sequence[sparse.csr_array], values: np.ndarray) -> np.ndarray:
-    """Return values at a place, shape (m,), from those at the points (n, m)."""
+    """Return values at a place, shape (m,), from those at the points (n, m); rows that are one object serve any number of components."""
     if all(row is rows[0] for row in rows):
         return (rows[0] @ values)[0]
     return np.array([(row @ values[:, component])[0] for component, row in enumerate(rows)])
