@@ -9,12 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..body import Body, Surface
+from ..body import HALO, Body, Surface, divided
 from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
 from ..forces import ForceModel, InternalForce, InvalidState, Portion, bind_portions
 from ..forces.interfaces import SIGHT
-from ..ranks import ALONE, HALO, Communicator, divided
-from ..ranks.communicator import Alone
+from ..ranks import ALONE, Communicator
 from ..scenes import Scene, SceneError, SolverSpec, Units
 from ..scenes.amplitudes import amplitude_of
 from ..solvers.conditions import Loading, place_of
@@ -163,7 +162,7 @@ class Problem:
 
     def _check_support(self, force: InternalForce) -> None:
         """Refuse points whose bonds lie on one line, or in one plane: only a crack may leave points without a deformation gradient."""
-        alone = self.body.share.own_points(np.flatnonzero(~force.supported))
+        alone = np.flatnonzero(~force.supported & self.body.share.own)
         if len(alone):
             where = ("on one line", "two rows of points or more in either direction")
             if self.body.dimension == 3:
@@ -174,7 +173,7 @@ class Problem:
             )
 
 
-def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Alone | Communicator = ALONE) -> Problem:
+def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Communicator = ALONE) -> Problem:
     """Compile a scene: resolve its body, regions, conditions, loads and materials.
 
     Parameters
@@ -182,7 +181,7 @@ def compile_scene(scene: Scene, models: Sequence[ForceModel] = (), ranks: Alone 
     scene : Scene
     models : sequence of ForceModel, optional
         Of the rest of the body, then of `scene.materials`; needed to bind a force.
-    ranks : Alone or Communicator, optional
+    ranks : Communicator, optional
         Processes that share the run.
 
     Raises

@@ -23,7 +23,7 @@ def strain_energy(force: InternalForce) -> float:
     if force.has_energy:
         return force.energy()
     F, J3, energy_at = force.deformation_gradients(), force.volume_ratios(), PLANES[force.plane].energy_at
-    volumes = force.body.share.counted(force.body.volumes)
+    volumes = force.body.volumes * force.body.share.own
     energies = (law.shear_modulus * (energy_at(law, F[points], J3[points]) * volumes[points]).sum() for law, points in force.laws)
     return float(sum(energies))
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from ..body import Body, fields_at
-from ..body.share import SERIAL, Share
+from ..ranks import Share
 from ..scenes import Probe
 from .measures import PointState
 
@@ -31,15 +31,15 @@ class Probes:
         If a place lies outside the body, or has too few points around it; the message names the key.
     """
 
-    def __init__(self, body: Body, probes: tuple[Probe, ...], portion_of: np.ndarray | None = None, share: Share = SERIAL) -> None:
-        self._names, self._rows, self._share = [probe.name for probe in probes], [], share
+    def __init__(self, body: Body, probes: tuple[Probe, ...], portion_of: np.ndarray | None = None, share: Share | None = None) -> None:
+        self._names, self._rows, self._share = [probe.name for probe in probes], [], share or body.share
         for number, probe in enumerate(probes):
             try:
                 rows = fields_at(body, np.array([probe.at]), portion_of)
             except ValueError as error:
                 raise ValueError(f"probes.{number}.at: {error}") from None
             # A row that serves several components is restricted once.
-            own = {id(row): share.own_columns(row) for of_kind in rows for row in of_kind}
+            own = {id(row): self._share.own_columns(row) for of_kind in rows for row in of_kind}
             self._rows.append([[own[id(row)] for row in of_kind] for of_kind in rows])
 
     def __len__(self) -> int:

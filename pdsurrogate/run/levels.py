@@ -319,7 +319,7 @@ def _solve(
 ) -> Equilibrium:
     """Equilibrium at a value of the parameter from where the run is, near a guess, within so many evaluations."""
     began = run.force.evaluations
-    farthest = FARTHEST * run.body.share.extent(run.body.points)
+    farthest = FARTHEST * run.body.extent
 
     def report(evaluations: int, residual: float) -> None:
         run.residual = residual
@@ -331,7 +331,7 @@ def _solve(
         if evaluations > patience:
             raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
         if run.loads is not None:
-            moved = run.body.share.maximum(np.abs(run.positions - guess))
+            moved = run.body.share.greatest(np.abs(run.positions - guess))
             if moved > farthest:
                 weak = told_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
                 raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")

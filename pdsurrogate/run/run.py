@@ -185,7 +185,7 @@ class Run:
     @property
     def _in_pieces(self) -> bool:
         """Return whether every rank writes the states of its own points, as for bodies that are too large for one rank to write."""
-        large = self.body.share.size(len(self.body)) > MOST_GATHERED
+        large = self.body.share.size > MOST_GATHERED
         return large and self.ranks.size > 1 and self.folder is not None and not isinstance(self.scene.body, Mesh)
 
     def _portion_of(self) -> np.ndarray | None:
@@ -234,12 +234,11 @@ class Run:
 
     def unsupported_points(self) -> int:
         """Return the number of points that have too few bonds left for a deformation gradient."""
-        return self.body.share.total(len(self.body.share.own_points(np.flatnonzero(~self.force.supported))))
+        return self.body.share.total(int(np.count_nonzero(~self.force.supported & self.body.share.own)))
 
     def counted_pairs(self) -> int:
         """Return the number of pairs that this rank counts; all of them in one process."""
-        counted = self.body.share.counted_pairs(self.body.bonds.first)
-        return len(self.body.bonds.first) if counted is None else int(np.count_nonzero(counted))
+        return int(np.count_nonzero(self.body.share.own[self.body.bonds.first]))
 
     def directed_bonds(self) -> int:
         """Return the number of directed bonds within the body of the points that are counted here."""

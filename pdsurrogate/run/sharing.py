@@ -14,7 +14,6 @@ from ..body.body import Cells
 from ..forces import ForceModel, ForceSettings
 from ..materials import Law
 from ..ranks import Communicator
-from ..ranks.communicator import Alone
 from ..scenes import Scene, SceneError
 
 
@@ -39,7 +38,7 @@ def refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folde
         )
 
 
-def together(ranks: Alone | Communicator, check: Callable[[], object]) -> None:
+def together(ranks: Communicator, check: Callable[[], object]) -> None:
     """Run a check, and raise on all ranks the error that it raises on the first that has one."""
     if ranks.size == 1:
         check()

@@ -15,7 +15,7 @@ from ..body import WEIGHT_FUNCTIONS
 from ..html_tables import html_facts
 from ..materials import LAWS, Law
 from .amplitudes import amplitude_of
-from .loading import Load, Prescribed, Probe, Step
+from .loading import Load, DynamicsSettings, Prescribed, Probe, Step
 from .problems import SceneError, suggestion
 from .regions import FACES, Region, RegionName, RegionReference, edge_names, references_in, reserved_names
 from .shapes import Mesh, Precut, TaggedOutline, shape_of
@@ -50,7 +50,7 @@ class TipDiameter(NamedTuple):
     Attributes
     ----------
     family : str
-        Family of the force models, see `pdsurrogate.ForceModel`.
+        Family of the force models, see `pdsurrogate.forces.ForceModel`.
     plane : str
     least, greatest : float
         Horizons in spacings, from and to.
@@ -277,8 +277,8 @@ class Fracture(StrictModel):
         return self
 
 
-class Dynamics(StrictModel):
-    """Explicit dynamics from the last equilibrium on, while the grips move apart at a constant rate.
+class Dynamics(DynamicsSettings):
+    """Explicit dynamics from the last equilibrium on, while the grips move apart at a constant rate; see `DynamicsSettings` for other settings.
 
     Attributes
     ----------
@@ -286,26 +286,13 @@ class Dynamics(StrictModel):
         Where the programme ends, unless the body comes apart before.
     stretch_rate : float
         Change of the stretch per unit time.
-    density : float
-        Mass per volume, in stress * time^2 / length^2; with kPa and cm, 1e-4 is 1000 kg/m^3 and time is in seconds.
-    damping : float
-        Rate c of M (a + c v) = f, per unit time.
-    viscosity : float, optional
-        Retardation time tau of a Kelvin-Voigt solid: damps what is as short as bonds, where a crack lets material snap back.  With
-        fracture by default 0.7 spacings over the speed of shear waves, else none.
     outputs : int
         States written on the way, evenly over the programme.
-    safety : float
-        Time step over the critical one.
     """
 
     stretch: Level
     stretch_rate: Positive
-    density: Positive
-    damping: Annotated[Finite, Field(ge=0)] = 0.0
-    viscosity: Annotated[Finite, Field(ge=0)] | None = None
     outputs: Annotated[Whole, Field(ge=1, le=10_000)] = 30
-    safety: Annotated[Positive, Field(le=1)] = 0.7
 
 
 _TaggedSolid = (
@@ -373,7 +360,7 @@ class Scene(StrictModel):
     >>> scene = pds.Scene(
     ...     name="block",
     ...     spacing=0.25,
-    ...     body=pds.Rectangle(size=(1.0, 1.0)),
+    ...     body=pds.shapes.Rectangle(size=(1.0, 1.0)),
     ...     material={"law": "neo-hookean"},
     ...     prescribed=(pds.Prescribed(region="left", x1=0.0, x2=0.0), pds.Prescribed(region="right", x1=0.2)),
     ...     steps=(1.0,),
@@ -628,7 +615,7 @@ class Scene(StrictModel):
         if isinstance(self.body, Mesh):
             return
         # The bores of a tube and the holes of an extrusion are numbered after the scene's own.
-        count = len(self.holes) + (len(self.body.bores) if isinstance(self.body, Prism) else 0)
+        count = len(self.holes) + (len(self.body.straight.bores) if isinstance(self.body, Prism) else 0)
         if not count:
             raise ValueError(f"{key}: there is no region {name!r}: the body has no holes")
         names = [f"holes.{number}" for number in range(count)]
