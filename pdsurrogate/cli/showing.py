@@ -74,7 +74,7 @@ def show_result(
 
 def _print_history(result) -> None:
     """The history at outputs in equilibrium, or its last rows: where it is, forces and energies."""
-    from ..results.result import column_title
+    from ..results.tables import column_title
 
     rows = [row for row in result.history if "time" not in row] or result.history[-10:]
     if not rows:

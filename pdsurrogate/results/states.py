@@ -13,7 +13,6 @@ import numpy as np
 from ..body import Body, CellMesh
 from ..ranks import Share
 from . import vtk
-from .deformed import deformed_cells
 from .folder import is_marked, state_files
 
 Fields = dict[str, np.ndarray]
@@ -29,7 +28,7 @@ class Moment:
         Place on the one axis of the whole run, on which states follow each other: 1 at the first level in equilibrium, 2 at the second,
         and so on; from the last level on the time of the dynamics is added.
     stretch : float or None
-        Of a scene with grips.
+        Distance of the grips over its undeformed value, in a scene with grips.
     time : float
         Time that all dynamics have taken; 0 at a level before them.
     t : float or None
@@ -88,7 +87,7 @@ class Moments:
 class StatesInFiles:
     """States as a VTU series with a PVD index, written when they are reached, and read back when they are used.
 
-    Of a divided body every rank writes a piece of each state, for its own points.
+    Every rank of a divided body writes a piece of each state, for its own points.
 
     Parameters
     ----------
@@ -96,7 +95,7 @@ class StatesInFiles:
     name : str
         Stem of the file names.
     body : Body, optional
-        Whose cells are written; of a divided one the share of this rank. States without a body are only read.
+        Body with the cells to write; in a divided run the share of this rank. States without a body are only read.
     moments : list of Moment, optional
         States that are there already, of a run that is resumed; files of later ones are removed.
     """
@@ -117,7 +116,7 @@ class StatesInFiles:
         Parameters
         ----------
         folder, name
-            As for the class.
+            Parameters of the class.
         most : int, optional
             Number of states in the summary of the run; a run that was killed may have written one more.
 
@@ -142,7 +141,7 @@ class StatesInFiles:
         share, path = self.body.share, self._path(len(self.moments))
         values = {name: value for name, value in asdict(moment).items() if value is not None}
         cells, nodes = deformed_cells(self.body, fields)
-        if self.in_pieces:  # with the halo until here, which says where the nodes between pieces are
+        if self.in_pieces:  # the halo was needed for the nodes between pieces
             path = path.with_suffix(".pvtu")
             cells, used = cells.only(share.own)
             nodes = nodes[used]
@@ -180,6 +179,24 @@ class StatesInFiles:
 
 def _piece(path: Path, rank: int) -> Path:
     return path.with_suffix(f".piece{rank}.vtu")
+
+
+def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
+    """Return the cells of a body, apart where a crack is open, and the displacements of their nodes, shape (k, d).
+
+    Parameters
+    ----------
+    body : Body
+    fields : dict of ndarray
+        Fields of a state, with its displacement and deformation gradient.
+    """
+    d, cells = body.dimension, body.cells
+    F = fields["deformation_gradient"].reshape(-1, 3, 3)[:, :d, :d]
+    state = body.points, fields["displacement"][:, :d], F
+    # Only where bonds are cut or break can neighbours come apart.
+    if np.any(fields.get("damage", 0)) or body.separates is not None:
+        cells = cells.torn(*state)
+    return cells, cells.moved(*state)
 
 
 @contextmanager

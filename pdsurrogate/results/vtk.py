@@ -12,14 +12,14 @@ from ..body import CellMesh
 from .files import MARK, replacing, write_text
 
 CELL_TYPES = {(2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 8): "hexahedron"}
-"""Names of cells by the dimension and the number of their corners."""
+"""Names of cells by dimension and number of corners."""
 
 DISPLACEMENT = "displacement"
 EXACT = ("position", DISPLACEMENT)
 """Fields that are written in double precision: all others follow from them, and are written in single."""
 
 NUMBER = "number"
-"""Field of a piece: numbers of its points in the whole body."""
+"""Field of a piece with the numbers of its points in the whole body."""
 
 VTK_KINDS = {np.float64: "Float64", np.float32: "Float32", np.int64: "Int64"}
 
@@ -33,11 +33,11 @@ def write_state(path: Path, cells: CellMesh, nodes: np.ndarray, fields: dict[str
     ----------
     path : Path
     cells : CellMesh
-        In the order of the points of the body.
+        Cells in the order of the points of the body.
     nodes : ndarray, shape (k, d)
-        Displacements of their corners.
+        Displacements of the nodes of the cells.
     fields : dict of ndarray, each of shape (n,) or (n, k)
-        On the points.
+        Fields on the points.
     values : dict of float
     """
     import meshio
@@ -50,7 +50,7 @@ def write_state(path: Path, cells: CellMesh, nodes: np.ndarray, fields: dict[str
     mesh = meshio.Mesh(np.pad(cells.nodes, flat), blocks, point_data=moved, cell_data=data)
     with replacing(path) as temporary:
         meshio.write(temporary, mesh, file_format="vtu")
-        # meshio reads field data from VTU files and does not write them.
+        # meshio reads field data from VTU files but does not write them.
         head, grid, rest = temporary.read_text("utf-8").partition("<UnstructuredGrid>")
         arrays = "".join(
             f'<DataArray type="Float64" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{value:.17g}</DataArray>'
@@ -70,9 +70,9 @@ def write_pieces(path: Path, pieces: list[str], fields: dict[str, int]) -> None:
     ----------
     path : Path
     pieces : list of str
-        Names of their files, in the same folder.
+        Names of the files of the pieces, in the same folder.
     fields : dict of int
-        Components of the fields on the cells, by name.
+        Number of components of each field on the cells.
     """
 
     def array(name: str, kind: type, components: int) -> str:

@@ -9,9 +9,8 @@ import pdsurrogate as pds
 from pdsurrogate.body import Body
 from pdsurrogate.results import vtk
 from pdsurrogate.results.contents import Contents
-from pdsurrogate.results.deformed import deformed_cells
 from pdsurrogate.results.folder import make_room
-from pdsurrogate.results.states import Moment, StatesInFiles
+from pdsurrogate.results.states import Moment, StatesInFiles, deformed_cells
 
 
 class Rank:

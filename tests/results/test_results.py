@@ -278,12 +278,9 @@ def test_interrupted_writing_leaves_the_old_file(tmp_path):
     with pytest.raises(ValueError, match="JSON compliant"):
         files.write_json(path, {"a": float("nan")})
 
-    def half_way(temporary):
+    with pytest.raises(RuntimeError), files.replacing(path) as temporary:  # noqa: PT012
         temporary.write_text("half")
         raise RuntimeError
-
-    with pytest.raises(RuntimeError):
-        files.write_with(path, half_way)
     assert json.loads(path.read_text()) == {"a": 1}
     assert list(tmp_path.iterdir()) == [path]
 
