@@ -95,13 +95,16 @@ def stress_test(
                 progress(done, asked, f"{subject.reference}, {BODIES[subject.plane]}: {case.title}")
                 done += 1
                 began = time.perf_counter()
-                outcome = case.function(subject)
+                outcome = case(subject)
                 results[case.key] = {**vars(outcome), "seconds": time.perf_counter() - began}
             models.append({"force": subject.reference, "plane": subject.plane, "material": subject.law.describe(), "results": results})
     shown = {result["weakness"] for model in models for result in model["results"].values()}
     return {
         "machine": {"processor": processor(), "threads": threads or most_threads(), "version": __version__, "quick": quick},
-        "cases": [{"case": case.key, "title": case.title, "asked": case.asked, "planes": case.planes} for case in CASES],
+        "cases": [
+            {"case": case.key, "title": case.title, "asked": case.asked, "planes": [plane for plane in BODIES if plane in case.planes]}
+            for case in CASES
+        ],
         "models": models,
         "weaknesses": {name: what for name, what in WEAKNESSES.items() if name in shown},
     }
