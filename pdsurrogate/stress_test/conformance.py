@@ -45,7 +45,7 @@ from ..run.run import Silent
 from ..scenes import load_scene
 from .bodies import disc_with_hole, gripped, jittered, notched, of_points, plain, sheet
 from .case import PASS, WEAK, Case, Outcome, Subject, case, forces_at, required
-from .deformations import force_densities, turn, wavy, why_inaccurate
+from .deformations import force_densities, mean_stress_at, turn, wavy, why_inaccurate
 from .equilibria import energy_account, force_balance, in_units_of, scale_of_units, small_loads
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
@@ -285,10 +285,10 @@ def homogeneous_stress(subject: Subject) -> Outcome:
     d = subject.dimension
     for body in (plain(d, weight="inverse"), disc_with_hole(d, weight="constant"), jittered(random, dimension=d, weight="linear")):
         force = subject.bind(body)
-        exact = _exact_stress(subject, force)
+        scalar = force.correction == "scalar"
+        exact = subject.bind(body, model=AnalyticBondForce(subject.law), correction="scalar") if scalar else None
         for F in map(_extended, GRADIENTS) if d == 3 else GRADIENTS:
-            forces_at(force, body.points @ F.T)
-            errors.append(_off(force.mean_stress(), exact(F)))
+            errors.append(_off(mean_stress_at(force, F), mean_stress_at(exact, F) if scalar else subject.exact_stress(F)))
             limits.append(rounding + _stated_error(subject, F))
     # NaN is treated as the greatest value.
     worst = int(np.argmax(np.divide(errors, limits)))
@@ -300,19 +300,6 @@ def _extended(F: np.ndarray) -> np.ndarray:
     full = np.zeros((3, 3))
     full[:2, :2], full[2, 2] = F, 0.97 / np.linalg.det(F)
     return turn(50, 3) @ full @ turn(20, 3)
-
-
-def _exact_stress(subject: Subject, force: InternalForce) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the stress of a force model without errors of a fit: the law's, or that of the exact force with the model's correction."""
-    if force.correction != "scalar":
-        return subject.exact_stress
-    exact = subject.bind(force.body, model=AnalyticBondForce(force.law), correction="scalar")
-
-    def stress(F: np.ndarray) -> np.ndarray:
-        forces_at(exact, force.body.points @ F.T)
-        return exact.mean_stress()
-
-    return stress
 
 
 def _stated_error(subject: Subject, F: np.ndarray) -> float:
@@ -512,7 +499,7 @@ def settings_refused(subject: Subject) -> Outcome:
     """Test that no setting is ignored, refused without its name, or accepted or refused against the model's declaration."""
     wrong, declared = [], subject.model.honoured(subject.plane)
     for key, values in SETTINGS.items():
-        usual, stated, taken = _settings_outcome(subject, key, None), _own_choice(subject, key), {}
+        usual, stated, taken = _settings_outcome(subject, key, None), getattr(_bind_with(subject, key, None), key, None), {}
         for value in values:
             try:
                 taken[value] = _settings_outcome(subject, key, value)
@@ -532,12 +519,6 @@ def _bind_with(subject: Subject, key: str, value: Any) -> InternalForce:
     """Return an evaluation with one setting; None leaves it to the model."""
     settings = {} if value is None else {key: value}
     return subject.bind(plain(dimension_of(settings.get("plane", subject.plane))), **{"precision": None} | settings)
-
-
-def _own_choice(subject: Subject, key: str) -> str | None:
-    """Return the value of a setting that an evaluation declares by default; None if it declares none."""
-    force = _bind_with(subject, key, None)
-    return getattr(force, key) if key in ("precision", "correction", "plane") else None
 
 
 def _settings_outcome(subject: Subject, key: str, value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
@@ -95,28 +96,29 @@ def compression(subject: Subject) -> Outcome:
     return _judged(subject, _stress_error(subject, [0.7, 0.5], subject.law, square=True))
 
 
-def patch_error(subject: Subject, body: Body, F: np.ndarray) -> float:
-    """Return the error of the mean stress of a body in a homogeneous state, over the greatest component of the exact one."""
-    force = subject.bind(body)
-    forces_at(force, body.points @ F.T)
-    exact = subject.exact_stress(F)
-    return float(np.abs(force.mean_stress() - exact).max() / np.abs(exact).max())
+def judged_patches(subject: Subject, bodies: Iterable[Body], F: np.ndarray, least: float) -> Outcome:
+    """Judge bodies in a homogeneous state by the greatest error of the mean stress, over the greatest component of the exact one.
+
+    Their resistance to any disturbance must reach `least`, too.
+    """
+    exact, errors, resisted = subject.exact_stress(F), [], []
+    for body in bodies:
+        errors.append(np.abs(mean_stress_at(subject.bind(body), F) - exact).max() / np.abs(exact).max())
+        resisted.append(resistance(subject, body, F))
+    figure = f"{max(errors):.1e}, resistance {min(resisted):.2g}"
+    held = Outcome.above(min(resisted), least, why_not_resisted(min(resisted), least), figure)
+    return Outcome.of_all(held, _judged(subject, max(errors), figure))
 
 
-def judged_patch(subject: Subject, error: float, resisted: float, least: float) -> Outcome:
-    """Judge a homogeneous state by the error of its stress, and by its resistance to any disturbance, which must reach `least`."""
-    figure = f"{error:.1e}, resistance {resisted:.2g}"
-    held = Outcome.above(resisted, least, why_not_resisted(resisted, least), figure)
-    return Outcome.of_all(held, _judged(subject, error, figure))
+def mean_stress_at(force: InternalForce, F: np.ndarray) -> np.ndarray:
+    """Return the mean stress of a body in a homogeneous state."""
+    forces_at(force, force.body.points @ F.T)
+    return force.mean_stress()
 
 
 def _homogeneous(subject: Subject, F: np.ndarray) -> Outcome:
-    """Test a homogeneous state: its mean stress against the exact one, and its resistance to any disturbance.
-
-    The resistance must be a quarter of a continuum's, as in `tangents.least_eigenvalue`.
-    """
-    body, F = subject.body(10, 6), subject.gradient(F)
-    return judged_patch(subject, patch_error(subject, body, F), resistance(subject, body, F), 0.25)
+    """Test a homogeneous state; the resistance must be a quarter of a continuum's, as in `tangents.least_eigenvalue`."""
+    return judged_patches(subject, [subject.body(10, 6)], subject.gradient(F), 0.25)
 
 
 @case("equibiaxial stretch 3", "stress within 0.1 %, and stable")

@@ -12,7 +12,7 @@ from ..materials import homogeneous
 from ..solvers import Automatic, Diverging, NotConverged
 from .bodies import HORIZONS, SPACING, inner_points, middle_point, of_points, of_simplices
 from .case import STOPS, WEAK, Ended, Outcome, Subject, case
-from .deformations import force_densities, judged_patch, patch_error, turn
+from .deformations import force_densities, judged_patches, turn
 from .tangents import CELLS, resistance, why_not_resisted
 
 RATIOS = (2.015, 3.015, 3.15, 4.0, 6.0), (1.5, 1.75, 2.015, 2.5, 3.015)
@@ -29,10 +29,8 @@ def _awkward_patches(subject: Subject, make: Callable[[np.random.Generator], Bod
     The resistance must be a tenth of a continuum's: besides the effect of the horizon (see `tangents.least_eigenvalue`), single horizons
     are asymmetric.
     """
-    F = _stretch_2(subject)
     bodies = [make(np.random.default_rng(seed)) for seed in range(3)]
-    error = max(patch_error(subject, body, F) for body in bodies)
-    return judged_patch(subject, error, min(resistance(subject, body, F) for body in bodies), 0.1)
+    return judged_patches(subject, bodies, _stretch_2(subject), 0.1)
 
 
 @case("points jittered by 30 % of dx", "stress within 0.1 %, and stable, at stretch 2")

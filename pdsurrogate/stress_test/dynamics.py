@@ -132,11 +132,7 @@ def undamped_steps(subject: Subject) -> Outcome:
     return Outcome.below(growth, 1.2, "not conservative", "{:.3g}")
 
 
-@case(
-    "a load from one moment to the next",
-    "the account of energy moves by 1 % at the most in 20,000 steps",
-    failing="not conservative",
-)
+@case("a load from one moment to the next", "the account of energy moves by 1 % at the most in 20,000 steps", failing="not conservative")
 def sudden_load(subject: Subject) -> Outcome:
     """Test a bar held at one end and suddenly loaded at the other by the balance of its energy.
 

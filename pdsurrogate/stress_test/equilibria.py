@@ -111,11 +111,7 @@ def _why_inaccurate_at_rest(subject: Subject) -> str:
     return "accuracy" if np.abs(force_densities(subject.bind(body), body.points)).max() < 1e-9 else "force at rest"
 
 
-@case(
-    "loads of 1e-9 to 1 mu, a free body in motion",
-    "forces balance to 0.1 % of the load, momentum is kept",
-    failing="not conservative",
-)
+@case("loads of 1e-9 to 1 mu, a free body in motion", "forces balance to 0.1 % of the load, momentum is kept", failing="not conservative")
 def force_balance(subject: Subject) -> Outcome:
     """Test the balance of load and reaction under loads of 1e-9 to 1 shear moduli, and the momentum of a free body that moves.
 

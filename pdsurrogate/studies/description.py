@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -39,6 +38,7 @@ class Distribution(StrictModel):
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, Finite]
 
     distribution: str
 
@@ -72,11 +72,8 @@ class Distribution(StrictModel):
         kind, given = known[self.distribution], self.model_extra or {}
         shapes = kind.shapes.split(", ") if kind.shapes else []
         takes = [*shapes, "loc", *([] if self.discrete else ["scale"])]
-        for key, value in given.items():
-            if key not in takes:
-                raise ValueError(f"{self.distribution} has no parameter {key!r}; it has {', '.join(takes)}")
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise ValueError(f"{key} must be a finite number, not {value!r}")
+        if unknown := [key for key in given if key not in takes]:
+            raise ValueError(f"{self.distribution} has no parameter {unknown[0]!r}; it has {', '.join(takes)}")
         if missing := [key for key in shapes if key not in given]:
             raise ValueError(f"{self.distribution} needs {', '.join(missing)}; it has {', '.join(takes)}")
         frozen = kind(**given)
@@ -152,14 +149,10 @@ class Study(StrictModel):
         """Flatten dotted keys, which TOML reads as nested tables unless they are quoted."""
         if not isinstance(data, Mapping):
             return data
-        data = dict(data)
-        if isinstance(data.get("set"), Mapping):
-            data["set"] = _flattened(data["set"])
-        if isinstance(data.get("parameters"), Mapping):
-            data["parameters"] = _flattened(data["parameters"])
-            for key, values in data["parameters"].items():
-                data["parameters"][key] = _values(key, values)
-        return data
+        flat = {key: _flattened(data[key]) for key in ("set", "parameters") if isinstance(data.get(key), Mapping)}
+        if "parameters" in flat:
+            flat["parameters"] = {key: _values(key, values) for key, values in flat["parameters"].items()}
+        return {**data, **flat}
 
     @field_validator("quantities", mode="before")
     @classmethod
