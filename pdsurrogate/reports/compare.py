@@ -12,15 +12,7 @@ import numpy as np
 
 from ..artifacts import load_surrogate
 from ..engine.threads import at_most, most_threads
-from ..forces import (
-    AnalyticBondForce,
-    BANOSBForce,
-    BondEnergyForce,
-    EnergySurrogate,
-    ForceModel,
-    ForceSurrogate,
-    NOSBForce,
-)
+from ..forces import AnalyticBondForce, BANOSBForce, BondEnergyForce, EnergySurrogate, ForceModel, ForceSurrogate, NOSBForce
 from ..forces.kernel_values import kernel_bond_force, kernel_energy
 from ..learning import (
     ChebyshevRegressor,
