@@ -14,7 +14,7 @@ import numpy as np
 from ..artifacts import law_of, load_card, load_surrogate
 from ..body import Body
 from ..forces import FORCES, ForceModel, ForceSettings, InternalForce, InvalidState
-from ..materials import PLANES, Law, NeoHookean, dimension_of, plane_stress
+from ..materials import PLANES, Law, NeoHookean, dimension_of, homogeneous, plane_stress
 from ..results import Result
 from ..run.simulate import SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import Scene
@@ -25,28 +25,20 @@ PASS, WEAK, STOPS, INAPPLICABLE = "pass", "weak", "stops", "-"
 """Verdicts: passed; a named weakness; a clear stop where no solution exists; not applicable to the model."""
 
 WEAKNESSES = {
-    "zero-energy modes": "the force does not feel modes that leave the deformation gradients alone (paper, Eq. (10)): "
-    "points move against their neighbours for next to nothing",
-    "not conservative": "averaged features make a force that is not the gradient of an energy (theory, section 10): the tangent is "
-    "unsymmetric where horizons are incomplete, and undamped motion gains energy at edges; damp, or use an energy model",
-    "moments": "pair forces that are not along their bonds cancel in their moments only over whole horizons in homogeneous deformation: "
-    "linear momentum is conserved exactly, angular momentum to second order in the spacing",
-    "force at rest": "a fit on features without a rest state built in leaves a force on a body that is merely turned",
-    "weights do not add up": "the weights (13) of BA-NOSB do not add up to the volume of the horizon: exact bond stresses give a mean "
-    "stress that is off, by about 6 per cent on a sheet of ten points",
-    "no transverse stress": "the paper's features do not give T_mm, which the tensor correction of incomplete horizons needs; the "
-    "scalar one (24) leaves errors of per cents at edges",
-    "cut horizons": "corrections make a horizon that a surface cuts count as a whole one in homogeneous states: where all are cut, in bars "
-    "of few points across, bending is resisted by more than it should be; take more points, or an energy model",
+    "zero-energy modes": "points move against their neighbours at almost no energy: the force sees deformation gradients only (Eq. (10))",
+    "not conservative": "it is not the gradient of an energy (section 10): undamped motion gains energy; add damping, or use an energy",
+    "moments": "pair forces across their bonds conserve linear momentum exactly, angular momentum to second order in the spacing",
+    "force at rest": "the fit does not vanish at rest and leaves a force on a body that is only rotated",
+    "weights do not add up": "the weights (13) of BA-NOSB do not add up to the volume of the horizon: mean stresses are 6 % off",
+    "no transverse stress": "the paper's features do not give T_mm: the scalar correction (24) leaves errors of per cents at edges",
+    "cut horizons": "where a surface cuts all horizons, in thin bars, corrections stiffen bending; take more points, or an energy model",
     "loses stability": "the tangent of a homogeneous state has a direction without resistance, where that of the material has none",
-    "stiff contrasts": "points of a soft part within the horizon of one many times as stiff take part of its stiffness: a layer of four "
-    'points is too stiff, or too soft by per cents; take an energy model, or `material = "rigid"` beside what is as good as rigid',
+    "stiff contrasts": "soft points near much stiffer ones become too stiff; use an energy model, or material = 'rigid'",
     "does not converge": "no equilibrium was found within the evaluations allowed",
-    "no mirror symmetry": "features that know left from right: mirrored bodies have mirrored forces to the error of the fit",
-    "last step of J3": "forces are formed with the response before the last step of the iteration for J3: they depend on its start by "
-    "up to 1e-8 K/mu",
-    "settings ignored": "a setting that the model cannot honour is taken without a word",
-    "accuracy": "the error is larger than asked for",
+    "no mirror symmetry": "the features distinguish left from right: mirrored bodies have mirrored forces to the error of the fit",
+    "last step of J3": "forces use the response before the last step of the iteration for J3: they depend on its start by up to 1e-8 K/mu",
+    "settings ignored": "a setting that the model does not support is ignored without a message",
+    "accuracy": "the error is larger than the limit",
 }
 """Names of weaknesses, with explanations."""
 
@@ -221,6 +213,10 @@ class Subject:
         trace, J = plane_stress.invariants(F)
         full[:2, :2], full[2, 2] = F, plane_stress.volume_ratio(self.law, trace, J) / J
         return full
+
+    def uniaxial(self, stretch: float) -> np.ndarray:
+        """Return the gradient in uniaxial tension or compression under plane stress."""
+        return self.gradient(np.diag([stretch, homogeneous.uniaxial(self.law, stretch).lateral_stretch]))
 
     def exact_stress(self, F: np.ndarray) -> np.ndarray:
         """Return the law's first Piola-Kirchhoff stress, shape (d, d)."""

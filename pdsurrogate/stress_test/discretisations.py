@@ -8,7 +8,6 @@ import numpy as np
 
 from ..body import Body, ReflectionPlane
 from ..forces import InternalForce, InvalidState
-from ..materials import homogeneous
 from ..solvers import Automatic, Diverging, NotConverged
 from .bodies import HORIZONS, SPACING, inner_points, middle_point, of_points, of_simplices
 from .case import STOPS, WEAK, Ended, Outcome, Subject, case
@@ -19,10 +18,6 @@ RATIOS = (2.015, 3.015, 3.15, 4.0, 6.0), (1.5, 1.75, 2.015, 2.5, 3.015)
 """Horizons in spacings, in the plane and in three dimensions."""
 
 
-def _stretch_2(subject: Subject) -> np.ndarray:
-    return subject.gradient(np.diag([2.0, homogeneous.uniaxial(subject.law, 2.0).lateral_stretch]))
-
-
 def _awkward_patches(subject: Subject, make: Callable[[np.random.Generator], Body]) -> Outcome:
     """Test random bodies at stretch 2 by mean stress and stability, the worst of three.
 
@@ -30,7 +25,7 @@ def _awkward_patches(subject: Subject, make: Callable[[np.random.Generator], Bod
     are asymmetric.
     """
     bodies = [make(np.random.default_rng(seed)) for seed in range(3)]
-    return judged_patches(subject, bodies, _stretch_2(subject), 0.1)
+    return judged_patches(subject, bodies, subject.uniaxial(2.0), 0.1)
 
 
 @case("points jittered by 30 % of dx", "stress within 0.1 %, and stable, at stretch 2")
@@ -53,7 +48,7 @@ def horizons(subject: Subject) -> Outcome:
     In twelve spacings of sheet, or seven of a cube, the longest horizon is cut by an edge everywhere; a tenth of a continuum's resistance
     is required, as for jittered points.
     """
-    F = _stretch_2(subject)
+    F = subject.uniaxial(2.0)
     least = {f"{ratio:g} dx": resistance(subject, subject.body(*CELLS, ratio), F) for ratio in subject.sized(*RATIOS)}
     return Outcome.above(least, 0.1, why_not_resisted(min(least.values()), 0.1))
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
-from ..materials import homogeneous
 from .bodies import inner_points, middle_point
 from .case import Outcome, Subject, case, forces_at, spring_stiffness
 
@@ -75,12 +74,10 @@ def tangent(force: InternalForce, positions: np.ndarray, held: bool = True) -> T
 
 def states(subject: Subject) -> dict[str, np.ndarray]:
     """Return the deformation gradients at which the tangent is computed: those of theory, section 10, and a compression with free x3."""
-    found = {
-        f"uniaxial {stretch:g}": np.diag([stretch, homogeneous.uniaxial(subject.law, stretch).lateral_stretch])
-        for stretch in (2.0, 3.0, 0.7)
-    }
-    found = {"rest": np.eye(2), **found, "shear 0.8": np.array([[1.0, 0.8], [0.0, 1.0]]), "equibiaxial 2": np.diag([2.0, 2.0])}
-    return {name: subject.gradient(F) for name, F in found.items()}
+    uniaxial = {f"uniaxial {stretch:g}": subject.uniaxial(stretch) for stretch in (2.0, 3.0, 0.7)}
+    sheared, equibiaxial = np.array([[1.0, 0.8], [0.0, 1.0]]), np.diag([2.0, 2.0])
+    others = {"rest": np.eye(2), "shear 0.8": sheared, "equibiaxial 2": equibiaxial}
+    return uniaxial | {name: subject.gradient(F) for name, F in others.items()}
 
 
 def tangents(subject: Subject) -> tuple[Body, dict[str, Tangent]]:
