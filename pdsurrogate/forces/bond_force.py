@@ -295,7 +295,7 @@ class ForceSurrogate(ForceModel):
     --------
     >>> import pdsurrogate as pds
     >>> model = pds.load_surrogate("neo-hookean@1")
-    >>> isinstance(model, pds.ForceSurrogate)
+    >>> isinstance(model, pds.forces.ForceSurrogate)
     True
     """
 

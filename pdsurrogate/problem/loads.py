@@ -23,13 +23,11 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads | None:
     ValueError
         For a region that is empty, or a load on an edge that is held by reflection; names the key.
     """
-    # One function for every amplitude, by which loads that follow the same one are recognised.
-    amplitudes = {load.amplitude: amplitude_of(load.amplitude) for load in scene.loads}
     found: list[DeadLoad | Pressure] = []
     for number, load in enumerate(scene.loads):
         # Several loads may share a name, as traction and pressure on one edge do; results sum them.
         name = load.name or regions.label(load.region, f"loads.{number}")
-        key, amplitude = f"loads.{number}.region", amplitudes[load.amplitude]
+        key, amplitude = f"loads.{number}.region", amplitude_of(load.amplitude)
         if load.kind == "pressure":
             deformed = scene.plane == "stress" and load.thickness != "undeformed"
             found.append(Pressure(name, amplitude, _facets_of(key, load, body, regions), load.pressure, deformed))

@@ -80,11 +80,9 @@ def solver_of(run: Run) -> EquilibriumSolver:
     spec = run.problem.solver
     solver = SOLVERS[spec.method]
     if solver.needs_energy and not run.loaded.has_energy:
-        missing = f", and {run.loaded.no_energy_because}" if run.force.has_energy else f"; {run.model.name} has none"
-        raise SceneError(
-            f"scene {run.scene.name}: solver.method={spec.method} needs a force that has an energy, as bond-energy does{missing}, so take "
-            "another solver.method"
-        )
+        why = run.loaded.no_energy_because if run.force.has_energy else f"{run.model.name} has none"
+        needs = f"solver.method={spec.method} needs a force that has an energy, as bond-energy does, and {why}"
+        raise SceneError(f"scene {run.problem.name}: {needs}; take another solver.method")
     return solver(run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations, run.body.share)
 
 

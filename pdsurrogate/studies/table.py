@@ -127,11 +127,7 @@ def as_csv(rows: list[dict[str, Any]]) -> str:
 
 
 def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return str(value).lower()
-    return json.dumps(value) if isinstance(value, dict | list | tuple) else str(value)
+    return value if isinstance(value, str) else "" if value is None else json.dumps(value, default=str)
 
 
 def label_of(key: str, units: Mapping[str, str]) -> str:
@@ -156,10 +152,9 @@ def study_figure(rows: list[dict[str, Any]], parameters: list[str], units: Mappi
         axes = figure.subplots(len(down), len(across), squeeze=False, sharey="row", sharex="col")
         for row_of_axes, quantity in zip(axes, down, strict=True):
             for axis, key in zip(row_of_axes, across, strict=True):
-                drawn = [row for row in rows if _is_number(row.get(quantity))]
                 places, words = _places([row.get(key) for row in rows])
-                shown = dict(zip(map(id, rows), places, strict=True))
-                axis.plot([shown[id(row)] for row in drawn], [row[quantity] for row in drawn], "o", ms=3.5, alpha=0.7)
+                drawn = [(place, row[quantity]) for place, row in zip(places, rows, strict=True) if _is_number(row.get(quantity))]
+                axis.plot(*zip(*drawn, strict=True), "o", ms=3.5, alpha=0.7)
                 if words:
                     axis.set_xticks(range(len(words)), words, rotation=30, ha="right")
             row_of_axes[0].set_ylabel(label_of(quantity, units))
