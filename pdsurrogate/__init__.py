@@ -73,7 +73,7 @@ _HOMES = {
     "TorchMLPRegressor": "learning",
     "Tube": "scenes",
     "Yeoh": "materials",
-    "algorithm_1": "learning.algorithm_1",
+    "algorithm_1": "learning",
     "committee": "identification",
     "committee_spread": "identification",
     "critical_stretch_of": "problem.fracture",

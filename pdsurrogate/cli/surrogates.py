@@ -207,7 +207,7 @@ class _TrainingBar:
         self._fold, self._count, self._rate = 0, 0, Rate("iterations")
 
     def __enter__(self) -> _TrainingBar:
-        from ..learning.listening import listening
+        from ..learning.marquardt import listening
 
         self._told = self._bar.__enter__()
         self._listening = listening(self._iteration)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import product
 
 import numpy as np
@@ -10,9 +11,8 @@ from ..forces import Domain, IsochoricNetwork
 from ..forces.agreement import isochoric_stresses
 from ..forces.learnt_energy import ISOCHORIC_FEATURES
 from ..materials import Law, solid
-from .energy_target import EnergyTarget, PipelineFunctions, checked_derivatives, checked_invariants
-from .named import named
-from .targets import Samples
+from .target import named
+from .targets import EnergyTarget, Range, Samples, checked_derivatives, checked_invariants
 
 INVARIANTS, DERIVATIVES = ("I1bar", "I2bar"), ("W", "dW/dI1bar", "dW/dI2bar")
 
@@ -57,7 +57,7 @@ class _IsochoricEnergy(EnergyTarget):
     name, columns, outputs, stretch_range, n_samples = "isochoric-energy", INVARIANTS, DERIVATIVES, (0.25, 4.0), 1_000
     surrogate_type, n_units = IsochoricNetwork, 8
     flat = ()
-    functions = PipelineFunctions(
+    functions = (
         log_isochoric_invariants,
         isochoric_feature_names,
         isochoric_energy_size,
@@ -94,7 +94,7 @@ class _IsochoricEnergy(EnergyTarget):
         logs[:n_near] = np.minimum(size, most)[:, None] * direction
         return logs
 
-    def of_strain(self, random: np.random.Generator, strains: tuple[float, float], low: float, high: float, n_samples: int) -> np.ndarray:
+    def of_strain(self, random: np.random.Generator, strains: Range, low: float, high: float, n_samples: int) -> np.ndarray:
         direction = random.standard_normal((n_samples, 3))
         direction -= direction.mean(axis=1, keepdims=True)
         strain = np.minimum(np.exp(random.uniform(*np.log(strains), n_samples)), strains[1])
@@ -106,11 +106,11 @@ class _IsochoricEnergy(EnergyTarget):
     def stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
         return isochoric_stresses(stretches.T**2, first, second)
 
-    def derivatives(self, model: IsochoricNetwork, law: Law, X: np.ndarray) -> np.ndarray:
-        return np.stack(model.isochoric_derivatives(*X.T), axis=1)
+    def predictor(self, model: IsochoricNetwork, law: Law) -> Callable[[np.ndarray], np.ndarray]:
+        return lambda X: np.stack(model.isochoric_derivatives(*X.T), axis=1)
 
-    def stability(self, model: IsochoricNetwork, law: Law, samples: Samples) -> dict[str, float]:
-        rest = self.derivatives(model, law, np.array([[3.0, 3.0]]))[0]
+    def more_errors(self, model: IsochoricNetwork, law: Law, samples: Samples) -> dict[str, float]:
+        rest = self.predictor(model, law)(np.array([[3.0, 3.0]]))[0]
         squares = samples.stretches[:STATES_OF_STABILITY].T ** 2
         return {
             "at_rest": float(abs(rest[0])),

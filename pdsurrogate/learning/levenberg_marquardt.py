@@ -13,8 +13,7 @@ from sklearn.utils._param_validation import StrOptions
 from threadpoolctl import threadpool_limits
 
 from ..kernels.network import network_outputs
-from .activations import ACTIVATIONS
-from .base import COUNT, SHARE, BasePerceptron
+from .base import ACTIVATIONS, COUNT, SHARE, BasePerceptron
 from .marquardt import CONSTRAINTS, accepted_steps
 
 

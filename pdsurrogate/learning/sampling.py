@@ -8,7 +8,7 @@ from ..arguments import check_share
 from ..body import WEIGHT_FUNCTIONS
 from ..kernels.bond_state import along_and_across
 from ..materials import Law, plane_stress
-from .named import named
+from .target import named
 
 COLUMNS = ("stretch", "rotation", "length", "C33", "J")
 """Columns of X: lambda_b, dtheta (radians), l_b, C33, det F in the plane."""

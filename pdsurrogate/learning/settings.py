@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from ..kernels.activations import ACTIVATIONS
+from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.network import MOST_HIDDEN
 from ..materials import Law
-from .card_text import CardText
 from .chebyshev import ChebyshevRegressor
-from .fitting import cross_validate
+from .fitting import TARGETS, cross_validate, reachable_stretches, surrogate_pipeline, training_samples
 from .levenberg_marquardt import LevenbergMarquardtRegressor
-from .pipeline import parts_of
 from .sampling import checked_range
 from .sobolev import SobolevRegressor
-from .surrogates import TARGETS, reachable_stretches, surrogate_pipeline, training_samples
+from .storing import CardText
 from .target import InputAwareTargetRegressor
 from .targets import Samples
 
@@ -110,7 +111,14 @@ class FitSettings:
             regressor = LevenbergMarquardtRegressor(hidden, self.activation or "algebraic", **options)
             chosen, what = self.features or "symmetric", f"{_words(hidden)} units"
         pipeline = surrogate_pipeline(regressor, features=chosen)
-        parts_of(pipeline)  # raises ValueError, before the training, for a pipeline that would be resampled: another choice is exact
+        # Before the training of a pipeline that would be resampled: another choice is exact.
+        if self.units is None and (count := len(FEATURE_SETS[chosen].names)) != 2:
+            raise ValueError(f"the kernels evaluate polynomials in two features (isochoric), the {chosen} ones are {count}")
+        if self.units is not None and not (1 <= len(hidden) <= MOST_HIDDEN and regressor.activation in ACTIVATIONS):
+            raise ValueError(
+                f"the kernels evaluate networks of one to {MOST_HIDDEN} hidden layers with the activations {', '.join(ACTIVATIONS)}, not "
+                f"{len(hidden)} with {regressor.activation!r}"
+            )
         return pipeline, f"{chosen} features, {what}"
 
     def _energy(self) -> tuple[InputAwareTargetRegressor, str]:
