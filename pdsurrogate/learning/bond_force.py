@@ -45,8 +45,8 @@ class _BondForce(Target):
     units = "dimensionless; rotation in radians; length in horizons; force in w l mu / kappa"
     weight_function = "any: the force learnt is dimensionless, t kappa / (w l mu); known are " + ", ".join(WEIGHT_FUNCTIONS)
 
-    reported: ClassVar = {"near_rest": 0.25, "off_surface": 0.0}
-    bins_share_generator = False
+    _reported: ClassVar = {"near_rest": 0.25, "off_surface": 0.0}
+    _bins_share_generator = False
     reached = staticmethod(bond_states_reached)
     pipeline = staticmethod(bond_force_pipeline)
     surrogate = staticmethod(taken_over)
@@ -56,10 +56,10 @@ class _BondForce(Target):
     ) -> Samples:
         return Samples(*wide_bonds(law, n_samples, stretch_range, near_rest, off_surface, random_state), self)
 
-    def draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
+    def _draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
         return Samples(*states_of_strain(law, strains, stretch_range, n_samples, random_state), {}, self)
 
-    def predictor(self, model, law: Law) -> Callable[[np.ndarray], np.ndarray]:
+    def _predictor(self, model, law: Law) -> Callable[[np.ndarray], np.ndarray]:
         force = force_of(model)
         return lambda X: force(*X.T)
 
@@ -74,7 +74,7 @@ class _BondForce(Target):
         bulk = J**2 * C33
         return Domain(low, high, float(bulk.min()), float(bulk.max()))
 
-    def more_errors(self, model, law: Law, samples: Samples) -> dict[str, object]:
+    def _more_errors(self, model, law: Law, samples: Samples) -> dict[str, object]:
         force, design = force_of(model), samples.design
         off = self.draw(law, len(samples), tuple(design["stretch_range"]), 0, design["random_state"] + 1, off_surface=1)
         states = np.vstack([samples.X, off.X])

@@ -11,8 +11,8 @@ from ..forces.bond_energy import EnergySurrogate
 from ..forces.learnt_energy import ENERGY_FEATURES, energy_shape
 from ..materials import Law, plane_stress
 from .sampling import bond_states_reached, log_stretches, range_of_stretches, stretches_of_strain
-from .target import named
-from .targets import EnergyTarget, Range, Samples, checked_derivatives, checked_invariants
+from .target import checked_columns, named
+from .targets import EnergyTarget, Range, Samples, checked_derivatives
 
 INVARIANTS, DERIVATIVES = ("tr C", "J"), ("psi", "dpsi/dtr C", "dpsi/dJ")
 
@@ -20,7 +20,7 @@ INVARIANTS, DERIVATIVES = ("tr C", "J"), ("psi", "dpsi/dtr C", "dpsi/dJ")
 @named()
 def log_invariants(X) -> np.ndarray:
     """Return log J and log(tr C/(2 J)), shape (n, 2)."""
-    trace, J = checked_invariants(X, INVARIANTS)
+    trace, J = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
     return np.stack([np.log(J), np.log(trace / (2 * J))], axis=1)
 
 
@@ -42,7 +42,7 @@ def derivatives_by_features(X, y) -> np.ndarray:
 @named()
 def derivatives_by_invariants(X, z) -> np.ndarray:
     """Return the energy and its derivatives by tr C and J, the inverse of `derivatives_by_features`."""
-    trace, J = checked_invariants(X, INVARIANTS)
+    trace, J = checked_columns(X, INVARIANTS, INVARIANTS[::-1])
     return np.stack([z[:, 0], z[:, 2] / trace, (z[:, 1] - z[:, 2]) / J], axis=1)
 
 
@@ -54,30 +54,30 @@ def _names(transformer, input_features):
 class _SheetEnergy(EnergyTarget):
     name, columns, outputs, stretch_range, n_samples = "sheet-energy", INVARIANTS, DERIVATIVES, (0.5, 5.0), 2_000
     has_committees = False
-    surrogate_type, n_units = EnergyNetwork, 12
-    flat = (0,)
-    functions = log_invariants, _names, rubber_energy_size, derivatives_by_features, derivatives_by_invariants
+    _surrogate_type, _n_units = EnergyNetwork, 12
+    _flat = (0,)
+    _functions = log_invariants, _names, rubber_energy_size, derivatives_by_features, derivatives_by_invariants
     reached = staticmethod(bond_states_reached)
-    draw_logs = staticmethod(log_stretches)
+    _draw_logs = staticmethod(log_stretches)
     shape = staticmethod(energy_shape)
 
-    def states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         trace, J = (stretches**2).sum(axis=1), stretches.prod(axis=1)
         J3 = plane_stress.volume_ratio(law, trace, J)
         p, q, _, _, energy = plane_stress.response(law, trace, J, J3)
         return np.stack([trace, J], axis=1), np.stack([energy, p / 2, q / J], axis=1)
 
-    def of_strain(self, random: np.random.Generator, strains: Range, low: float, high: float, n_samples: int) -> np.ndarray:
+    def _of_strain(self, random: np.random.Generator, strains: Range, low: float, high: float, n_samples: int) -> np.ndarray:
         return np.stack(stretches_of_strain(random, strains, low, high, n_samples), axis=1)
 
-    def stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
+    def _stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
         # Principal nominal stresses 2 psi_I lambda + psi_J J/lambda.
         return 2 * first[:, None] * stretches + second[:, None] * stretches[:, ::-1]
 
-    def predictor(self, model: EnergySurrogate, law: Law) -> Callable[[np.ndarray], np.ndarray]:
+    def _predictor(self, model: EnergySurrogate, law: Law) -> Callable[[np.ndarray], np.ndarray]:
         return lambda X: np.stack(model.energy_derivatives(law, *X.T)[:3], axis=1)
 
-    def more_errors(self, model: EnergySurrogate, law: Law, samples: Samples) -> dict[str, float]:
+    def _more_errors(self, model: EnergySurrogate, law: Law, samples: Samples) -> dict[str, float]:
         rest = model.energy_derivatives(law, np.array([2.0]), np.array([1.0]))
         acoustic, curvature = _stability(model.energy_derivatives(law, *samples.X.T), samples)
         exact_acoustic, exact_curvature = _stability(BondEnergyForce().energy_derivatives(law, *samples.X.T), samples)

@@ -34,6 +34,7 @@ from .pipeline import AT_REST, feature_set_of, feature_values, force_of_outputs
 from .resampling import MARGIN, Spline, isochoric_outputs_of, resampled
 from .sampling import COLUMNS, wide_bonds
 from .target import InputAwareTargetRegressor, is_search
+from .targets import relative_errors
 
 Layers = tuple[tuple[np.ndarray, np.ndarray], ...]
 
@@ -183,27 +184,20 @@ def _of_function(function, force, title, common, anchored, states) -> tuple[Spli
     name, feature_set, offsets, *described = common
     rest = feature_values(np.array([AT_REST]), feature_set)
     right = np.asarray(force(*states.T), dtype=float)
-    size = np.sqrt((right**2).sum(axis=1).mean())
 
     def made_of(spline: Spline) -> SplineForce:
         found, at_rest = SplineForce(name, feature_set, offsets, *described, *spline), offsets.copy()
         at_rest[list(anchored)] = found.outputs(rest)[0, list(anchored)]
         return replace(found, at_rest=at_rest)
 
-    def errors(spline: Spline) -> np.ndarray:
-        return np.linalg.norm(made_of(spline).bond_force(*states.T) - right, axis=1) / size
+    def errors(spline: Spline) -> dict[str, float]:
+        return relative_errors(made_of(spline).bond_force(*states.T), right)
 
     low, high = feature_box(feature_set, described[0], states)
-    spline, jump = resampled(function, low, high, lambda spline: np.sqrt((errors(spline) ** 2).mean()))
-    surrogate, found = made_of(spline), errors(spline)
-    report = {
-        "model": title,
-        "onto": f"cubic spline of {' and '.join(surrogate.features)}, {surrogate.size}",
-        "rms": float(np.sqrt((found**2).mean())),
-        "max": float(found.max()),
-        "jump": jump,
-    }
-    return surrogate, report
+    spline, jump = resampled(function, low, high, lambda spline: errors(spline)["rms"])
+    surrogate = made_of(spline)
+    onto = f"cubic spline of {' and '.join(surrogate.features)}, {surrogate.size}"
+    return surrogate, {"model": title, "onto": onto, **errors(spline), "jump": jump}
 
 
 def feature_box(feature_set: str, domain: Domain, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -231,12 +225,9 @@ def regressor_of(model):
 
 def title_of(regressor) -> str:
     """Return the name of a regressor with the name of its inner estimator."""
-    if hasattr(regressor, "steps"):
-        inner = regressor.steps[-1][1]
-    elif isinstance(regressor, MetaEstimatorMixin):
+    inner = regressor.steps[-1][1] if hasattr(regressor, "steps") else None
+    if inner is None and isinstance(regressor, MetaEstimatorMixin):
         inner = getattr(regressor, "best_estimator_", getattr(regressor, "estimator", None))
-    else:
-        inner = None
     return type(regressor).__name__ if inner is None else f"{type(regressor).__name__}({title_of(inner)})"
 
 
@@ -275,50 +266,48 @@ def network_of(estimator, features: np.ndarray) -> tuple[str, Layers] | None:
     other steps are affine, and with an affine transformation of the target. The layers are compared with the predictions of the estimator
     at `features`, shape (m, n), so that a module with another forward pass, or a step that is not affine, is not accepted.
     """
-    found = _layers_of(estimator, features.shape[1])
-    if found is None:
+    try:
+        activation, layers = _layers_of(estimator, features.shape[1])
+    except NoNetwork:
         return None
-    activation, layers = found
     if activation not in ACTIVATIONS or not 1 <= len(layers) - 1 <= MOST_HIDDEN:
         return None
     values = network_outputs(features, layers, ACTIVATIONS[activation])
     expected = np.asarray(estimator.predict(features), dtype=float)
-    if expected.shape != values.shape:
-        return None
-    agree = np.abs(values - expected).max() <= AGREEMENT * np.sqrt((expected**2).mean())
+    agree = expected.shape == values.shape and np.abs(values - expected).max() <= AGREEMENT * np.sqrt((expected**2).mean())
     return (activation, layers) if agree else None
 
 
-def _layers_of(estimator, n_features: int) -> tuple[str, Layers] | None:
-    """Return activation and layers as if all steps were affine."""
+class NoNetwork(Exception):
+    """An estimator whose last step is no network with layers."""
+
+
+def _layers_of(estimator, n_features: int) -> tuple[str, Layers]:
+    """Return activation and layers as if all steps were affine; raise `NoNetwork` for an estimator without layers."""
     if isinstance(estimator, Pipeline):
         first, rest = estimator.steps[0][1], estimator[1:]
         if not len(rest):
             return _layers_of(first, n_features)
         matrix, shift = _affine(estimator[:1].transform, n_features)
-        found = _layers_of(rest, len(shift))
-        if found is None:
-            return None
-        activation, ((weights, biases), *others) = found
+        activation, ((weights, biases), *others) = _layers_of(rest, len(shift))
         if isinstance(first, StandardScaler):  # without the rounding of a matrix
             shift, scale = shift_and_scale(first)
             return activation, ((weights / scale[:, None], biases - (shift / scale) @ weights), *others)
         return activation, ((matrix @ weights, shift @ weights + biases), *others)
     if isinstance(estimator, TransformedTargetRegressor):
-        found = _layers_of(estimator.regressor_, n_features)
-        if found is None:
-            return None
-        (activation, (*others, (weights, biases))), transformer = found, estimator.transformer_
-        matrix, shift = _affine(transformer.inverse_transform, biases.size)
+        activation, (*others, (weights, biases)) = _layers_of(estimator.regressor_, n_features)
+        transformer = estimator.transformer_
         if isinstance(transformer, StandardScaler):
-            shift, matrix = shift_and_scale(transformer)[0], np.diag(shift_and_scale(transformer)[1])
+            shift, scale = shift_and_scale(transformer)
+            return activation, (*others, (weights * scale, biases * scale + shift))
+        matrix, shift = _affine(transformer.inverse_transform, biases.size)
         return activation, (*others, (weights @ matrix, biases @ matrix + shift))
     if all(hasattr(estimator, key) for key in ("coefs_", "intercepts_", "activation")):
         pairs = zip(estimator.coefs_, estimator.intercepts_, strict=True)
         return estimator.activation, tuple((np.array(W, dtype=float), np.array(b, dtype=float)) for W, b in pairs)
     if hasattr(estimator, "module_"):
         return _layers_of_module(estimator.module_)
-    return None
+    raise NoNetwork
 
 
 def _affine(transform, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -327,13 +316,13 @@ def _affine(transform, count: int) -> tuple[np.ndarray, np.ndarray]:
     return values[1:] - values[0], values[0]
 
 
-def _layers_of_module(module) -> tuple[str, Layers] | None:
+def _layers_of_module(module) -> tuple[str, Layers]:
     """Return the activation and the linear layers of a module of torch, in the order in which the module lists them."""
     leaves = [leaf for leaf in module.modules() if not list(leaf.children())]
     names = [type(leaf).__name__ for leaf in leaves]
     kinds = set(names[1::2])
     if len(leaves) % 2 == 0 or set(names[::2]) != {"Linear"} or len(kinds) != 1 or not kinds <= set(TORCH_ACTIVATIONS):
-        return None
+        raise NoNetwork
     layers = []
     for leaf in leaves[::2]:
         weights, biases = (None if array is None else array.detach().cpu().numpy().astype(float) for array in (leaf.weight, leaf.bias))

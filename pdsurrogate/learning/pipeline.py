@@ -17,7 +17,7 @@ from ..kernels.bond_state import along_and_across
 from ..kernels.feature_sets import FEATURE_SETS
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .sampling import COLUMNS, TARGETS, force_factor
-from .target import InputAwareTargetRegressor, check_targets, is_search, named
+from .target import InputAwareTargetRegressor, check_targets, checked_columns, is_search, named
 
 ROUNDING = 1e-10
 """Spread of an output, relative to the greatest output, below which the output counts as constant."""
@@ -138,13 +138,7 @@ def force_of_outputs(X, z, features: str, factor=None) -> np.ndarray:
 
 def _bond_state(X):
     """Return a, b, U_mm, J, C33 and length of bonds; raise ValueError for quantities that no bond has."""
-    X = np.asarray(X, dtype=float)
-    if X.ndim != 2 or X.shape[1] != len(COLUMNS):
-        raise ValueError(f"X must have the {len(COLUMNS)} columns {', '.join(COLUMNS)}, not shape {X.shape}")
-    stretch, rotation, length, C33, J = X.T
-    for name, values in (("stretch", stretch), ("C33", C33), ("J", J)):
-        if not (values > 0).all():
-            raise ValueError(f"{name} must be positive; the least given is {values.min():g}")
+    stretch, rotation, length, C33, J = checked_columns(X, COLUMNS, ("stretch", "C33", "J"))
     a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
     if not (a > 0).all():
         raise ValueError("a bond has turned by a right angle or more relative to its horizon; no stretch tensor has such a bond")

@@ -67,7 +67,7 @@ class FitSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.folds < 0 or self.folds == 1 or self.folds > self.n_samples:
+        if self.folds != 0 and not 2 <= self.folds <= self.n_samples:
             raise ValueError(f"folds must be 0, or from 2 to the number of samples, not {self.folds}")
         checked_range(self._range(*TARGETS[self.target].stretch_range))
         self.pipeline()
@@ -115,17 +115,14 @@ class FitSettings:
         if self.units is None and (count := len(FEATURE_SETS[chosen].names)) != 2:
             raise ValueError(f"the kernels evaluate polynomials in two features (isochoric), the {chosen} ones are {count}")
         if self.units is not None and not (1 <= len(hidden) <= MOST_HIDDEN and regressor.activation in ACTIVATIONS):
-            raise ValueError(
-                f"the kernels evaluate networks of one to {MOST_HIDDEN} hidden layers with the activations {', '.join(ACTIVATIONS)}, not "
-                f"{len(hidden)} with {regressor.activation!r}"
-            )
+            known = f"one to {MOST_HIDDEN} hidden layers with the activations {', '.join(ACTIVATIONS)}"
+            raise ValueError(f"the kernels evaluate networks of {known}, not {len(hidden)} with {regressor.activation!r}")
         return pipeline, f"{chosen} features, {what}"
 
     def _energy(self) -> tuple[InputAwareTargetRegressor, str]:
         """Return the pipeline for an isochoric energy, and its description."""
-        for key in ("features", "degree"):
-            if getattr(self, key) is not None:
-                raise ValueError(f"{key} is of bond forces; of the network of an energy units are to choose")
+        if (key := "features" if self.features is not None else "degree" if self.degree is not None else None) is not None:
+            raise ValueError(f"{key} is of bond forces; of the network of an energy units are to choose")
         hidden = _numbers(8 if self.units is None else self.units, "units")
         if len(hidden) != 1:
             raise ValueError(f"the network of an energy has one layer, not units {_words(hidden)}")

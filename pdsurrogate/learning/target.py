@@ -58,6 +58,18 @@ def check_targets(y, names) -> None:
         raise ValueError(f"y must have the {len(names)} columns {', '.join(names)}, not shape {np.shape(y)}")
 
 
+def checked_columns(X, columns: tuple[str, ...], positive: tuple[str, ...]) -> np.ndarray:
+    """Return the columns of X; raise ValueError unless they are as many as are named, and the named ones positive."""
+    X = np.asarray(X, dtype=float)
+    if X.ndim != 2 or X.shape[1] != len(columns):
+        raise ValueError(f"X must have the {len(columns)} columns {', '.join(columns)}, not shape {X.shape}")
+    for name in positive:
+        values = X[:, columns.index(name)]
+        if not (values > 0).all():
+            raise ValueError(f"{name} must be positive; the least given is {values.min():g}")
+    return X.T
+
+
 def is_search(model) -> bool:
     """Return whether an estimator is one of scikit-learn's searches over parameters."""
     return isinstance(model, BaseEstimator) and (hasattr(model, "param_grid") or hasattr(model, "param_distributions"))

@@ -18,7 +18,7 @@ from ..forces import Domain, LearntBondForce, LearntEnergy
 from ..materials import Law
 from .sampling import PERTURBATION
 from .sobolev import SobolevRegressor
-from .target import InputAwareTargetRegressor, NamedFunction, check_targets, columns_read
+from .target import InputAwareTargetRegressor, NamedFunction, check_targets, checked_columns, columns_read
 
 Range = tuple[float, float]
 """Least and greatest principal stretch."""
@@ -94,9 +94,9 @@ class Target(ABC):
         Text about weight functions, for cards.
     has_committees : bool
         Whether an artefact may hold a committee.
-    reported : dict
+    _reported : dict
         Options with which `draw` makes the samples of a report.
-    bins_share_generator : bool
+    _bins_share_generator : bool
         Whether one generator draws the samples of all bins of strain in a report, or each bin has its own.
     """
 
@@ -108,8 +108,8 @@ class Target(ABC):
     units: ClassVar[str]
     weight_function: ClassVar[str]
     has_committees: ClassVar[bool] = True
-    reported: ClassVar[dict[str, float]] = {"near_rest": 0.0}
-    bins_share_generator: ClassVar[bool] = True
+    _reported: ClassVar[dict[str, float]] = {"near_rest": 0.0}
+    _bins_share_generator: ClassVar[bool] = True
 
     @abstractmethod
     def reached(self, law: Law, low: float, high: float) -> bool:
@@ -120,7 +120,7 @@ class Target(ABC):
         """Return samples in the order in which they are drawn; `options` are those of `pdsurrogate.training_samples`."""
 
     @abstractmethod
-    def draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
+    def _draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
         """Return samples whose greatest principal strain lies in a bin; `random_state` is a seed or a generator."""
 
     def carried_by(self, model) -> bool:
@@ -132,7 +132,7 @@ class Target(ABC):
         """Return an unfitted pipeline; `options` are those of `pdsurrogate.surrogate_pipeline`."""
 
     @abstractmethod
-    def predictor(self, model, law: Law) -> Callable[[np.ndarray], np.ndarray]:
+    def _predictor(self, model, law: Law) -> Callable[[np.ndarray], np.ndarray]:
         """Return the function from X to the outputs of a model."""
 
     @abstractmethod
@@ -140,7 +140,7 @@ class Target(ABC):
         """Return the relative errors (``rms``, ``max``) of predictions, of the shape of ``samples.y``."""
 
     @abstractmethod
-    def more_errors(self, model, law: Law, samples: Samples) -> dict[str, object]:
+    def _more_errors(self, model, law: Law, samples: Samples) -> dict[str, object]:
         """Return the entries of a report that only this target has, such as bounds of the stiffness at samples on the surface."""
 
     @abstractmethod
@@ -159,12 +159,12 @@ class Target(ABC):
 
     def report(self, model, law: Law, stretch_range: Range, n_samples: int = REPORTED_STATES, random_state: int = REPORT_SEED) -> dict:
         """Return the report of `pdsurrogate.evaluate`."""
-        predict = self.predictor(model, law)
-        samples = self.draw(law, n_samples, stretch_range, random_state=random_state, **self.reported)
+        predict = self._predictor(model, law)
+        samples = self.draw(law, n_samples, stretch_range, random_state=random_state, **self._reported)
         bins, shared = [], np.random.default_rng(random_state + 1)
         for number, strains in enumerate(strain_bins(*stretch_range)):
-            random = shared if self.bins_share_generator else random_state + 2 + number
-            some = self.draw_strain(law, strains, stretch_range, max(n_samples // 10, 100), random)
+            random = shared if self._bins_share_generator else random_state + 2 + number
+            some = self._draw_strain(law, strains, stretch_range, max(n_samples // 10, 100), random)
             bins.append({"strain": list(strains), **self.errors(predict(some.X), some)})
         return {
             "stretch_range": list(stretch_range),
@@ -172,7 +172,7 @@ class Target(ABC):
             "random_state": random_state,
             "on_surface": self.errors(predict(samples.X), samples),
             "by_strain": bins,
-            **self.more_errors(model, law, samples),
+            **self._more_errors(model, law, samples),
         }
 
     def domain(self, law: Law, samples: Samples) -> Domain:
@@ -201,47 +201,47 @@ class EnergyTarget(Target):
 
     Attributes
     ----------
-    surrogate_type : type
+    _surrogate_type : type
         Type of the force model that a fitted network becomes.
-    n_units : int
+    _n_units : int
         Units of the network of a pipeline that is made without a regressor.
-    flat : tuple of int
+    _flat : tuple of int
         Features by which the derivative is made zero at rest, where all features are zero.
-    functions : tuple of NamedFunction
+    _functions : tuple of NamedFunction
         Functions of a pipeline, which pickles store by their names: features of the invariants, names of the features, size of the energy,
         derivatives by features from those by invariants, and the inverse of the latter.
     """
 
     units = "dimensionless; energy in the shear modulus"
     weight_function = "any: the energy learnt is that of the material alone"
-    surrogate_type: ClassVar[type[LearntEnergy]]
-    n_units: ClassVar[int]
-    flat: ClassVar[tuple[int, ...]]
-    functions: ClassVar[tuple[NamedFunction, ...]]
+    _surrogate_type: ClassVar[type[LearntEnergy]]
+    _n_units: ClassVar[int]
+    _flat: ClassVar[tuple[int, ...]]
+    _functions: ClassVar[tuple[NamedFunction, ...]]
 
     @abstractmethod
-    def states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _states(self, law: Law, stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return X and y at given principal stretches, shape (n, 2) or (n, 3)."""
 
     @abstractmethod
-    def draw_logs(self, random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
+    def _draw_logs(self, random: np.random.Generator, n_samples: int, low: float, high: float, near_rest: float) -> np.ndarray:
         """Return logarithms of principal stretches, uniform within their bounds except for a share near rest."""
 
     @abstractmethod
-    def of_strain(self, random: np.random.Generator, strains: Range, low: float, high: float, n_samples: int) -> np.ndarray:
+    def _of_strain(self, random: np.random.Generator, strains: Range, low: float, high: float, n_samples: int) -> np.ndarray:
         """Return principal stretches whose greatest strain lies in a bin."""
 
     @abstractmethod
-    def stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
+    def _stresses(self, stretches: np.ndarray, first, second) -> np.ndarray:
         """Return principal stresses from the derivatives of the energy by the two invariants."""
 
-    def samples_at(self, law: Law, stretches: np.ndarray, design: dict) -> Samples:
+    def _samples_at(self, law: Law, stretches: np.ndarray, design: dict) -> Samples:
         """Return the samples at given principal stretches."""
-        return Samples(*self.states(law, stretches), design, self, stretches)
+        return Samples(*self._states(law, stretches), design, self, stretches)
 
     def draw(self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int) -> Samples:
         low, high = stretch_range
-        logs = self.draw_logs(np.random.default_rng(random_state), n_samples, low, high, near_rest)
+        logs = self._draw_logs(np.random.default_rng(random_state), n_samples, low, high, near_rest)
         design = {
             "name": self.name,
             "n_samples": n_samples,
@@ -249,66 +249,50 @@ class EnergyTarget(Target):
             "near_rest": near_rest,
             "random_state": random_state,
         }
-        return self.samples_at(law, np.exp(logs), design)
+        return self._samples_at(law, np.exp(logs), design)
 
-    def draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
+    def _draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
         random = np.random.default_rng(random_state)
-        return self.samples_at(law, self.of_strain(random, strains, *stretch_range, n_samples), {})
+        return self._samples_at(law, self._of_strain(random, strains, *stretch_range, n_samples), {})
 
     def pipeline(self, regressor: SobolevRegressor | None) -> InputAwareTargetRegressor:
         if regressor is not None and not isinstance(regressor, SobolevRegressor):
             raise ValueError(f"an energy is learnt with its derivatives, by a SobolevRegressor, not by a {type(regressor).__name__}")
-        inner = SobolevRegressor(self.n_units, random_state=0) if regressor is None else clone(regressor)
-        features, names, size, *targets = self.functions
-        inner.set_params(anchor=ANCHOR, flat=self.flat, size=size)
+        inner = SobolevRegressor(self._n_units, random_state=0) if regressor is None else clone(regressor)
+        features, names, size, *targets = self._functions
+        inner.set_params(anchor=ANCHOR, flat=self._flat, size=size)
         transformer = FunctionTransformer(features, feature_names_out=names, check_inverse=False)
         return InputAwareTargetRegressor(Pipeline([("features", transformer), ("regressor", inner)]), *targets)
 
-    def network_of(self, model) -> SobolevRegressor:
+    def _network_of(self, model) -> SobolevRegressor:
         """Return the network of a pipeline for this energy; raise ValueError if the pipeline cannot become a surrogate."""
         pipeline = getattr(model, "regressor_", getattr(model, "regressor", None))
-        right = self.carried_by(model) and isinstance(pipeline, Pipeline) and isinstance(pipeline[-1], SobolevRegressor)
-        if not right or getattr(pipeline[0], "func", None) is not self.functions[0]:
-            raise ValueError(
-                f"only a surrogate_pipeline for the target {self.name}, which ends in a SobolevRegressor, can become a surrogate of it"
-            )
-        network = pipeline[-1]
-        if (network.anchor, network.flat) != (ANCHOR, self.flat):
-            found = f"{network.anchor} and {network.flat}"
-            raise ValueError(f"the network of the target {self.name} must have anchor {ANCHOR} and flat {self.flat}, not {found}")
+        network = pipeline[-1] if self.carried_by(model) and isinstance(pipeline, Pipeline) else None
+        right = isinstance(network, SobolevRegressor) and getattr(pipeline[0], "func", None) is self._functions[0]
+        if not right or (network.anchor, network.flat) != (ANCHOR, self._flat):
+            made = f"a surrogate_pipeline for the target {self.name}, which ends in a SobolevRegressor"
+            raise ValueError(f"only {made} with anchor {ANCHOR} and flat {self._flat}, can become a surrogate of it")
         return network
 
     def surrogate(self, model, law: Law, domain: Domain, name: str, states: np.ndarray | None = None) -> tuple[LearntEnergy, dict]:
-        network = self.network_of(model)
+        network = self._network_of(model)
         check_is_fitted(model)
         arrays = np.ascontiguousarray(network.hidden_weights_), network.hidden_biases_.copy(), network.output_weights_.copy()
-        return self.surrogate_type(name, network.activation, *arrays, domain, law.name, self.shape(law)), {}
+        return self._surrogate_type(name, network.activation, *arrays, domain, law.name, self.shape(law)), {}
 
     def errors(self, predicted: np.ndarray, samples: Samples) -> dict[str, float]:
         """Return the relative errors of stress (``rms``, ``max``) and energy (``energy_rms``)."""
-        stresses = (self.stresses(samples.stretches, *values.T[1:]) for values in (predicted, samples.y))
+        stresses = (self._stresses(samples.stretches, *values.T[1:]) for values in (predicted, samples.y))
         return {**relative_errors(*stresses), "energy_rms": relative_errors(predicted[:, :1], samples.y[:, :1])["rms"]}
 
     def scaling(self, model) -> dict:
         return {"folded": "features are standardised and targets scaled within the regressor; the payload is on plain features"}
 
 
-def checked_invariants(X, columns: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the two columns of X; raise ValueError if they are not positive."""
-    X = np.asarray(X, dtype=float)
-    if X.ndim != 2 or X.shape[1] != len(columns):
-        raise ValueError(f"X must have the columns {', '.join(columns)}, not shape {X.shape}")
-    for name, values in reversed(list(zip(columns, X.T, strict=True))):
-        if not (values > 0).all():
-            raise ValueError(f"{name} must be positive; the least given is {values.min():g}")
-    return X[:, 0], X[:, 1]
-
-
-def checked_derivatives(X, y, columns: tuple[str, str], outputs: tuple[str, ...]):
+def checked_derivatives(X, y, columns: tuple[str, str], outputs: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Return the columns of X, checked to be positive, and those of y."""
-    invariants = checked_invariants(X, columns)
     check_targets(y, outputs)
-    return invariants, y.T
+    return checked_columns(X, columns, columns[::-1]), y.T
 
 
 def relative_errors(predicted: np.ndarray, exact: np.ndarray) -> dict[str, float]:

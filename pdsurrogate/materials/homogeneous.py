@@ -58,18 +58,10 @@ def biaxial(law: Law, stretch: float, lateral_stretch: float, plane: str = "stre
     J3 = float(at.volume_ratio(law, trace, J))
     P = at.first_piola_stress(law, F)
     if not np.isfinite(P).all():
-        raise ValueError(
-            f"{law.name}: no state at stretches of {stretch:g} and {lateral_stretch:g}: {law.limit(stretch_squares(trace, J))}"
-        )
-    return HomogeneousState(
-        float(stretch),
-        float(lateral_stretch),
-        J3 / (stretch * lateral_stretch),
-        J3,
-        float(P[0, 0]),
-        float(P[1, 1]),
-        float(at.energy_density(law, F)),
-    )
+        limit = law.limit(stretch_squares(trace, J))
+        raise ValueError(f"{law.name}: no state at stretches of {stretch:g} and {lateral_stretch:g}: {limit}")
+    thickness, energy = J3 / (stretch * lateral_stretch), at.energy_density(law, F)
+    return HomogeneousState(*map(float, (stretch, lateral_stretch, thickness, J3, P[0, 0], P[1, 1], energy)))
 
 
 def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousState:
