@@ -6,10 +6,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import make_lsq_spline
 
 from ..kernels.bond_state import along_and_across
 from ..kernels.feature_sets import FEATURE_SETS
-from ..kernels.spline import SUPPORT, cubic_weights
+from ..kernels.spline import SUPPORT
 
 TOLERANCE = 1e-5
 """Error of resampling, relative RMS of the force, at which it ends: below that of single precision in the sums of a run, and far below that
@@ -69,13 +70,9 @@ def fitted_spline(function: Callable, low: np.ndarray, high: np.ndarray, cells: 
         where = features[np.flatnonzero(~np.isfinite(values).all(axis=1))[0]]
         raise ValueError(f"the model has no finite value at features {', '.join(f'{value:.4g}' for value in where)}")
     values = values.reshape(*[len(places)] * n, 2)
-    cell = np.minimum(np.floor(places), cells - 1).astype(int)
-    basis = np.zeros((len(places), cells + SUPPORT - 1))
-    for offset, weight in enumerate(cubic_weights(places - cell)):
-        basis[np.arange(len(places)), cell + offset] = weight
-    solve, coefficients = np.linalg.pinv(basis), np.moveaxis(values, -1, 0)
+    coefficients, knots = np.moveaxis(values, -1, 0), np.arange(1.0 - SUPPORT, cells + SUPPORT)
     for axis in range(1, n + 1):
-        coefficients = np.moveaxis(np.tensordot(solve, coefficients, (1, axis)), 0, axis)
+        coefficients = np.moveaxis(make_lsq_spline(places, coefficients, knots, axis=axis).c, 0, axis)
     return Spline(low, (high - low) / cells, np.ascontiguousarray(coefficients)), values
 
 

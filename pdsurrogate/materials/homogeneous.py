@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..kernels.node_state import SWELLING
 from . import plane_strain
 from .law import Law
-from .plane_stress import invariants, response, stretch_squares
+from .plane_stress import invariants, newton, response, stretch_squares
 from .planes import PLANES, SHEETS
 
 STEP = 1e-7
@@ -87,17 +86,9 @@ def uniaxial(law: Law, stretch: float, plane: str = "stress") -> HomogeneousStat
 
 
 def _root(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:
-    """Return the zeros of an increasing function of a positive number, by Newton's method with differences; NaN where there is none."""
-    found = start
+    """Return the zeros of increasing functions of positive numbers, by differences; NaN where a function ends before."""
+    found = newton(lambda x: (function(x), (function((1 + STEP) * x) - function(x)) / (STEP * x)), start, 1e-8)
     with np.errstate(all="ignore"):
-        for _ in range(60):
-            value, ahead = function(found), function((1 + STEP) * found)
-            step = np.clip(STEP * found * value / (ahead - value), -found, 0.5 * found)
-            # Past the law's limit, where the value is NaN, the state swells: with more volume it may keep the limit.
-            found = found - np.where(np.isnan(step), -SWELLING * found, step)
-            # The iteration squares the error: after this step it is at rounding.
-            if np.all(np.abs(step) <= 1e-8 * found):
-                break
         return np.where(np.isfinite(function(found)), found, np.nan)
 
 
