@@ -2,15 +2,7 @@
 
 from .bond_force import algorithm_1
 from .chebyshev import ChebyshevRegressor
-from .fitting import (
-    cross_validate,
-    evaluate,
-    force_model_of,
-    reachable_stretches,
-    surrogate_of,
-    surrogate_pipeline,
-    training_samples,
-)
+from .fitting import cross_validate, evaluate, force_model_of, reachable_stretches, surrogate_of, surrogate_pipeline, training_samples
 from .levenberg_marquardt import LevenbergMarquardtRegressor
 from .sobolev import SobolevRegressor
 from .storing import CardText, store

@@ -12,21 +12,10 @@ from ..body import WEIGHT_FUNCTIONS
 from ..forces import AnalyticBondForce, Domain
 from ..materials import Law
 from ..materials.law import check_number, checked_law
+from . import sampling
 from .export import force_of, scaled_parts, shift_and_scale, taken_over
 from .pipeline import bond_force_pipeline
-from .sampling import (
-    COLUMNS,
-    TARGETS,
-    bond_states_reached,
-    checked_range,
-    force_factor,
-    force_on_bonds,
-    log_stretches,
-    on_surface,
-    range_of_stretches,
-    states_of_strain,
-    wide_bonds,
-)
+from .sampling import COLUMNS, TARGETS, checked_range
 from .targets import Range, Samples, Target, relative_errors
 
 SLOPE_STEP = 1e-4
@@ -47,17 +36,17 @@ class _BondForce(Target):
 
     _reported: ClassVar = {"near_rest": 0.25, "off_surface": 0.0}
     _bins_share_generator = False
-    reached = staticmethod(bond_states_reached)
+    reached = staticmethod(sampling.bond_states_reached)
     pipeline = staticmethod(bond_force_pipeline)
     surrogate = staticmethod(taken_over)
 
     def draw(
         self, law: Law, n_samples: int, stretch_range: Range, near_rest: float, random_state: int, off_surface: float = 2 / 3
     ) -> Samples:
-        return Samples(*wide_bonds(law, n_samples, stretch_range, near_rest, off_surface, random_state), self)
+        return Samples(*sampling.wide_bonds(law, n_samples, stretch_range, near_rest, off_surface, random_state), self)
 
     def _draw_strain(self, law: Law, strains: Range, stretch_range: Range, n_samples: int, random_state) -> Samples:
-        return Samples(*states_of_strain(law, strains, stretch_range, n_samples, random_state), {}, self)
+        return Samples(*sampling.states_of_strain(law, strains, stretch_range, n_samples, random_state), {}, self)
 
     def _predictor(self, model, law: Law) -> Callable[[np.ndarray], np.ndarray]:
         force = force_of(model)
@@ -70,7 +59,7 @@ class _BondForce(Target):
         stretch, rotation, J, C33 = (X[:, COLUMNS.index(name)] for name in ("stretch", "rotation", "J", "C33"))
         # Components of the stretch tensor U, which stretch and rotation of a bond and the area ratio define.
         U_nn, U_nm = stretch * np.cos(rotation), stretch * np.sin(rotation)
-        low, high = range_of_stretches(U_nn**2 + 2 * U_nm**2 + ((J + U_nm**2) / U_nn) ** 2, J)
+        low, high = sampling.range_of_stretches(U_nn**2 + 2 * U_nm**2 + ((J + U_nm**2) / U_nn) ** 2, J)
         bulk = J**2 * C33
         return Domain(low, high, float(bulk.min()), float(bulk.max()))
 
@@ -162,15 +151,15 @@ def algorithm_1(
     low, high = checked_range(stretch_range)
     random = np.random.default_rng(random_state)
     pairs = max(1, round(n_samples / (LENGTHS * ORIENTATIONS)))
-    stretches = np.repeat(np.exp(log_stretches(random, pairs, low, high, near_rest=0.0)), LENGTHS * ORIENTATIONS, axis=0)
+    stretches = np.repeat(np.exp(sampling.log_stretches(random, pairs, low, high, near_rest=0.0)), LENGTHS * ORIENTATIONS, axis=0)
     length = np.repeat(horizon * (1 - random.uniform(0, 1, pairs * LENGTHS)), ORIENTATIONS)
     angle = 2 * np.pi * (1 - random.uniform(0, 1, len(length)))
-    U_nn, U_nm, J, C33 = on_surface(law, *stretches.T, angle)
-    X, y = force_on_bonds(law, U_nn, U_nm, J, C33, length)
+    U_nn, U_nm, J, C33 = sampling.on_surface(law, *stretches.T, angle)
+    X, y = sampling.force_on_bonds(law, U_nn, U_nm, J, C33, length)
     if nondimensional:
         X[:, 2] /= horizon
     else:
-        y *= force_factor(length, horizon, weight, law.shear_modulus)[:, None]
+        y *= sampling.force_factor(length, horizon, weight, law.shear_modulus)[:, None]
     design = {
         "name": "algorithm 1",
         "n_samples": len(X),

@@ -14,16 +14,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.utils.validation import check_is_fitted
 
-from ..forces import (
-    Domain,
-    ForceSurrogate,
-    LearntBondForce,
-    NetworkForce,
-    OwnBondForce,
-    PolynomialForce,
-    SplineForce,
-    is_own_force,
-)
+from ..forces import Domain, ForceSurrogate, LearntBondForce, NetworkForce, OwnBondForce, PolynomialForce, SplineForce, is_own_force
 from ..kernels.activations import ACTIVATIONS
 from ..kernels.feature_sets import FEATURE_SETS
 from ..kernels.network import MOST_HIDDEN, network_outputs
