@@ -29,7 +29,7 @@ from .targets import relative_errors
 
 Layers = tuple[tuple[np.ndarray, np.ndarray], ...]
 
-TORCH_ACTIVATIONS = {"Sigmoid": "logistic", "Tanh": "tanh", "ReLU": "relu"}
+TORCH_ACTIVATIONS = {"Algebraic": "algebraic", "Sigmoid": "logistic", "Tanh": "tanh", "ReLU": "relu"}
 """Names of activations in the kernels by the names of modules of torch."""
 
 AGREEMENT = 1e-5
@@ -297,7 +297,7 @@ def _layers_of(estimator, n_features: int) -> tuple[str, Layers]:
         pairs = zip(estimator.coefs_, estimator.intercepts_, strict=True)
         return estimator.activation, tuple((np.array(W, dtype=float), np.array(b, dtype=float)) for W, b in pairs)
     if hasattr(estimator, "module_"):
-        return _layers_of_module(estimator.module_)
+        return layers_of_module(estimator.module_)
     raise NoNetwork
 
 
@@ -307,7 +307,7 @@ def _affine(transform, count: int) -> tuple[np.ndarray, np.ndarray]:
     return values[1:] - values[0], values[0]
 
 
-def _layers_of_module(module) -> tuple[str, Layers]:
+def layers_of_module(module) -> tuple[str, Layers]:
     """Return the activation and the linear layers of a module of torch, in the order in which the module lists them."""
     leaves = [leaf for leaf in module.modules() if not list(leaf.children())]
     names = [type(leaf).__name__ for leaf in leaves]
