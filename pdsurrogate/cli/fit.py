@@ -15,7 +15,7 @@ from ..identification import figure, load_test_data
 from ..identification.settings import IdentificationSettings, committee_laws, examined, simulate_tests
 from ..learning import store
 from ..learning.fitting import TooInexact
-from ..learning.listening import listening
+from ..learning.marquardt import listening
 from ..learning.settings import FitSettings
 from ..results import figures
 from .command import AsJson, SetLaw, check_folder, command, law_of

@@ -226,15 +226,12 @@ class EnergyRegressor(StressRegressor):
 
     def _fitted(self, columns, y, root, terms) -> tuple[list, np.ndarray]:
         """Return the terms with a positive weight, and the weights."""
-        columns, kept = root[:, None] * columns, np.arange(len(terms))
-        size = np.linalg.norm(columns, axis=0)
-        size[size == 0] = 1.0  # data at rest have no stress
+        kept = np.arange(len(terms))
         while True:
-            weights = nnls(columns[:, kept] / size[kept], root * y)[0]
+            weights, size = scaled_weights(columns[:, kept], y, root)
             some = weights > 1e-9 * max(weights.max(), 1e-300)
             if some.sum() <= self.max_terms:
-                kept, weights = kept[some], weights[some]
-                return [terms[number] for number in kept], weights / size[kept]
+                return [terms[number] for number in kept[some]], weights[some] / size[some]
             # Without the term of the least contribution to the stress.
             kept = np.delete(kept[some], weights[some].argmin())
 
@@ -251,6 +248,14 @@ class EnergyRegressor(StressRegressor):
             law = Polyconvex(None, bulk, *parameters, first, second)
         found = states(law, X)[1]
         return law, np.where(np.isfinite(found), found, volume)
+
+
+def scaled_weights(columns: np.ndarray, y: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return non-negative weights of columns scaled to unit size that fit y, and the sizes; `root` are roots of the weights of rows."""
+    columns = root[:, None] * columns
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0] = 1.0  # data at rest have no stress
+    return nnls(columns / size, root * y)[0], size
 
 
 def parted(terms, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict]:

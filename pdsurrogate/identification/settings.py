@@ -17,8 +17,7 @@ from .data import TestData
 from .energy import EnergyRegressor
 from .examination import examine
 from .regressor import LawRegressor, fitted_laws
-from .reporting import differences, report
-from .selection import held_out_modes
+from .reporting import differences, held_out_modes, report
 from .stress_regressor import StressRegressor, free_sides
 
 EDGE = 1e-6

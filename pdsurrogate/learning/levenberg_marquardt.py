@@ -13,8 +13,7 @@ from sklearn.utils._param_validation import StrOptions
 from threadpoolctl import threadpool_limits
 
 from ..kernels.network import network_outputs
-from .activations import ACTIVATIONS
-from .base import COUNT, SHARE, BasePerceptron
+from .base import ACTIVATIONS, COUNT, SHARE, BasePerceptron
 from .marquardt import CONSTRAINTS, accepted_steps
 
 
@@ -133,7 +132,7 @@ class LevenbergMarquardtRegressor(BasePerceptron):
             fitted, watched = (_Part(network, X[rows], Y[rows], None if share is None else share[rows]) for rows in (train, validation))
             trainings = [self._train(network.first_weights(random, fitted.mean), fitted, watched, number) for number in range(self.n_init)]
         best, weights, self.n_iter_ = min(trainings, key=lambda training: training[0])
-        self.coefs_, self.intercepts_ = network.layers(weights)
+        self.coefs_, self.intercepts_ = map(list, network.layers(weights))
         self.loss_ = float(fitted.loss(weights))
         self.validation_loss_ = float(best) if n_validation else np.nan
         self.test_score_ = np.nan
@@ -190,11 +189,9 @@ class _Network:
         return np.concatenate(parts)
 
     def layers(self, weights):
-        coefs, intercepts = [], []
-        for start, (n_in, n_out) in zip(self.starts[:-1], self.shapes, strict=True):
-            coefs.append(weights[start : start + n_in * n_out].reshape(n_in, n_out).copy())
-            intercepts.append(weights[start + n_in * n_out : start + n_in * n_out + n_out].copy())
-        return coefs, intercepts
+        """Return the weights of all layers, and their biases."""
+        layers = zip(np.split(weights, self.starts[1:-1]), self.shapes, strict=True)
+        return zip(*((layer[:-n_out].reshape(n_in, n_out).copy(), layer[-n_out:].copy()) for layer, (n_in, n_out) in layers), strict=True)
 
     def outputs(self, weights, X):
         return network_outputs(X, zip(*self.layers(weights), strict=True), self.activation)

@@ -12,6 +12,8 @@ J3 = J sqrt(C33), with the pressure already eliminated by P33 = 0.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import carray
 from numba.core.ccallback import CFunc
@@ -155,16 +157,8 @@ def volume_ratio(law: Law, trace, area_ratio):
     trace, J = np.broadcast_arrays(np.asarray(trace, float), np.asarray(area_ratio, float))
     if np.any(~(J > 0)):
         raise ValueError(f"det F must be positive; the least given is {np.nanmin(J):g}")
-    J3 = np.ones_like(J)
+    J3 = newton(lambda J3: response(law, trace, J, J3)[2:4], np.ones_like(J), 1e-15)
     with np.errstate(all="ignore"):
-        for _ in range(60):
-            _, _, residual, slope, _ = response(law, trace, J, J3)
-            step = np.where(slope > 0, residual / slope, np.sign(residual) * J3)
-            # J3 at most halves or doubles in one step, so it stays positive from any start.
-            # Beyond the law's limit the residual is NaN, and J3 grows: a state with a larger volume may lie within the limit.
-            J3 = J3 - np.where(np.isnan(residual), -SWELLING * J3, np.clip(step, -J3, 0.5 * J3))
-            if np.all(np.abs(step) <= 1e-15 * J3):
-                break
         residual = response(law, trace, J, J3)[2]
     # NaN, and a residual that does not vanish, both mean that the state is beyond the law's limit.
     scale = law.bulk_modulus / law.shear_modulus
@@ -176,6 +170,23 @@ def volume_ratio(law: Law, trace, area_ratio):
             f"{law.name}: no plane-stress state at tr C = {state[0]:g}, det F = {state[1]:g}: {law.limit(stretch_squares(*state))}"
         )
     return J3
+
+
+def newton(function: Callable[[np.ndarray], tuple], start: np.ndarray, tolerance: float) -> np.ndarray:
+    """Return the zeros of increasing functions of positive numbers, up to a last relative step of `tolerance`.
+
+    ``function(x)`` returns values and slopes. A number at most halves or doubles in one step, so it stays positive from any start. Beyond
+    a law's limit the value is NaN, and the number grows: a state with a larger volume may lie within the limit.
+    """
+    found = start
+    with np.errstate(all="ignore"):
+        for _ in range(60):
+            value, slope = function(found)
+            step = np.where(slope > 0, value / slope, np.sign(value) * found)
+            found = found - np.where(np.isnan(value + slope), -SWELLING * found, np.clip(step, -found, 0.5 * found))
+            if np.all(np.abs(step) <= tolerance * found):
+                break
+    return found
 
 
 def thickness_stretch_squared(law: Law, trace, area_ratio):

@@ -275,8 +275,7 @@ def _model_of(force, scene: Scene) -> tuple[Scene, ForceModel]:
 
     if isinstance(force, BaseEstimator):
         from ..learning.export import best_of
-        from ..learning.fitting import stated_against
-        from ..learning.surrogates import force_model_of
+        from ..learning.fitting import force_model_of, stated_against
 
         law = scene.law()
         model = force_model_of(force, law)
