@@ -31,30 +31,16 @@ over J3, and working memory of `solve_volume_ratios`.
 
 @Pass
 def surrogate_node_states(
-    thread,
-    chunk,
-    chunks,
-    gradients,
-    volume_ratios,
-    response,
-    volumetric,
-    parameters,
-    bond_force,
-    sizes,
-    weights,
-    domain,
-    tolerance,
-    buffers,
-    work,
-    scratch,
-    records,
+    thread, chunk, chunks, gradients, volume_ratios, volumetric, bond_force, constants, domain, tolerance, memory, records
 ):
     """Write the points' records (cos, sin, J, C33) from the deformation gradients; return the number of points without a state.
 
-    `response` and `parameters` are the law's, for points outside the `domain` (2, 7) of the learnt force `bond_force`; in the band inside
-    its edge J3 is blended as the bond force is. `tolerance` is the relative step of J3 at which the iteration ends; `buffers` already hold
-    the bond length.
+    `constants` are sizes and weights of the learnt force `bond_force`, and response and parameters of the law, for points outside the
+    `domain` (2, 7) of that force; in the band inside its edge J3 is blended as the bond force is. `tolerance` is the relative step of J3 at
+    which the iteration ends. `memory` is a buffer that already holds the bond length, work and scratch.
     """
+    _, _, response, parameters = constants
+    buffers, work, scratch = memory
     n = gradients.shape[0]
     widest_vectors()
     first_block, last_block = share_of((n + BLOCK - 1) // BLOCK, chunk, chunks)
@@ -111,7 +97,7 @@ def surrogate_node_states(
             for k in range(BLOCK):
                 thickness = states[2, k] / states[1, k]
                 bond[4, k] = thickness * thickness
-            call_block(bond_force, bond, sizes, weights, response, parameters, work[thread], scratch[thread], traction)
+            call_block(bond_force, bond, constants, work[thread], scratch[thread], traction)
             call_block(volumetric, states, parameters, result)
             largest = 0.0
             for k in range(BLOCK):
