@@ -85,45 +85,23 @@ class BondAssociatedStress(Term):
         direction = points[self._targets] - points[owners]
         self.bond_vectors = np.ascontiguousarray(direction * body.weigh(np.linalg.norm(direction, axis=1))[:, None])
         self._inverse_shapes = np.empty((len(owners), 3))
-        ba_nosb.bond_references(
-            points,
-            volumes,
-            self._table_pointers,
-            self._table,
-            self._table_weights,
-            owners,
-            self._targets,
-            self._common_pointers,
-            self._common,
-            horizon_volumes,
-            self._inverse_shapes,
-            self.bond_vectors,
-        )
+        table = self._table_pointers, self._table, self._table_weights
+        common = self._common_pointers, self._common
+        ends = owners, self._targets
+        ba_nosb.bond_references(points, volumes, table, ends, common, horizon_volumes, self._inverse_shapes, self.bond_vectors)
         chunks = kinematics.chunks
         longest = int(np.diff(self._table_pointers).max())
         self._volume_ratios = np.ones(len(owners))
-        self._tables = aligned_rows((chunks.threads, longest, 4))
-        self._sums = aligned_rows((chunks.threads, BLOCK, 4), value=1)
-        self._scratch = aligned_rows((chunks.threads, SCRATCH_ROWS + 4, BLOCK), value=1)
+        memory = (
+            aligned_rows((chunks.threads, longest, 4)),
+            aligned_rows((chunks.threads, BLOCK, 4), value=1),
+            aligned_rows((chunks.threads, SCRATCH_ROWS + 4, BLOCK), value=1),
+        )
         self.bond_forces = np.empty((len(owners), 2))
+        bonds = self._bond_pointers, *common, self._inverse_shapes, self.bond_vectors
+        law = material.response.address, material.parameters
         find_forces = ba_nosb.ba_nosb_forces.bind(
-            kinematics.positions,
-            self._table_pointers,
-            self._table,
-            self._table_weights,
-            self._bond_pointers,
-            self._common_pointers,
-            self._common,
-            self._inverse_shapes,
-            self.bond_vectors,
-            self._volume_ratios,
-            material.response.address,
-            material.parameters,
-            self._tables,
-            self._sums,
-            self._scratch,
-            self.bond_forces,
-            chunks=chunks,
+            kinematics.positions, table, bonds, self._volume_ratios, *law, memory, self.bond_forces, chunks=chunks
         )
         sums = self.bond_forces, self._bond_pointers, self._reverse, material.law.shear_modulus
         self._sum_forces = ba_nosb.sum_bond_forces[2].bind(*sums, np.empty_like(body.points), chunks=chunks)

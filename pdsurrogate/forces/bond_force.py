@@ -104,23 +104,21 @@ class PairForces:
         within = domain.interior if outside == "fallback" else domain
         self.forces = aligned_rows((len(points.first), 2), precision)
         self._exact = analytic_bond_force(precision)
-        self.find = bond_force.pair_forces.bind(
-            points.positions,
-            points.records,
-            points.first,
-            points.second,
-            self.geometry,
-            compiled.address,
-            compiled.sizes,
-            compiled.weights,
-            self._exact.address,
-            points.response.address,
-            points.parameters,
-            guard,
-            np.stack([domain.limits(precision), within.limits(precision)]),
+        memory = (
             aligned_rows((chunks.threads, bond_force.BUFFER_ROWS, BLOCK), precision),
             aligned_rows((chunks.threads, max(compiled.work_rows, 1), BLOCK), precision),
             binding.kinematics.scratch,
+        )
+        self.find = bond_force.pair_forces.bind(
+            points.positions,
+            points.records,
+            (points.first, points.second, self.geometry),
+            compiled.address,
+            self._exact.address,
+            (compiled.sizes, compiled.weights, points.response.address, points.parameters),
+            guard,
+            np.stack([domain.limits(precision), within.limits(precision)]),
+            memory,
             self.forces,
             chunks=chunks,
         )

@@ -10,7 +10,7 @@ import numpy as np
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import Chain
 from ..kernels.reference_state import bond_shares
-from ..kernels.sums import add_node_forces, point_forces, sum_moments, weigh_moments
+from ..kernels.sums import add_node_forces, sum_moments, sum_pair_forces, weigh_moments
 from .kinematics import Kinematics
 
 
@@ -53,7 +53,7 @@ class BondShares:
         towards = np.flatnonzero(bonds.neighbours >= n)
         self._ghost_bonds = towards[np.argsort(bonds.neighbours[towards], kind="stable")]
         neighbours = kinematics.owners()[self._ghost_bonds].astype(np.uint32)
-        # In the precision of the points' own: another would have `point_forces` compiled a second time.
+        # In the precision of the points' own: another would have `add_node_forces` compiled a second time.
         weighted_bonds = aligned_rows((len(towards), body.dimension), precision)
         self._of_points = bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
         self._of_ghosts = _pointers(bonds.neighbours[towards] - n, total - n), neighbours, weighted_bonds, body.all_volumes
@@ -194,11 +194,12 @@ class BondShares:
         n, d, chunks = len(body), body.dimension, kinematics.chunks
         gather = sum_moments[d].bind(moments, *self.pairs_of_points, stresses, chunks=chunks)
         total = np.zeros_like(self._node_parts) if len(ghosts) else np.empty_like(body.points)
-        common = forces, stresses, *self.pairs_of_points
-        sums = [point_forces[d].bind(*common, *self._of_points, unit, 0, self._node_parts, total, chunks=chunks)]
+        sum_forces = sum_pair_forces[d].bind(forces, *self.pairs_of_points, unit, total, chunks=chunks)
+        add_own = add_node_forces[d].bind(stresses, *self._of_points, unit, 0, self._node_parts, total, chunks=chunks)
+        passes = [weigh_moments[d].bind(stresses, kinematics.inverse_shape, body.volumes, chunks=chunks), sum_forces, add_own]
         if len(ghosts):
-            sums.append(point_forces[d].bind(*common, *self._of_ghosts, unit, n, self._node_parts, total, chunks=chunks))
-        weigh_and_sum = Chain(weigh_moments[d].bind(stresses, kinematics.inverse_shape, body.volumes, chunks=chunks), *sums)
+            passes.append(add_node_forces[d].bind(stresses, *self._of_ghosts, unit, n, self._node_parts, total, chunks=chunks))
+        weigh_and_sum = Chain(*passes)
 
         def to_points(out: np.ndarray, on_ghosts: tuple[np.ndarray, np.ndarray] | None = None) -> int:
             gather()
@@ -208,8 +209,9 @@ class BondShares:
             body.share.fill(stresses[:n])
             beside = None if others_of is None else others_of(stresses[:n])
             if not len(ghosts):
-                sums[0].give("out", out)
-            _, *without_force = weigh_and_sum()
+                sum_forces.give("out", out)
+                add_own.give("out", out)
+            _, _, *without_force = weigh_and_sum()
             if len(ghosts):
                 if on_ghosts is not None:
                     on_ghosts[1][:] = total[n:]
@@ -234,10 +236,10 @@ class BondShares:
         n, d, chunks = len(body), body.dimension, kinematics.chunks
         passes = [
             weigh_moments[d].bind(moments, kinematics.inverse_shape, body.volumes, chunks=chunks),
-            add_node_forces[d].bind(moments, *self._of_points, 0, self._node_parts, forces, chunks=chunks),
+            add_node_forces[d].bind(moments, *self._of_points, 1.0, 0, self._node_parts, forces, chunks=chunks),
         ]
         if len(ghosts):
-            passes.append(add_node_forces[d].bind(moments, *self._of_ghosts, n, self._node_parts, forces, chunks=chunks))
+            passes.append(add_node_forces[d].bind(moments, *self._of_ghosts, 1.0, n, self._node_parts, forces, chunks=chunks))
         weigh_and_add = Chain(*passes)
 
         def to_points() -> None:

@@ -46,7 +46,7 @@ class IsochoricEnergy:
     @property
     def arguments(self) -> tuple:
         """Arguments of kernels that evaluate the energy."""
-        return self.address, self.sizes, self.weights, self.response, self.parameters
+        return self.address, (self.sizes, self.weights, self.response, self.parameters)
 
     def count_outside(self) -> int:
         """Return the number of states found outside the domain since the last call."""

@@ -12,16 +12,13 @@ import numpy as np
 from ..engine.block_arrays import BLOCK, STATE_ROWS, TRACTION_ROWS
 from ..engine.compile import call_block, kernel
 from ..kernels.bond_state import along_and_across, lateral_stretch
-from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
 from ..materials import Law
 from .agreement import bond_states, check_agreement
 from .analytic import bond_arrays
 from .bond_force import BondStates, ForceSurrogate
 from .members import bond_deviations
 from .protocol import CompiledBondForce, Domain, Member
-
-N_OUTPUTS = 2
-"""Outputs of every learnt bond force; its feature set says what they mean."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -20,8 +20,8 @@ from ..kernels.energy_density import (
     NETWORK_WORK_ROWS,
     network_energy_density,
     pack_network,
-    pack_units,
 )
+from ..kernels.network import GROUP, pack_units
 from ..materials import PLANES, Law
 from .agreement import check_agreement, invariant_states, isochoric_states, isochoric_stresses
 from .bond_energy import EnergySurrogate
@@ -191,7 +191,7 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
 
     def compiled(self, dtype) -> CompiledBondForce:
         """Block function and packed weights in the given precision."""
-        sizes, weights = pack_network(self.hidden_weights, self.hidden_biases, self.output_weights, 0.0, 0.0, dtype)
+        sizes, weights = pack_network(self.hidden_weights, self.hidden_biases, self.output_weights, dtype)
         address = network_energy_density(ACTIVATIONS[self.activation], dtype).address
         # Zero at rest is made zero as the kernel rounds it: take off what it gives there.
         states = np.ones((INVARIANT_ROWS, BLOCK), dtype=dtype)
@@ -201,7 +201,6 @@ class EnergyNetwork(LearntEnergy, EnergySurrogate):
         weights[-N_CONSTANTS] = result[0, 0]
         # 2 psi_I + psi_J = dpsi/dlog J at rest, of which psi_I is half of dpsi/dlog(tr C/(2 J)).
         weights[-N_CONSTANTS + 1] = result[2, 0] + 2 * result[1, 0]
-        weights[-N_CONSTANTS + 2] = weights[-N_CONSTANTS + 1]
         return CompiledBondForce(address, sizes, weights, NETWORK_WORK_ROWS)
 
     def check_material(self, law: Law) -> None:
@@ -278,7 +277,7 @@ class IsochoricNetwork(LearntEnergy):
         guard = {"fallback": kernel.TAKE_OVER, "extrapolate": kernel.EXTRAPOLATE}.get(outside, kernel.COUNT)
         distances = distance_coefficients(self.domain.least_stretch, self.domain.greatest_stretch)
         weights = np.concatenate([distances.ravel(), [self._at_rest], units])
-        return replace(exact, address=block.address, sizes=np.array([len(units) // 4, guard, 0]), weights=weights, precision=precision)
+        return replace(exact, address=block.address, sizes=np.array([len(units) // GROUP, guard, 0]), weights=weights, precision=precision)
 
     def member_deviations(self, law: Law, stretches: np.ndarray) -> np.ndarray:
         """Return the greatest deviation of the members at three principal stretches of product 1 (`point_deviations`), shape (n,)."""

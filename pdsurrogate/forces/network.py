@@ -9,9 +9,9 @@ from typing import ClassVar
 import numpy as np
 
 from ..kernels.activations import ACTIVATIONS
-from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
 from ..kernels.network import MOST_HIDDEN, N_WORK_ROWS, network_block, network_outputs, pack
-from .learnt import N_OUTPUTS, LearntBondForce, checked_array, checked_feature_set
+from .learnt import LearntBondForce, checked_array, checked_feature_set
 from .protocol import Domain
 
 LAYER = ("weights", "biases")

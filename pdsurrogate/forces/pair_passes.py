@@ -45,28 +45,23 @@ class PairEnergies:
         guard = {"fallback": FALL_BACK, "extrapolate": UNGUARDED}.get(binding.outside, bond_energy.COUNTED) if domain else UNGUARDED
         self._counts, self._energies = np.zeros((chunks.number, 3), dtype=np.int64), np.zeros(len(geometry))
         self.forces, self.moments = aligned_rows((len(points.first), 2), precision), aligned_rows((len(points.first), 4), precision)
-        self.find = bond_energy.pair_energies.bind(
-            points.positions,
-            points.gradients,
-            points.first,
-            points.second,
-            geometry,
-            compiled.address,
-            compiled.sizes,
-            compiled.weights,
-            self._exact.address,
-            points.response.address,
-            points.parameters,
-            guard,
-            (domain or EVERYWHERE).limits(precision),
+        memory = (
             aligned_rows((chunks.threads, bond_energy.BUFFER_ROWS, BLOCK), precision),
             aligned_rows((chunks.threads, 4, BLOCK)),
             aligned_rows((chunks.threads, max(compiled.work_rows, 1), BLOCK), precision),
             binding.kinematics.scratch,
-            self._counts,
-            self._energies,
-            self.forces,
-            self.moments,
+        )
+        self.find = bond_energy.pair_energies.bind(
+            points.positions,
+            points.gradients,
+            (points.first, points.second, geometry),
+            compiled.address,
+            self._exact.address,
+            (compiled.sizes, compiled.weights, points.response.address, points.parameters),
+            guard,
+            (domain or EVERYWHERE).limits(precision),
+            memory,
+            (self._counts, self._energies, self.forces, self.moments),
             chunks=chunks,
         )
 
@@ -133,18 +128,10 @@ class SelectivePairs:
         self.forces = aligned_rows((len(points.first), dimension), precision)
         self.moments = aligned_rows((len(points.first), dimension**2), precision)
         places, pairs = (points.positions, points.gradients), (points.first, points.second, geometry)
-        self.find_volumes = selective_energy.pair_volumes[dimension].bind(*places, *pairs, self.buffers, volumes, chunks=chunks)
+        self.find_volumes = selective_energy.pair_volumes[dimension].bind(*places, pairs, self.buffers, volumes, chunks=chunks)
+        results = self._energies, self.forces, self.moments
         self.find = selective_energy.pair_energies[dimension].bind(
-            *places,
-            self.pressures,
-            *pairs,
-            self.end_shares,
-            *isochoric.arguments,
-            in_its_precision,
-            self._energies,
-            self.forces,
-            self.moments,
-            chunks=chunks,
+            *places, self.pressures, pairs, self.end_shares, *isochoric.arguments, in_its_precision, results, chunks=chunks
         )
 
     def energy(self) -> float:

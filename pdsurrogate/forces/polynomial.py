@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.feature_sets import FEATURE_SETS, N_OUTPUTS
 from ..kernels.polynomial import MOST_DEGREE, pack, polynomial_block
-from .learnt import N_OUTPUTS, LearntBondForce, checked_array, checked_feature_set
+from .learnt import LearntBondForce, checked_array, checked_feature_set
 from .protocol import Domain
 
 

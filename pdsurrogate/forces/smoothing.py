@@ -64,7 +64,7 @@ class Smoothing:
 
     def bind(self, values: np.ndarray, out: np.ndarray, chunks: Chunks) -> BoundPass:
         """The pass that smooths values at the points (n,) into the first n of another array."""
-        return selective_energy.smooth.bind(self._pointers, self._columns, self._weights, self._own, values, out, chunks=chunks)
+        return selective_energy.smooth.bind((self._pointers, self._columns, self._weights, self._own), values, out, chunks=chunks)
 
     def in_single_precision(self) -> SinglePrecisionSmoothing:
         """The same for what needs no more digits."""
@@ -122,10 +122,9 @@ class SinglePrecisionSmoothing:
 
     def bind(self, values: np.ndarray, out: np.ndarray, chunks: Chunks) -> BoundPass:
         """See `Smoothing.bind`."""
-        return selective_energy.smooth.bind(*self._matrix, values, out, chunks=chunks)
+        return selective_energy.smooth.bind(self._matrix, values, out, chunks=chunks)
 
     def bind_sum(self, values: np.ndarray, factor: float, others, out: np.ndarray, chunks: Chunks) -> BoundPass:
         """The pass that writes a multiple of the smoothed values, plus three others (factor, values), of which `out` may be one."""
-        (of_first, first), (of_second, second), (of_third, third) = others
-        rest = factor, first, float(of_first), second, float(of_second), third, float(of_third)
-        return dilatation.smooth_and_add.bind(*self._matrix, values, *rest, out, chunks=chunks)
+        others = tuple((float(of_other), other) for of_other, other in others)
+        return dilatation.smooth_and_add.bind(self._matrix, values, factor, others, out, chunks=chunks)
