@@ -11,7 +11,7 @@ from ..engine.block_arrays import BLOCK, aligned_rows
 from ..engine.passes import Chain
 from ..kernels.reference_state import bond_shares
 from ..kernels.sums import add_node_forces, point_forces, sum_moments, weigh_moments
-from .kinematics import Kinematics
+from .kinematics import Kinematics, pointers_to
 
 
 class BondShares:
@@ -48,7 +48,7 @@ class BondShares:
         incidence = np.argsort(bonds.second, kind="stable").astype(np.uint32)
         pair_pointers = np.full(total + 1, bonds.pair_pointers[-1])
         pair_pointers[: n + 1] = bonds.pair_pointers
-        self.pairs_of_points = pair_pointers, _pointers(bonds.second, total), incidence
+        self.pairs_of_points = pair_pointers, pointers_to(bonds.second, total), incidence
         # Bonds of the ghosts, seen from them: the directed bonds that end in one, by image.
         towards = np.flatnonzero(bonds.neighbours >= n)
         self._ghost_bonds = towards[np.argsort(bonds.neighbours[towards], kind="stable")]
@@ -56,7 +56,7 @@ class BondShares:
         # In the precision of the points' own: another would have `point_forces` compiled a second time.
         weighted_bonds = aligned_rows((len(towards), body.dimension), precision)
         self._of_points = bonds.pointers, bonds.neighbours, kinematics.weighted_bonds, body.volumes
-        self._of_ghosts = _pointers(bonds.neighbours[towards] - n, total - n), neighbours, weighted_bonds, body.all_volumes
+        self._of_ghosts = pointers_to(bonds.neighbours[towards] - n, total - n), neighbours, weighted_bonds, body.all_volumes
         self._node_parts = np.zeros((total, body.dimension))
         self._counted, self.bond_shares, self.bond_weights = np.zeros(len(length)), np.zeros(len(bonds.neighbours)), np.zeros(len(length))
         self.renew(np.arange(len(length)))
@@ -247,10 +247,3 @@ class BondShares:
             ghosts.fold_forces(forces)
 
         return to_points
-
-
-def _pointers(numbers: np.ndarray, count: int) -> np.ndarray:
-    """Return where the entries of each number begin in a sorted list of them."""
-    pointers = np.zeros(count + 1, dtype=np.uint64)
-    pointers[1:] = np.cumsum(np.bincount(numbers, minlength=count))
-    return pointers

@@ -198,6 +198,11 @@ class Kinematics:
         return matrices(self.gradients[: len(self.body)])
 
 
+def pointers_to(numbers: np.ndarray, count: int) -> np.ndarray:
+    """Return where the entries of each number begin in a sorted list of them."""
+    return np.concatenate([[0], np.cumsum(np.bincount(numbers, minlength=count))]).astype(np.uint64)
+
+
 def matrices(columns: np.ndarray) -> np.ndarray:
     """Return matrices, shape (k, d, d), from records by columns, shape (k, d d); a view where possible."""
     d = math.isqrt(columns.shape[1])

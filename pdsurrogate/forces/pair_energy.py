@@ -16,7 +16,7 @@ from .errors import InvalidState, at_point
 from .kinematics import matrices
 from .pair_passes import PairEnergies, SelectivePairs
 from .steps import Steps
-from .term import Binding, DomainWatch, Learnt, Term, whole_volume
+from .term import Binding, Term, whole_volume
 from .volume_energy import VolumeEnergy
 
 
@@ -48,19 +48,18 @@ class PairEnergy(Term):
         geometries = []
         for number, portion in enumerate(binding.portions):
             pairs, weights = self._pairs_of(number)
-            points = binding.points_of(number, pairs)
+            points = self.points_of(number, pairs)
             # The volumes of the pairs are found from the geometry of a selective energy.
             geometries.append(self.shares.geometry(points.pairs, weights, "float64" if self.selective else binding.precision))
-            self.materials.append(points)
-            n_pairs = binding.count(points.pairs)
-            self.watches.append(DomainWatch(portion.model, n_pairs, binding.outside, "energy", "energy", body.share))
+            self.watch(portion.model, points, "energy", "energy")
         self.volume: VolumeEnergy | None = None
         self._bind(geometries)
         n_pairs, self._unit, others = len(bonds.first), 1.0, None
+        self._model = binding.portions[0].model
+        self._domain = self._model.domain if whole else None
         if whole:
             (part,) = self._parts
             self._forces, self._moments, self._unit = part.forces, part.moments, part.unit
-            self.learnt = LearntPoints(self)
         else:
             self._forces, self._moments = (aligned_rows((n_pairs, size), binding.precision) for size in (d, d * d))
             total = len(body.all_points)
@@ -102,8 +101,9 @@ class PairEnergy(Term):
         outside, invalid, without_force = self.pass_bonds(out)
         self.report(outside)
         if invalid or not np.isfinite(self._energy):
-            raise InvalidState(self._diagnose())
-        self.check_finite(out, without_force)
+            raise InvalidState(self._without_energy())
+        if without_force:
+            raise InvalidState(self.diagnose(out))
 
     def pass_bonds(self, out: np.ndarray) -> tuple[list[int], int, int]:
         """Find energy and forces from the gradients.
@@ -234,7 +234,7 @@ class PairEnergy(Term):
         if self.volume is None:
             return super().volume_ratios()
         self.kinematics.form_gradients()
-        self.body.share.agree(InvalidState(self._diagnose()) if self.volume.find_dilatations() else None)
+        self.body.share.agree(InvalidState(self._without_energy()) if self.volume.find_dilatations() else None)
         found = self.volume.dilatations.copy()
         if not self.binding.whole:
             found[self.binding.portion_of[: len(found)] == len(self.materials)] = 1.0
@@ -300,6 +300,28 @@ class PairEnergy(Term):
 
         return LinearOperator((2 * n, 2 * n), multiply, multiply, dtype=float)
 
+    def domain_deviation(self) -> np.ndarray | None:
+        return None if self._domain is None else self._domain.deviation(self._stretches())
+
+    def beyond_data(self) -> np.ndarray | None:
+        if not self.selective or self._domain is None or self._domain.hull is None:
+            return None
+        return self._domain.beyond_data(self._stretches()[self.body.share.counted(np.ones(len(self.body))) > 0])
+
+    def member_deviation(self) -> np.ndarray | None:
+        if not self.selective or not self._model.members:
+            return None
+        return self._unit * self._model.member_deviations(self.materials[0].law, self._stretches())
+
+    def _stretches(self) -> np.ndarray:
+        """Return the principal stretches of the points; for a selective energy all three, over the cube root of their product."""
+        stretches = principal_stretches(self.kinematics.deformation_gradients())
+        if not self.selective:
+            return stretches
+        J = stretches.prod(axis=1, keepdims=True)
+        # In the plane the third one is held at 1.
+        return np.hstack([stretches, np.ones((len(J), 3 - stretches.shape[1]))]) / np.cbrt(J)
+
     def _reference_bonds(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return directions and lengths of all pairs at rest, and the vectors between their ends over these lengths."""
         bonds, body, positions = self.body.bonds, self.body, self.kinematics.positions
@@ -324,7 +346,7 @@ class PairEnergy(Term):
         F = self._mean_gradients()
         return F + (along - np.einsum("bij,bj->bi", F, n))[:, :, None] * n[:, None]
 
-    def _diagnose(self) -> str:
+    def _without_energy(self) -> str:
         """Return a message that says which bond has no energy, and why."""
         F = self._gradients()
         with np.errstate(invalid="ignore"):  # numbers that are not finite are looked for
@@ -356,37 +378,6 @@ class PairEnergy(Term):
         except ValueError as error:
             return str(error)
         return None
-
-
-class LearntPoints(Learnt):
-    """How far the points of a body of one material are from what the model of its energy has learnt."""
-
-    def __init__(self, term: PairEnergy) -> None:
-        self._term, self._model = term, term.binding.portions[0].model
-
-    def domain_deviation(self) -> np.ndarray | None:
-        return None if self._model.domain is None else self._model.domain.deviation(self._stretches())
-
-    def beyond_data(self) -> np.ndarray | None:
-        if not self._term.selective or self._model.domain is None or self._model.domain.hull is None:
-            return None
-        body = self._term.body
-        return self._model.domain.beyond_data(self._stretches()[body.share.counted(np.ones(len(body))) > 0])
-
-    def member_deviation(self) -> np.ndarray | None:
-        if not self._term.selective or not self._model.members:
-            return None
-        law = self._term.materials[0].law
-        return law.shear_modulus * self._model.member_deviations(law, self._stretches())
-
-    def _stretches(self) -> np.ndarray:
-        """Return the principal stretches of the points; for a selective energy all three, over the cube root of their product."""
-        stretches = principal_stretches(self._term.kinematics.deformation_gradients())
-        if not self._term.selective:
-            return stretches
-        J = stretches.prod(axis=1, keepdims=True)
-        # In the plane the third one is held at 1.
-        return np.hstack([stretches, np.ones((len(J), 3 - stretches.shape[1]))]) / np.cbrt(J)
 
 
 def _areas(c: np.ndarray, e: np.ndarray) -> np.ndarray:

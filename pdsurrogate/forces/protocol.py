@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..body import Body
+from ..engine.block_arrays import BLOCK, aligned_rows
 from ..html_tables import html_facts
 from ..kernels.bond_state import LEAST_NORMAL_STRETCH
 from ..materials import Law
@@ -117,6 +118,15 @@ class CompiledBondForce:
     work_rows: int
     needs_length: bool = False
     asks_law: bool = False
+
+    @property
+    def arguments(self) -> tuple[int, np.ndarray, np.ndarray]:
+        """Arguments of kernels that evaluate the force."""
+        return self.address, self.sizes, self.weights
+
+    def memory(self, threads: int, dtype) -> np.ndarray:
+        """Return working memory for every thread."""
+        return aligned_rows((threads, max(self.work_rows, 1), BLOCK), dtype)
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ class VolumeEnergy:
 
     def __init__(self, binding: Binding, shares: BondShares, parts: Sequence[SelectivePairs], volumes: np.ndarray) -> None:
         self._binding, self._shares, self._parts = binding, shares, parts
-        body, chunks, n = binding.body, binding.kinematics.chunks, len(binding.body)
+        body, chunks, n = binding.kinematics.body, binding.kinematics.chunks, len(binding.kinematics.body)
         bonds, breakable, carries = body.bonds, binding.settings.breakable, shares.carrying(binding.settings.breakable)
         if not binding.whole:
             carries &= binding.portion_of[bonds.first] == binding.portion_of[bonds.second]
@@ -79,12 +79,12 @@ class VolumeEnergy:
 
     def _places(self) -> np.ndarray:
         """Return where every directed bond finds, among the volumes of all parts, that which its point's own material sees."""
-        binding, pair_of = self._binding, self._binding.body.bonds.pair_of
+        binding, pair_of = self._binding, self._binding.kinematics.body.bonds.pair_of
         if binding.whole:
             return pair_of
         owners, places, start = binding.portion_of[binding.kinematics.owners()], np.zeros(len(pair_of), dtype=np.uint32), 0
         for number, part in enumerate(self._parts):
-            own, place, pairs = owners == number, np.zeros(len(binding.body.bonds.first), dtype=np.uint32), part.points.pairs
+            own, place, pairs = owners == number, np.zeros(len(binding.kinematics.body.bonds.first), dtype=np.uint32), part.points.pairs
             place[pairs] = start + np.arange(len(pairs))
             places[own] = place[pair_of[own]]
             start += len(part.points.first)
