@@ -1,10 +1,10 @@
-"""Force models that map quantities of a bond to its force, and the term that they make."""
+"""Force models that map quantities of a bond to its force, the exact one among them, and the term that they make."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,14 +13,14 @@ from ..body import Body
 from ..engine.block_arrays import BLOCK, aligned_rows
 from ..kernels import bond_force, reference_state
 from ..kernels.analytic import analytic_bond_force
-from ..kernels.bond_state import LEAST_NORMAL_STRETCH, lateral_stretch
+from ..kernels.bond_state import LEAST_NORMAL_STRETCH, along_and_across, lateral_stretch
+from ..kernels.plane_strain import plane_strain_bond_force
 from ..kernels.sums import sum_pair_forces
-from ..materials import SHEETS, Law
+from ..materials import SHEETS, Law, NeoHookean, plane_stress
 from ..materials.stretches import principal_stretches
 from .errors import at_point
 from .kinematics import matrices
 from .material_points import MaterialPoints
-from .plane_strain import in_plane_strain
 from .protocol import EVERYWHERE, CompiledBondForce, Domain, ForceModel
 from .settings import OUTSIDE_POLICIES, PRECISIONS, ROTATIONS
 from .surrogate_thickness import surrogate_states
@@ -233,6 +233,15 @@ class BondForces(Term):
         return pairs, BondStates(a, b, length / body.horizon, C33 / 2, J / 2)
 
 
+def in_plane_strain(compiled: CompiledBondForce, law: Law, dtype) -> CompiledBondForce:
+    """Return a bond force learnt under plane stress, by a model that knows T_mm, with the pressure of a held thickness (theory (47)).
+
+    Of the law it needs the derivative of U alone, so that a costly law costs nothing in plane strain either.
+    """
+    addresses = [compiled.address, plane_stress.volumetric_block(law).address]
+    return replace(compiled, address=plane_strain_bond_force(dtype).address, sizes=np.concatenate([addresses, compiled.sizes]))
+
+
 def pair_strength(body: Body) -> np.ndarray:
     """Return 2 w l V_i V_j of every pair, see `pdsurrogate.kernels.reference_state.pair_rows`."""
     bonds, volumes = body.bonds, body.all_volumes
@@ -281,7 +290,7 @@ class ForceSurrogate(ForceModel):
 
     @abstractmethod
     def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
-        """Dimensionless bond force, theory (9), in NumPy, for checking.
+        """Return the dimensionless bond force, theory (9), in NumPy.
 
         Parameters
         ----------
@@ -306,5 +315,66 @@ class ForceSurrogate(ForceModel):
         """Return the block function of the same map for the bond pass, in the given precision."""
 
     def member_deviations(self, law: Law, states: BondStates) -> np.ndarray:
-        """Return the greatest deviation of the members' bond force from this model's, in units of the shear modulus, shape (n,)."""
+        """Return the greatest deviation of the members' bond force from the model's, in units of the shear modulus, shape (n,)."""
         raise NotImplementedError
+
+
+class AnalyticBondForce(ForceSurrogate):
+    """Exact bond force of a material law, in the features of surrogates (theory (7), (11)).
+
+    Parameters
+    ----------
+    law : Law, optional
+        Law of `bond_force`; in a simulation the scene's own law counts. Neo-Hookean by default.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> model = pds.AnalyticBondForce()
+    >>> model, model.family
+    (<AnalyticBondForce analytic>, 'bond force')
+    """
+
+    name = "analytic"
+    features = ("stretch", "rotation", "length", "C33", "J")
+    domain: Domain | None = None
+    gives_transverse = True
+    default_precision = "float64"
+
+    def __init__(self, law: Law | None = None) -> None:
+        self.law = law or NeoHookean()
+
+    def bond_force(self, stretch, rotation, length, C33, J) -> np.ndarray:
+        stretch, rotation, _, C33, J = bond_arrays(stretch, rotation, length, C33, J)
+        return exact_bond_force(self.law, stretch, rotation, C33, J)
+
+    def compiled(self, dtype) -> CompiledBondForce:
+        """Return the block function of the exact bond force, whose law the bond pass supplies."""
+        none = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=dtype)
+        return CompiledBondForce(analytic_bond_force(dtype).address, *none, 0, asks_law=True)
+
+
+def exact_bond_force(law: Law, stretch, rotation, C33, J) -> np.ndarray:
+    """Return the bond force of a law, shape (n, 2), see `ForceSurrogate.bond_force`."""
+    a, b = stretch * np.cos(rotation), stretch * np.sin(rotation)
+    T_nn, T_nm, _ = plane_stress.bond_traction(law, a, b, J, C33)
+    return along_and_across(T_nn, T_nm, a, b, stretch)
+
+
+def bond_arrays(stretch, rotation, length, C33, J) -> list[np.ndarray]:
+    """Return the five bond quantities as equally long vectors of doubles.
+
+    Raises
+    ------
+    ValueError
+        If they do not broadcast to one vector, are not finite, or a stretch, C33 or J is not positive.
+    """
+    arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, dtype=float)) for value in (stretch, rotation, length, C33, J)))
+    if arrays[0].ndim != 1:
+        raise ValueError(f"bond quantities must be vectors, not of shape {arrays[0].shape}")
+    for name, array in zip(AnalyticBondForce.features, arrays, strict=True):
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} has a value that is not finite")
+        if name in ("stretch", "C33", "J") and not (array > 0).all():
+            raise ValueError(f"{name} must be positive; the least given is {array.min():g}")
+    return arrays
