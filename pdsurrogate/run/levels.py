@@ -24,7 +24,7 @@ from ..solvers import (
     TooSmall,
     Unbalanced,
     Unstable,
-    told_of_zero_energy_modes,
+    note_of_zero_energy_modes,
 )
 from ..solvers.branch import Branch
 from ..solvers.equilibrium import is_rigid, strain_of, strain_rounding
@@ -331,7 +331,7 @@ def _solve(
         if run.loads is not None:
             moved = run.body.share.greatest(np.abs(run.positions - guess))
             if moved > farthest:
-                weak = told_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
+                weak = note_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
                 raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")
 
     least_drive = run.greatest_drive or np.inf if run.loading.at_rest(target) else 0.0

@@ -49,10 +49,10 @@ class Transient:
             np.zeros_like(run.positions),
             run.loading.free,
             self.spec.density * run.body.volumes,
-            self.spec.damping,
-            self.viscosity,
-            self.spec.safety,
-            run.loads,
+            damping=self.spec.damping,
+            viscosity=self.viscosity,
+            safety=self.spec.safety,
+            loads=run.loads,
         )
         # A stage with a duration ends, and is recorded, exactly then.  One at a rate goes to the first step past an output.
         self._timed = self.spec.duration is not None
