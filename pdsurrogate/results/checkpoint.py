@@ -12,7 +12,7 @@ from ..array_files import read_arrays
 from .contents import Contents
 from .files import write_with
 
-FORMAT = 8
+FORMAT = 9
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
 ANEW = "begin anew by --overwrite in the place of --resume"

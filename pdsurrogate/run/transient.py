@@ -41,7 +41,7 @@ class Transient:
 
     def __init__(self, run: Run, stage: Stage) -> None:
         self.run, self.spec, self.most_outputs = run, stage.inertia, stage.outputs
-        self.motion, self.viscosity = self.spec.motion(run.begin, stage.to), self._viscosity()
+        self.motion, self.viscosity = self.spec.motion(run.state.begin, stage.to), self._viscosity()
         self.integrator = ExplicitDynamics(
             run.force,
             self._hold,
@@ -97,7 +97,7 @@ class Transient:
                 f"the dynamics take {duration} in steps of {integrator.time_step:.3g}, more "
                 f"than {MOST_STEPS:.0e} of them; check the units of {self.spec.key}.density and {self.spec.key}.{self.spec.pace}"
             )
-        run.dynamics.append({"step": run.stage, "viscosity": float(self.viscosity)})
+        run.state.dynamics.append({"step": run.state.stage, "viscosity": float(self.viscosity)})
         self._row(first=True)
 
     def resume(self, checkpoint: Checkpoint) -> None:
@@ -114,7 +114,7 @@ class Transient:
         self._limit_step()
         self._apply()
 
-    def go(self) -> None:
+    def go(self) -> bool:
         """Run to the end of the stage, or until the body has come apart."""
         run, account, integrator, motion = self.run, self.account, self.integrator, self.motion
         while account.outputs < self.most_outputs:
@@ -127,8 +127,8 @@ class Transient:
                 raise type(error)(f"time {account.time:.4g}: {error}") from None
             if integrator.steps % STEPS_PER_ROW == 0:
                 self._row()
-                broken = run.crack["broken_bonds"] if run.crack else 0
-                run.report("dynamics", min(1.0, account.time / motion.duration), run.parameter, broken)
+                broken = run.state.crack["broken_bonds"] if run.state.crack else 0
+                run.report("dynamics", min(1.0, account.time / motion.duration), run.state.parameter, broken)
             else:
                 self._books.between_rows()
             due = self._due()
@@ -146,8 +146,9 @@ class Transient:
             if asked:
                 self._last_row()
                 raise Interrupted
-        if self._books.closes and run.dynamics[-1]["remark"] and run.ranks.rank == 0:
-            warnings.warn(run.dynamics[-1]["remark"], stacklevel=4)
+        if self._books.closes and run.state.dynamics[-1]["remark"] and run.ranks.rank == 0:
+            warnings.warn(run.state.dynamics[-1]["remark"], stacklevel=4)
+        return True
 
     def _time_due(self, outputs: int) -> float:
         """Return the time of the output after so many, in a stage with a duration."""
@@ -166,8 +167,8 @@ class Transient:
         run, integrator = self.run, self.integrator
         run.positions -= integrator.last_step * integrator.velocities
         self.account.time -= integrator.last_step
-        run.parameter = self.motion.at(self.account.time)
-        recorded = run.states.moments[-1].time - run.elapsed if len(run.states) else -np.inf
+        run.state.parameter = self.motion.at(self.account.time)
+        recorded = run.states.moments[-1].time - run.state.elapsed if len(run.states) else -np.inf
         if self.account.time > recorded + 0.5 * integrator.last_step:
             with suppress(InvalidState, Diverging):
                 self._apply()
@@ -179,7 +180,7 @@ class Transient:
 
     def _check_inside(self) -> None:
         """Raise InvalidState if a point has passed through a plane of reflection."""
-        self.run.loading.check_inside(self.run.parameter, self.run.force, self.run.positions)
+        self.run.loading.check_inside(self.run.state.parameter, self.run.force, self.run.positions)
 
     def step(self) -> None:
         """Advance the body by one step."""
@@ -188,8 +189,8 @@ class Transient:
         integrator.move()
         ended = self._timed and integrator.last_step == left
         account.time = self._time_due(account.outputs) if ended else account.time + integrator.last_step
-        run.steps += 1
-        run.parameter = run.target = self._parameter()
+        run.state.steps += 1
+        run.state.parameter = run.target = self._parameter()
         self._apply()
         if self._cracks is None:
             integrator.evaluate()
@@ -221,11 +222,11 @@ class Transient:
 
     def _apply(self) -> None:
         """Move everything that is held to its present place, and bring the loads to their size."""
-        self.run.loading.apply(self.run.parameter, self.run.force, self.run.positions)
+        self.run.loading.apply(self.run.state.parameter, self.run.force, self.run.positions)
 
     def _hold(self, positions: np.ndarray, ahead: float) -> None:
         """Move everything that is held to its place a time `ahead` from now."""
-        self.run.loading.hold(self.run.parameter + ahead * self.motion.rate, self.run.force, positions)
+        self.run.loading.hold(self.run.state.parameter + ahead * self.motion.rate, self.run.force, positions)
 
     def _last_row(self) -> None:
         """Add a row at the present state, unless there is one."""
@@ -239,7 +240,7 @@ class Transient:
         books.add_work(reactions)
         forces = forces_by_name(run, reactions)
         books.add_damping(evaluate=True)
-        strain, row = run.strain_energy(), place_columns(run, run.elapsed + self.account.time)
+        strain, row = run.strain_energy(), place_columns(run, run.state.elapsed + self.account.time)
         if stress is not None:
             row["nominal_stress"] = stress.of(reactions.forces)
         else:
@@ -247,10 +248,10 @@ class Transient:
         row |= books.columns(kinetic, strain, first) | component_columns("force", forces) | state_columns(run)
         if books.closes:
             row["released_energy"] = self.account.released_energy
-        if run.crack is not None:
-            row |= {"broken_bonds": run.crack["broken_bonds"], "free_points": run.unsupported_points()}
-        run.history.append(row)
-        run.dynamics[-1] |= books.entries()
+        if run.state.crack is not None:
+            row |= {"broken_bonds": run.state.crack["broken_bonds"], "free_points": run.unsupported_points()}
+        run.state.history.append(row)
+        run.state.dynamics[-1] |= books.entries()
         run.report("account", self.integrator.steps, kinetic, strain)
 
     def output(self) -> None:
@@ -261,8 +262,8 @@ class Transient:
             self._cracks.output()
         if run.problem.measures.nominal_stress is None:
             run.loaded(run.positions, np.empty_like(run.positions))
-            row = output_row(run, run.elapsed + account.time)
-            run.levels.append(row | {"kinetic_energy": self._books.kinetic_energy()})
+            row = output_row(run, run.state.elapsed + account.time)
+            run.state.levels.append(row | {"kinetic_energy": self._books.kinetic_energy()})
         run.record(account.time)
         account.outputs += 1
 
@@ -278,4 +279,4 @@ class Transient:
             "last_step": integrator.last_step,
             "steps": integrator.steps,
         }
-        self.run.checkpoints.write({"phase": "dynamics", "transient": kept}, self.arrays())
+        self.run.checkpoints.write({"transient": kept}, self.arrays())
