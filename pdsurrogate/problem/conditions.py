@@ -149,7 +149,7 @@ def _points_of(one: Prescription, names: tuple[str, ...], regions: BodyRegions, 
 def _support(body: Body, points: np.ndarray) -> SupportAtPlace | None:
     """Return the support that points near to a place make, if there are several."""
     share = body.share
-    rows = [(share.number(int(point)), tuple(body.points[point])) for point in points]
+    rows = [(int(share.numbers[point]), tuple(body.points[point])) for point in points]
     found = dict(sorted(row for of_part in share.everywhere(rows) for row in of_part))
     if len(found) == 1:
         return None
@@ -201,16 +201,16 @@ def _check_held(loading: Loading, key: str, advice: str, only: str | None = None
     """Refuse pieces of the body that can move or turn as a whole, or make one motion only: they have no equilibrium, or many."""
     body, share = loading.body, loading.body.share
     count, piece = loading.pieces()
-    extent = share.extent(body.points)
-    middle = np.array([share.sum(column) for column in body.points.T]) / share.size(len(body))
+    extent = body.extent
+    middle = np.array([share.sum(column) for column in body.points.T]) / share.size
     places, components, owners = _constraints(loading)
-    rows = share.of_all(_rigid_motions((places - middle) / extent, components), owners)
-    pieces = share.of_all(piece[owners], owners)
+    rows = share.joined(_rigid_motions((places - middle) / extent, components), owners)
+    pieces = share.joined(piece[owners], owners)
     for number in range(count):
         motions = [motion for motion in _free_motions(rows[pieces == number], body.dimension) if only in (None, motion)]
         if not motions:
             continue
-        loose = share.own_points(np.flatnonzero(piece == number))
+        loose = np.flatnonzero((piece == number) & share.own)
         size = share.total(len(loose))
         where = f", at {place_of(body, loose[0])}," if len(loose) else ""
         what = "the body" if count == 1 else f"a piece of {size} points of the body{where}"

@@ -66,7 +66,8 @@ def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tupl
             f"{key}: the {edge} is held by reflection, so that a force there goes into what holds it; give another "
             "region, or hold points (support=points)"
         )
-    points = body.share.own_points(regions.points(load.region, key))
+    points = regions.points(load.region, key)
+    points = points[body.share.own[points]]
     if load.kind == "body_force":
         return points, body.volumes[points, None] * np.array(load.body_force)
     part = np.array(load.force) / body.share.total(len(points))

@@ -9,13 +9,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ..body import Body, Surface
+from ..body import HALO, Body, Surface, divided
 from ..discretisation import check_size, discretise, grip_areas, memory_here, surface_of
 from ..forces import ForceModel, ForceSettings, InternalForce, InvalidState, Portion, bind_portions
 from ..forces.interfaces import SIGHT
 from ..materials import Law
-from ..ranks import ALONE, HALO, Communicator, divided
-from ..ranks.communicator import Alone
+from ..ranks import ALONE, Communicator
 from ..scenes import Mesh, Part, Scene, SceneError, SolverSpec, Units
 from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import RIGID
@@ -182,7 +181,7 @@ class Problem:
 
     def _check_support(self, force: InternalForce) -> None:
         """Refuse points whose bonds lie on one line, or in one plane: only a crack may leave points without a deformation gradient."""
-        alone = self.body.share.own_points(np.flatnonzero(~force.supported))
+        alone = np.flatnonzero(~force.supported & self.body.share.own)
         if len(alone):
             where = ("on one line", "two rows of points or more in either direction")
             if self.body.dimension == 3:
@@ -201,7 +200,7 @@ def _describe_part(part: Part, model: ForceModel) -> dict:
     return {**region, "material": part.material.build().describe(), "force": model.name}
 
 
-def compile_scene(scene: Scene, model: ForceModel | None = None, ranks: Alone | Communicator = ALONE) -> Problem:
+def compile_scene(scene: Scene, model: ForceModel | None = None, ranks: Communicator = ALONE) -> Problem:
     """Compile a scene: resolve its body, regions, conditions, loads and materials.
 
     Parameters
@@ -209,7 +208,7 @@ def compile_scene(scene: Scene, model: ForceModel | None = None, ranks: Alone | 
     scene : Scene
     model : ForceModel, optional
         Model of the rest of the body, where there are several materials; needed to bind a force.
-    ranks : Alone or Communicator, optional
+    ranks : Communicator, optional
         Processes that share the run.
 
     Raises

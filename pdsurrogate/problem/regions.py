@@ -106,7 +106,7 @@ class _Points(_Parts):
                 place, found = _text(np.array(region.near)), self.describe(nearest)
                 raise ValueError(f"the nearest point to {place} is {found}, {distance[nearest]:.3g} away: too far")
             return self.numbered(np.flatnonzero(distance <= least + ALIKE * self._body.cell.min()))
-        numbers, size = np.array(region.points, dtype=np.int64), share.size(len(self.places))
+        numbers, size = np.array(region.points, dtype=np.int64), share.size
         if numbers.max(initial=-1) >= size:
             raise ValueError(f"there is no point {numbers.max()}; the body has {size}, from 0 on")
         return self.numbered(share.local(numbers))

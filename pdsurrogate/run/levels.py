@@ -102,7 +102,7 @@ class Equilibria:
         self.run, self.stage, self.solver = run, stage, solver
         self._branch, self._course = Branch(run.loading, run.loaded, solver), run.loading.course
         self._outputs = np.linspace(run.state.begin, stage.to, stage.outputs + 1).tolist()
-        self._farthest = FARTHEST * run.body.share.extent(run.body.points)
+        self._farthest = FARTHEST * run.body.extent
         self._evaluations: list[int] = []  # of every increment of the stage that succeeded
         self._last_output = run.positions.copy(), run.state.parameter
         self._increments: Increments | None = None
@@ -271,7 +271,7 @@ class Equilibria:
             self._keep_or_stop(increments)
             if evaluations > patience:
                 raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
-            moved = 0.0 if run.loads is None else run.body.share.maximum(np.abs(run.positions - guess))
+            moved = 0.0 if run.loads is None else run.body.share.greatest(np.abs(run.positions - guess))
             if moved > self._farthest:
                 weak = told_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
                 raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")

@@ -16,7 +16,7 @@ from ..ranks import communicator
 from ..results import measures
 from ..results.contents import Contents
 from ..results.probes import Probes
-from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory, StatesInPieces
+from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory
 from ..scenes import Scene
 from .checkpoints import Checkpoints
 from .damage import Damage
@@ -145,15 +145,15 @@ class Run:
     def states_of(self, moments: list[Moment] | None = None) -> States:
         """Return the storage of states, with the moments of those that are recorded already."""
         if self._in_pieces:
-            return StatesInPieces(self.folder, self.body, self.problem.name, moments)
+            return StatesInFiles(self.folder, self.problem.name, self.body, moments)
         if self.ranks.rank:
             return Moments(moments)
-        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.whole, self.problem.name, moments)
+        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.problem.name, self.whole, moments)
 
     @property
     def _in_pieces(self) -> bool:
         """Return whether every rank writes the states of its own points, as for bodies that are too large for one rank to write."""
-        large = self.body.share.size(len(self.body)) > MOST_GATHERED
+        large = self.body.share.size > MOST_GATHERED
         return large and self.ranks.size > 1 and self.folder is not None and not self.problem.meshed
 
     def _portion_of(self) -> np.ndarray | None:
@@ -202,12 +202,11 @@ class Run:
 
     def unsupported_points(self) -> int:
         """Return the number of points that have too few bonds left for a deformation gradient."""
-        return self.body.share.total(len(self.body.share.own_points(np.flatnonzero(~self.force.supported))))
+        return self.body.share.total(int(np.count_nonzero(~self.force.supported & self.body.share.own)))
 
     def counted_pairs(self) -> int:
         """Return the number of pairs that this rank counts; all of them in one process."""
-        counted = self.body.share.counted_pairs(self.body.bonds.first)
-        return len(self.body.bonds.first) if counted is None else int(np.count_nonzero(counted))
+        return int(np.count_nonzero(self.body.share.own[self.body.bonds.first]))
 
     def directed_bonds(self) -> int:
         """Return the number of directed bonds within the body of the points that are counted here."""

@@ -15,7 +15,6 @@ from ..body.body import Cells
 from ..forces import ForceModel
 from ..problem import Problem
 from ..ranks import Communicator
-from ..ranks.communicator import Alone
 from ..scenes import Scene, SceneError
 
 T = TypeVar("T")
@@ -42,7 +41,7 @@ def refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folde
         )
 
 
-def together(ranks: Alone | Communicator, check: Callable[[], T]) -> T | None:
+def together(ranks: Communicator, check: Callable[[], T]) -> T | None:
     """Return what a check returns; raise on all ranks the error that it raises on the first that has one."""
     if ranks.size == 1:
         return check()

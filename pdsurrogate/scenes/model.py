@@ -276,7 +276,7 @@ class Scene(StrictModel):
     >>> scene = pds.Scene(
     ...     name="block",
     ...     spacing=0.25,
-    ...     body=pds.Rectangle(size=(1.0, 1.0)),
+    ...     body=pds.shapes.Rectangle(size=(1.0, 1.0)),
     ...     material={"law": "neo-hookean"},
     ...     prescribed=(pds.Prescribed(region="left", x1=0.0, x2=0.0), pds.Prescribed(region="right", x1=0.2)),
     ...     steps=(1.0,),

@@ -82,7 +82,7 @@ class Box(Prism):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Box(size=(1.0, 1.0, 2.0)).dimension
+    >>> pds.shapes.Box(size=(1.0, 1.0, 2.0)).dimension
     3
     """
 
@@ -122,7 +122,7 @@ class Cylinder(Round):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Cylinder(radius=1.0, length=2.0).shape
+    >>> pds.shapes.Cylinder(radius=1.0, length=2.0).shape
     'cylinder'
     """
 
@@ -140,7 +140,7 @@ class Tube(Round):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Tube(outer_radius=1.0, inner_radius=0.5, length=2.0).dimension
+    >>> pds.shapes.Tube(outer_radius=1.0, inner_radius=0.5, length=2.0).dimension
     3
     """
 
@@ -165,7 +165,7 @@ class Extrusion(Prism):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Extrusion(outline=pds.Rectangle(size=(1.0, 2.0)), thickness=0.5).dimension
+    >>> pds.shapes.Extrusion(outline=pds.shapes.Rectangle(size=(1.0, 2.0)), thickness=0.5).dimension
     3
     """
 
@@ -188,7 +188,7 @@ class Sphere(Solid):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Sphere(radius=1.0).dimension
+    >>> pds.shapes.Sphere(radius=1.0).dimension
     3
     """
 
@@ -253,7 +253,7 @@ class ParallelogramCut(FlatCut):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> cut = pds.ParallelogramCut(corner=(0.0, 0.0, 0.5), sides=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    >>> cut = pds.shapes.ParallelogramCut(corner=(0.0, 0.0, 0.5), sides=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     >>> cut.covers([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5]]).tolist()
     [True, False]
     """
@@ -284,7 +284,7 @@ class DiscCut(FlatCut):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> cut = pds.DiscCut(centre=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0))
+    >>> cut = pds.shapes.DiscCut(centre=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0))
     >>> cut.covers([[0.3, 0.0, 1.0], [0.5, 0.0, 1.0]]).tolist()
     [True, False]
     """

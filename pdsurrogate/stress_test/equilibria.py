@@ -14,7 +14,7 @@ import numpy as np
 from ..forces import InvalidState
 from ..materials import PLANES, Law
 from ..results import Result
-from ..run.simulate import SimulationFailed, SinglePrecisionLeft, simulate
+from ..run.simulate import SimulationFailed, SimulationInterrupted, SinglePrecisionLeft, simulate
 from ..scenes import MaterialSpec, Scene, SceneError
 from .case import INAPPLICABLE, PASS, WEAK, Case, Outcome, Subject
 from .deformations import force_densities
@@ -89,6 +89,8 @@ def _run(subject: Subject, scene: Scene) -> Result | Outcome:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SinglePrecisionLeft)
             return simulate(scene, subject.model)
+    except SimulationInterrupted:
+        raise KeyboardInterrupt from None
     except SimulationFailed as error:
         return Outcome(WEAK, str(error), None, None, _why_no_equilibrium(subject))
 
