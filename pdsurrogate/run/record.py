@@ -41,7 +41,7 @@ class Record:
             "levels": run.state.levels,
             "states": len(run.states),
             **({"n_steps": run.state.steps} if "n_steps" in self._summary else {}),
-            **({"critical_stretch": run.critical_stretch, "crack": run.state.crack} if run.state.crack is not None else {}),
+            **({"critical_stretch": run.problem.critical_stretch, "crack": run.state.crack} if run.state.crack is not None else {}),
         }
         write_tables(run.folder, self._summary | reached, run.state.history, run.state.convergence, run.problem.units)
         ended = time.monotonic()

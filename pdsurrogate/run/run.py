@@ -72,8 +72,6 @@ class Run:
         Parameter and positions of the equilibrium before the last.
     damage : Damage or None
         None without fracture.
-    critical_stretch : float or None
-        Stretch at which bonds break.
     residual : float or None
         Latest residual of the search for equilibrium.
     states : States
@@ -113,8 +111,8 @@ class Run:
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
         self.residual: float | None = None
-        self.critical_stretch = self.problem.critical_stretch
-        self.damage = None if self.critical_stretch is None else Damage(self.body, self.critical_stretch)
+        critical = self.problem.critical_stretch
+        self.damage = None if critical is None else Damage(self.body, critical)
         self.states = self.states_of()
         self.checkpoints = Checkpoints(self)
         self.record_of_folder: Record | None = None
@@ -210,8 +208,6 @@ class Run:
 
     def directed_bonds(self) -> int:
         """Return the number of directed bonds within the body of the points that are counted here."""
-        bonds, n = self.body.bonds, len(self.body)
-        if not self.body.share.divided:
-            return bonds.n_directed
-        owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
-        return int(np.count_nonzero(self.body.share.own[owners] & (bonds.neighbours < n)))
+        bonds, own = self.body.bonds, self.body.share.own
+        within = bonds.second < len(self.body)
+        return int(np.count_nonzero(own[bonds.first[within]]) + np.count_nonzero(own[bonds.second[within]]))

@@ -67,6 +67,6 @@ def result_of(run: Run, seconds_compile: float, began: float, failure: str | Non
         summary["n_steps"] = state.steps
         summary["dynamics"] = state.dynamics
     if state.crack is not None:
-        summary["critical_stretch"] = run.critical_stretch
+        summary["critical_stretch"] = run.problem.critical_stretch
         summary["crack"] = state.crack | ({} if stress is None else {"peak": _peak(state.history)})
     return Result(run.problem.scene, run.body if run.whole is None else run.whole, summary, state.history, run.states, state.convergence)
