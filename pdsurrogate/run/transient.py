@@ -29,6 +29,10 @@ Material that snaps back from a crack moves in waves as short as a bond, and thi
 by `bond-energy` close their accounts within 0.1 % with it; without it they gain half of the energy put in (`docs/guide/cracks.md`)."""
 
 
+INTEGRATOR = ("time_step", "last_step", "steps")
+"""Attributes of the integrator that a checkpoint keeps."""
+
+
 class Transient:
     """The dynamics of one stage of a run.
 
@@ -42,18 +46,9 @@ class Transient:
     def __init__(self, run: Run, stage: Stage) -> None:
         self.run, self.spec, self.most_outputs = run, stage.inertia, stage.outputs
         self.motion, self.viscosity = self.spec.motion(run.state.begin, stage.to), self._viscosity()
-        self.integrator = ExplicitDynamics(
-            run.force,
-            self._hold,
-            run.positions,
-            np.zeros_like(run.positions),
-            run.loading.free,
-            self.spec.density * run.body.volumes,
-            self.spec.damping,
-            self.viscosity,
-            self.spec.safety,
-            run.loads,
-        )
+        masses, damped = self.spec.density * run.body.volumes, (self.spec.damping, self.viscosity, self.spec.safety)
+        moved = run.positions, np.zeros_like(run.positions), run.loading.free
+        self.integrator = ExplicitDynamics(run.force, self._hold, *moved, masses, *damped, run.loads)
         # A stage with a duration ends, and is recorded, exactly then.  One at a rate goes to the first step past an output.
         self._timed = self.spec.duration is not None
         self._books = Bookkeeping(run, self.integrator, self.motion, self.viscosity, self._timed)
@@ -66,10 +61,8 @@ class Transient:
 
     def _viscosity(self) -> float:
         """Return the retardation time of the stage: the scene's own, or by default the time that a crack needs."""
-        if self.spec.viscosity is not None:
-            return self.spec.viscosity
-        if self.run.damage is None:
-            return 0.0
+        if self.spec.viscosity is not None or self.run.damage is None:
+            return self.spec.viscosity or 0.0
         return CRACK_VISCOSITY * self.run.body.spacing * math.sqrt(self.spec.density / self.run.problem.law.shear_modulus)
 
     def arrays(self) -> dict[str, np.ndarray]:
@@ -92,11 +85,9 @@ class Transient:
         if self._books.every_step and run.velocities is None:
             integrator.centre()
         if motion.duration > MOST_STEPS * integrator.time_step:
-            duration = run.problem.units.amount(motion.duration, "time", ".3g")
-            raise Diverging(
-                f"the dynamics take {duration} in steps of {integrator.time_step:.3g}, more "
-                f"than {MOST_STEPS:.0e} of them; check the units of {self.spec.key}.density and {self.spec.key}.{self.spec.pace}"
-            )
+            duration, key = run.problem.units.amount(motion.duration, "time", ".3g"), self.spec.key
+            many = f"the dynamics take {duration} in steps of {integrator.time_step:.3g}, more than {MOST_STEPS:.0e} of them"
+            raise Diverging(f"{many}; check the units of {key}.density and {key}.{self.spec.pace}")
         run.state.dynamics.append({"step": run.state.stage, "viscosity": float(self.viscosity)})
         self._row(first=True)
 
@@ -104,46 +95,42 @@ class Transient:
         """Bring the dynamics to where a checkpoint was written."""
         run, integrator, kept = self.run, self.integrator, checkpoint.progress["transient"]
         vars(self.account).update(kept["account"])
-        integrator.time_step, integrator.last_step, integrator.steps = kept["time_step"], kept["last_step"], kept["steps"]
-        integrator.velocities[:], integrator.forces[:] = checkpoint.arrays["velocities"], checkpoint.arrays["forces"]
-        if self.viscosity > 0:
-            integrator.elastic[:] = checkpoint.arrays["elastic"]
-        integrator.frequency.vector, integrator.frequency.fresh = checkpoint.arrays["mode"].copy(), False
-        for array in self.arrays().values():
+        for key in INTEGRATOR:
+            setattr(integrator, key, kept[key])
+        integrator.frequency.fresh = False
+        for key, array in self.arrays().items():
+            array[:] = checkpoint.arrays[key]
             run.body.share.clear(array)  # points of the halo are moved by their owners
         self._limit_step()
         self._apply()
 
     def go(self) -> bool:
         """Run to the end of the stage, or until the body has come apart."""
-        run, account, integrator, motion = self.run, self.account, self.integrator, self.motion
-        while account.outputs < self.most_outputs:
+        run, account, integrator, through = self.run, self.account, self.integrator, False
+        while account.outputs < self.most_outputs and not through:
             try:
                 self.step()
-                if integrator.steps % STEPS_PER_ROW == 0:
-                    self._check_inside()
+                on_row = integrator.steps % STEPS_PER_ROW == 0
+                if on_row:
+                    run.loading.check_inside(run.state.parameter, run.force, run.positions)
             except InvalidState as error:
                 self.save_last_state()
                 raise type(error)(f"time {account.time:.4g}: {error}") from None
-            if integrator.steps % STEPS_PER_ROW == 0:
+            if on_row:
                 self._row()
                 broken = run.state.crack["broken_bonds"] if run.state.crack else 0
-                run.report("dynamics", min(1.0, account.time / motion.duration), run.state.parameter, broken)
+                run.report("dynamics", min(1.0, account.time / self.motion.duration), run.state.parameter, broken)
             else:
                 self._books.between_rows()
             due = self._due()
             if due:
-                self._last_row()
-                through = self._through()
-                self.output()
+                through = self.output_at_row()
                 self._books.check()
-                if through:
-                    break
             # A checkpoint has the row and the output of its step, and not the row that an interruption adds.
             asked, late = run.body.share.total((int(run.interruption.asked), int(run.checkpoints.late)))
-            if due or asked or late:
+            if not through and (due or asked or late):
                 self._checkpoint()
-            if asked:
+            if not through and asked:
                 self._last_row()
                 raise Interrupted
         if self._books.closes and run.state.dynamics[-1]["remark"] and run.ranks.rank == 0:
@@ -172,15 +159,9 @@ class Transient:
         if self.account.time > recorded + 0.5 * integrator.last_step:
             with suppress(InvalidState, Diverging):
                 self._apply()
-                self._check_inside()
+                run.loading.check_inside(run.state.parameter, run.force, run.positions)
                 integrator.evaluate_at_rest()
-                self._last_row()
-                self._through()
-                self.output()
-
-    def _check_inside(self) -> None:
-        """Raise InvalidState if a point has passed through a plane of reflection."""
-        self.run.loading.check_inside(self.run.state.parameter, self.run.force, self.run.positions)
+                self.output_at_row()
 
     def step(self) -> None:
         """Advance the body by one step."""
@@ -254,6 +235,13 @@ class Transient:
         run.state.dynamics[-1] |= books.entries()
         run.report("account", self.integrator.steps, kinetic, strain)
 
+    def output_at_row(self) -> bool:
+        """Record the present state, with a row; return whether the body has come apart between its supports."""
+        self._last_row()
+        through = self._cracks is not None and self._cracks.through()
+        self.output()
+        return through
+
     def output(self) -> None:
         """Record the present state, as a level where the results' levels include those in dynamics."""
         run, account = self.run, self.account
@@ -267,16 +255,6 @@ class Transient:
         run.record(account.time)
         account.outputs += 1
 
-    def _through(self) -> bool:
-        """Return whether the body has come apart between its supports."""
-        return self._cracks is not None and self._cracks.through()
-
     def _checkpoint(self) -> None:
-        integrator = self.integrator
-        kept = {
-            "account": asdict(self.account),
-            "time_step": integrator.time_step,
-            "last_step": integrator.last_step,
-            "steps": integrator.steps,
-        }
+        kept = {key: getattr(self.integrator, key) for key in INTEGRATOR} | {"account": asdict(self.account)}
         self.run.checkpoints.write({"transient": kept}, self.arrays())
