@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from ..body import Body, CellMesh
-from ..body.share import Share
+from ..ranks import Share
 from . import vtk
 from .folder import is_marked, state_files
 
