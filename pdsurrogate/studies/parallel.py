@@ -29,6 +29,9 @@ OUTCOME = "outcome.json"
 SECONDS_TO_LEAVE = 10.0
 """Seconds to wait for another process that still holds the folder of a run; a process whose study was killed ends within a second."""
 
+NOT_DONE = "not done yet"
+"""Failure of a run that has not been carried out to its end."""
+
 MOST_ENDS = 2
 """Number of times that a run may lose its process before it counts as failed."""
 
@@ -42,14 +45,11 @@ class Outcome:
     place : str
         Name of its folder.
     failure : str or None
-        Why it failed, if it did.
-    out_of_time : bool
-        Whether its time was over; it resumes with the study.
+        Why it failed, if it did; `NOT_DONE` if its time was over, after which it resumes with the study.
     """
 
     place: str
     failure: str | None
-    out_of_time: bool = False
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def carry_out(task: Task, folder: Path, threads: int, study: int | None, max_tim
             failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS), max_time)
             write_json(folder / OUTCOME, {"digest": task.digest, "failure": failure})
     except OutOfTime:
-        return Outcome(folder.name, None, out_of_time=True)
+        failure = NOT_DONE
     except OSError as error:
         failure = f"could not write {error.filename or folder}: {error.strerror or error}"
     except Exception as error:  # a failed run must not stop the others
