@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise, product
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import Delaunay
@@ -18,7 +17,7 @@ from scipy.spatial import Delaunay
 from ..body import Surface, encloses
 from ..scenes import Box, Circle, Ellipse, Rectangle, Scene, Sphere
 from ..scenes.shapes import Outline
-from ..scenes.solids import Prism, Solid
+from ..scenes.solids import Prism, Solid, Straight
 from .chains import BESIDE, ROUNDING, between_material_and_none, pieces
 from .places import same_places
 
@@ -27,14 +26,6 @@ AWAY = 0.6
 
 MOST_ROUNDS = 20
 """Times that the sides of a section are halved until they are sides of its triangles; two or three are enough, but for acute corners."""
-
-
-class _Straight(NamedTuple):
-    """A prism along an axis: its section, the bores in that, and the coordinates of its ends."""
-
-    section: Outline
-    bores: tuple[Outline, ...]
-    span: tuple[float, float]
 
 
 def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -87,21 +78,17 @@ def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper:
 
 def _axes_of(body: Solid) -> tuple[int, ...]:
     """Axes that a body is a prism along; of a sphere any one, which it is not."""
-    return (2, 0, 1) if isinstance(body, Box) else (body.along,) if isinstance(body, Prism) else (2,)
+    return (2, 0, 1) if isinstance(body, Box) else (body.straight.along,) if isinstance(body, Prism) else (2,)
 
 
-def _along(shape: Solid, axis: int) -> _Straight | None:
+def _along(shape: Solid, axis: int) -> Straight | None:
     """A shape as a prism along an axis, if it is one."""
     if isinstance(shape, Box):
-        across = [(axis + 1) % 3, (axis + 2) % 3]
-        rectangle = Rectangle(size=tuple(shape.size[other] for other in across), lower=tuple(shape.lower[other] for other in across))
-        return _Straight(rectangle, (), (shape.lower[axis], shape.lower[axis] + shape.size[axis]))
-    if isinstance(shape, Prism) and shape.along == axis:
-        return _Straight(shape.section, shape.bores, shape.span)
-    return None
+        return shape.straight_along(axis)
+    return shape.straight if isinstance(shape, Prism) and shape.straight.along == axis else None
 
 
-def _goes_through(hole: _Straight | None, body: _Straight | None, tolerance: float) -> bool:
+def _goes_through(hole: Straight | None, body: Straight | None, tolerance: float) -> bool:
     if hole is None or body is None or hole.bores:
         return False
     return hole.span[0] <= body.span[0] + tolerance and hole.span[1] >= body.span[1] - tolerance
@@ -144,9 +131,8 @@ def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: 
     """Triangles of a shape by itself, shape (f, 3, 3), counter-clockwise as seen from outside; flat faces of a cut sphere are left out."""
     if isinstance(shape, Sphere):
         return _sphere(shape, halved, cell)
-    axis = shape.along
-    straight = _along(shape, axis)
-    return np.concatenate(_prism(straight, axis, cell, tolerance, straight.bores))
+    straight = shape.straight
+    return np.concatenate(_prism(straight, straight.along, cell, tolerance, straight.bores))
 
 
 def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.ndarray:
@@ -227,7 +213,7 @@ def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, 
     return found[:, ::-1]
 
 
-def _prism(straight: _Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]) -> list[np.ndarray]:
+def _prism(straight: Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]) -> list[np.ndarray]:
     """Triangles of the outline of a prism with its caps, and of each hole through it, arrays of shape (f, 3, 3)."""
     across = [(axis + 1) % 3, (axis + 2) % 3]
     beside = cell[across]

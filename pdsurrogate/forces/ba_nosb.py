@@ -197,7 +197,7 @@ class BANOSBForce(ForceModel):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.BANOSBForce().honoured("stress")["precision"]
+    >>> pds.forces.BANOSBForce().honoured("stress")["precision"]
     ('float64',)
     """
 

@@ -89,11 +89,10 @@ class PairForces:
         self._compiled = compiled = model.compiled(precision)
         if plane == "strain" and not compiled.asks_law:
             self._compiled = compiled = in_plane_strain(compiled, law, precision)
-        counted = body.share.counted_pairs(body.bonds.first)
-        if counted is None:
+        if not body.share.divided:
             self.geometry = aligned_rows((blocks, 5 if compiled.needs_length else 4, BLOCK), precision)
         else:
-            counted = counted[points.pairs]
+            counted = body.share.own[body.bonds.first[points.pairs]]
             self.geometry = aligned_rows((blocks, bond_force.COUNTED_ROW + 1, BLOCK), precision)
             numbers = np.arange(len(counted))
             self.geometry[numbers // BLOCK, bond_force.COUNTED_ROW, numbers % BLOCK] = counted
@@ -239,9 +238,9 @@ class LearntBonds(Learnt):
         if self._model.domain is None or self._model.domain.hull is None:
             return None
         pairs, states = self.bonds()
-        counted = self._term.body.share.counted_pairs(self._term.body.bonds.first)
+        counted = self._term.body.share.own[self._term.body.bonds.first]
         # A bond turned past a right angle has no stretch tensor, and is left out.
-        chosen = states.has_stretch_tensor if counted is None else states.has_stretch_tensor & counted[pairs]
+        chosen = states.has_stretch_tensor & counted[pairs]
         return self._model.domain.beyond_data(states.stretches[chosen])
 
     def member_deviation(self) -> np.ndarray | None:
@@ -296,7 +295,7 @@ class ForceSurrogate(ForceModel):
     --------
     >>> import pdsurrogate as pds
     >>> model = pds.load_surrogate("neo-hookean@1")
-    >>> isinstance(model, pds.ForceSurrogate)
+    >>> isinstance(model, pds.forces.ForceSurrogate)
     True
     """
 

@@ -78,7 +78,7 @@ class BondShares:
         around = np.unique(bonds.pair_of[entries])
         self._divide_volumes(touched)
         if body.share.divided:
-            body.share.fill_bonds(self.bond_shares, body)
+            body.bond_halo.fill(self.bond_shares)
             around = np.union1d(around, body.share.beside_halo(bonds.first, bonds.second))
         entries, starts = kinematics.pair_entries
         one, other = entries[starts[around]], entries[starts[around + 1] - 1]
@@ -128,7 +128,7 @@ class BondShares:
         """
         body = self._body
         first, second = body.bonds.first[pairs], body.bonds.second[pairs]
-        counted = body.share.counted_pairs(first)
+        counted = body.share.own[first] if body.share.divided else None
         vectors = body.all_points[second] - body.all_points[first]
         length = np.linalg.norm(vectors, axis=1)
         blocks, size = -(-len(first) // BLOCK), body.dimension + (2 if counted is None else 3)
@@ -141,8 +141,8 @@ class BondShares:
     def renew_geometry(self, geometry: np.ndarray, pairs: np.ndarray) -> None:
         """Write the weights of given pairs into the geometry of all pairs."""
         geometry[pairs // BLOCK, self._body.dimension + 1, pairs % BLOCK] = self.bond_weights[pairs]
-        counted = self._body.share.counted_pairs(self._body.bonds.first[pairs])
-        if counted is not None:
+        if self._body.share.divided:
+            counted = self._body.share.own[self._body.bonds.first[pairs]]
             geometry[pairs // BLOCK, -1, pairs % BLOCK] = self.bond_weights[pairs] * counted
 
     def fill_end_shares(self, end_shares: np.ndarray, places: np.ndarray, pairs: np.ndarray, own: np.ndarray | None = None) -> None:

@@ -50,7 +50,7 @@ def nominal_stresses(model: ForceModel, law: Law, stretches: Sequence[tuple[floa
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.forces.homogeneous import nominal_stresses
-    >>> stress = nominal_stresses(pds.load_surrogate("neo-hookean"), pds.NeoHookean(), [(1.5, float("nan"))])
+    >>> stress = nominal_stresses(pds.load_surrogate("neo-hookean"), pds.materials.NeoHookean(), [(1.5, float("nan"))])
     >>> round(float(stress[0]), 3)
     1.05
     """

@@ -95,7 +95,7 @@ class NOSBForce(ForceModel):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> model = pds.NOSBForce()
+    >>> model = pds.forces.NOSBForce()
     >>> model, model.family
     (<NOSBForce nosb>, 'nosb')
     """

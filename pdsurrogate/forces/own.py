@@ -83,7 +83,7 @@ class OwnBondForce(ForceSurrogate):
     >>> class Mine:
     ...     def energy(self, I1, I2):
     ...         return 0.5 * (I1 - 3), 0.5 + 0 * I1, 0 * I1
-    >>> pds.OwnBondForce(Mine())
+    >>> pds.forces.OwnBondForce(Mine())
     <OwnBondForce Mine>
     """
 

@@ -191,12 +191,12 @@ class PairEnergy(Term):
         return None if interfaces is None else interfaces.on_jumps
 
     def levers_on_planes(self) -> np.ndarray:
-        kinematics, body, n, d = self.kinematics, self.body, len(self.body), self.body.dimension
+        kinematics, body, d = self.kinematics, self.body, self.body.dimension
         moments, forces = np.zeros((len(body.ghosts), d * d)), np.zeros((len(body.ghosts), d))
         # The sums again, to the same bits, since those of the ghosts are not kept.
         self._to_points(np.empty_like(body.points), (moments, forces))
         if body.share.divided:  # images count where the points behind them do
-            own = body.share.counted(np.ones(n))[body.ghosts.source, None]
+            own = body.share.own[body.ghosts.source, None]
             forces, moments = forces * own, moments * own
         places = kinematics.positions, matrices(kinematics.gradients)
         return kinematics.gradient_ghosts.levers_on_planes(*places, forces, self._unit * matrices(moments))
@@ -204,8 +204,7 @@ class PairEnergy(Term):
     def mean_stress(self) -> np.ndarray:
         """Return the mean of the bonds' own stresses: the derivative of the energy by a homogeneous F."""
         bonds, points, d = self.body.bonds, self.body.all_points, self.body.dimension
-        counted = self.body.share.counted_pairs(bonds.first)
-        pairs = slice(len(bonds.first)) if counted is None else np.flatnonzero(counted)
+        pairs = np.flatnonzero(self.body.share.own[bonds.first])
         vectors = points[bonds.second[pairs]] - points[bonds.first[pairs]]
         along = self._forces[pairs].astype(float).T @ vectors
         # P (I - n (x) n) is twice the moment.
@@ -371,7 +370,7 @@ class LearntPoints(Learnt):
         if not self._term.selective or self._model.domain is None or self._model.domain.hull is None:
             return None
         body = self._term.body
-        return self._model.domain.beyond_data(self._stretches()[body.share.counted(np.ones(len(body))) > 0])
+        return self._model.domain.beyond_data(self._stretches()[body.share.own])
 
     def member_deviation(self) -> np.ndarray | None:
         if not self._term.selective or not self._model.members:

@@ -178,7 +178,7 @@ class ForceModel(ABC):
     --------
     >>> import pdsurrogate as pds
     >>> model = pds.load_surrogate("neo-hookean@1")
-    >>> isinstance(model, pds.ForceModel), model.facts["family"]
+    >>> isinstance(model, pds.forces.ForceModel), model.facts["family"]
     (True, 'bond force')
     """
 

@@ -32,7 +32,7 @@ class SplineForce(LearntBondForce):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.SplineForce.kind, issubclass(pds.SplineForce, pds.ForceModel)
+    >>> pds.forces.SplineForce.kind, issubclass(pds.forces.SplineForce, pds.forces.ForceModel)
     ('bond-force-spline', True)
     """
 

@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from ..body.share import Share
 from ..engine.passes import BoundPass, Chain
+from ..ranks import Share
 
 
 class Steps:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ..body import Body
-from ..body.share import Share
 from ..materials import PLANES
+from ..ranks import Share
 from .errors import InvalidState, OutsideDomain, OutsideDomainWarning, locate
 from .kinematics import Kinematics
 from .material_points import MaterialPoints
@@ -122,8 +122,7 @@ class Binding:
     def count(self, pairs: np.ndarray | slice) -> int:
         """Return how many of some pairs are counted on this rank."""
         first = self.body.bonds.first[pairs]
-        counted = self.body.share.counted_pairs(first)
-        return len(first) if counted is None else int(counted.sum())
+        return int(np.count_nonzero(self.body.share.own[first]))
 
 
 class Term(ABC):
@@ -219,9 +218,7 @@ class Term(ABC):
         """
         bonds, points = self.body.bonds, self.body.all_points
         share = np.where(bonds.second < len(self.body), 1.0, 0.5)
-        counted = self.body.share.counted_pairs(bonds.first)
-        if counted is not None:
-            share = share * counted
+        share = share * self.body.share.own[bonds.first]
         vectors = points[bonds.second] - points[bonds.first]
         return np.einsum("b,bi,bj->ij", share, self.pair_forces(slice(len(bonds.first))), vectors) / whole_volume(self.body)
 
@@ -351,4 +348,4 @@ class DomainWatch:
 
 def whole_volume(body: Body) -> float:
     """Return the volume of a body, or of the whole body that it is a share of."""
-    return body.share.total(float(body.share.counted(body.volumes).sum()))
+    return body.share.total(float((body.volumes * body.share.own).sum()))

@@ -61,7 +61,7 @@ class VolumeEnergy:
         # Points in the halo have bonds, and then neighbours, that are not here.
         self._find = Steps(body.share, *(part.find_volumes for part in parts), find_means, means, smooth, self.dilatations)
 
-        counted, passes = body.share.counted(body.volumes), []
+        counted, passes = body.volumes * body.share.own, []
         self._own, self._blocks = [], [volume_energy_block(part.points.law) for part in parts]
         for part, block in zip(parts, self._blocks, strict=True):
             numbers = part.points.own[1]

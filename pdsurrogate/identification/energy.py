@@ -105,7 +105,7 @@ class EnergyRegressor(StressRegressor):
     --------
     >>> import pdsurrogate as pds
     >>> data = pds.load_test_data("treloar").up_to(3.0)
-    >>> found = pds.EnergyRegressor().fit(data.stretches, data.nominal_stress)
+    >>> found = pds.identification.EnergyRegressor().fit(data.stretches, data.nominal_stress)
     >>> bool(found.score(data.stretches, data.nominal_stress) > 0.99)
     True
     """

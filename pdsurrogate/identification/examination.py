@@ -104,7 +104,7 @@ def fit_to_tests(regressor: StressRegressor, data: TestData, force: bool = False
     --------
     >>> import pdsurrogate as pds
     >>> data = pds.load_test_data("treloar").up_to(3.0)
-    >>> pds.fit_to_tests(pds.LawRegressor("ogden"), data).law_.name
+    >>> pds.fit_to_tests(pds.identification.LawRegressor("ogden"), data).law_.name
     'ogden'
     """
     regressor.forget()

@@ -87,7 +87,7 @@ class LawRegressor(StressRegressor):
     --------
     >>> import pdsurrogate as pds
     >>> data = pds.load_test_data("treloar").up_to(3.0)
-    >>> found = pds.LawRegressor("gent").fit(data.stretches, data.nominal_stress)
+    >>> found = pds.identification.LawRegressor("gent").fit(data.stretches, data.nominal_stress)
     >>> found.law_.name, found.score(data.stretches, data.nominal_stress) > 0.99
     ('gent', False)
     """

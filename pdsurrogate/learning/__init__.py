@@ -1,5 +1,6 @@
 """Learning bond forces and energies with scikit-learn; a simulation never imports this room."""
 
+from .algorithm_1 import algorithm_1
 from .card_text import CardText
 from .chebyshev import ChebyshevRegressor
 from .fitting import cross_validate, evaluate
@@ -19,6 +20,7 @@ __all__ = [
     "Samples",
     "SobolevRegressor",
     "TorchMLPRegressor",
+    "algorithm_1",
     "cross_validate",
     "evaluate",
     "force_model_of",

@@ -57,7 +57,7 @@ def algorithm_1(
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> samples = pds.algorithm_1(pds.NeoHookean(), n_samples=200, random_state=0)
+    >>> samples = pds.learning.algorithm_1(pds.materials.NeoHookean(), n_samples=200, random_state=0)
     >>> samples.X.shape
     (200, 5)
     """

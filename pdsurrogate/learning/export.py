@@ -81,7 +81,8 @@ def best_of(model):
 def force_of(model) -> Callable:
     """Return the dimensionless bond force ``force(stretch, rotation, length, C33, J)`` of a model.
 
-    The model is as for `pdsurrogate.surrogate_of`, or a function of the five quantities. Raise ValueError for a model without such a force.
+    The model is as for `pdsurrogate.learning.surrogate_of`, or a function of the five quantities. Raise ValueError for a model without
+    such a force.
     """
     model = best_of(model)
     if isinstance(model, InputAwareTargetRegressor):

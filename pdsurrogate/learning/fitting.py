@@ -104,8 +104,8 @@ def cross_validate(
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> samples = pds.training_samples(pds.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
-    >>> model = pds.surrogate_pipeline(pds.ChebyshevRegressor(6), features="isochoric")
+    >>> samples = pds.training_samples(pds.materials.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(6), features="isochoric")
     >>> [row["rms"] < 1e-2 for row in pds.cross_validate(model, samples, folds=2)]
     [True, True]
     """
@@ -170,7 +170,7 @@ def evaluate(
     --------
     >>> import pdsurrogate as pds
     >>> model = pds.load_surrogate("neo-hookean@1")
-    >>> pds.evaluate(model.bond_force, pds.NeoHookean(), n_samples=500)["on_surface"]["rms"] < 1e-4
+    >>> pds.evaluate(model.bond_force, pds.materials.NeoHookean(), n_samples=500)["on_surface"]["rms"] < 1e-4
     True
     """
     checked_law(law)

@@ -70,7 +70,7 @@ class SobolevRegressor(RegressorMixin, BaseEstimator):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> regressor = pds.SobolevRegressor(6, "algebraic", max_iter=100, random_state=0)
+    >>> regressor = pds.learning.SobolevRegressor(6, "algebraic", max_iter=100, random_state=0)
     >>> regressor.get_params()["max_iter"]
     100
     """

@@ -43,7 +43,7 @@ def store(
     ----------
     model : estimator or object
         Model fitted to `samples`: a `surrogate_pipeline` with any regressor, or a search over one; for bond forces also another
-        regressor of the five bond quantities, or an object with a ``bond_force``, see `pdsurrogate.surrogate_of`.
+        regressor of the five bond quantities, or an object with a ``bond_force``, see `pdsurrogate.learning.surrogate_of`.
     samples : Samples
         Dimensionless samples; their design gives the domain in which the model holds.
     law : Law
@@ -78,9 +78,9 @@ def store(
     --------
     >>> import pdsurrogate as pds
     >>> import tempfile
-    >>> law = pds.NeoHookean()
+    >>> law = pds.materials.NeoHookean()
     >>> samples = pds.training_samples(law, n_samples=500, stretch_range=(0.7, 2.0))
-    >>> model = pds.surrogate_pipeline(pds.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
+    >>> model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((8, 4)), features="isochoric").fit(samples.X, samples.y)
     >>> path = pds.store(model, samples, law, tempfile.mkdtemp(), "my-rubber", None, "an example")
     >>> path.parts[-2:]
     ('my-rubber', '1')

@@ -78,7 +78,7 @@ def training_samples(
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> samples = pds.training_samples(pds.NeoHookean(), n_samples=300, stretch_range=(0.7, 2.0), target="sheet-energy")
+    >>> samples = pds.training_samples(pds.materials.NeoHookean(), n_samples=300, stretch_range=(0.7, 2.0), target="sheet-energy")
     >>> samples.X.shape, samples.design["stretch_range"]
     ((300, 2), [0.7, 2.0])
     """
@@ -128,7 +128,7 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> low, high = pds.reachable_stretches(pds.Gent(chain_limit=20.0))
+    >>> low, high = pds.learning.reachable_stretches(pds.materials.Gent(chain_limit=20.0))
     >>> low >= 0.5, high < 4.0
     (True, True)
     """
@@ -198,8 +198,8 @@ def surrogate_pipeline(
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> samples = pds.training_samples(pds.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
-    >>> model = pds.surrogate_pipeline(pds.ChebyshevRegressor(6), features="isochoric").fit(samples.X, samples.y)
+    >>> samples = pds.training_samples(pds.materials.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(6), features="isochoric").fit(samples.X, samples.y)
     >>> model.predict(samples.X).shape
     (500, 2)
     """
@@ -241,10 +241,10 @@ def surrogate_of(model, law: Law, samples: Samples, name: str = "unsaved") -> Le
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> law, target = pds.NeoHookean(), "isochoric-energy"
+    >>> law, target = pds.materials.NeoHookean(), "isochoric-energy"
     >>> samples = pds.training_samples(law, n_samples=300, stretch_range=(0.7, 2.0), target=target)
-    >>> model = pds.surrogate_pipeline(pds.SobolevRegressor(4, "algebraic", max_iter=30, random_state=0), target)
-    >>> pds.surrogate_of(model.fit(samples.X, samples.y), law, samples)
+    >>> model = pds.surrogate_pipeline(pds.learning.SobolevRegressor(4, "algebraic", max_iter=30, random_state=0), target)
+    >>> pds.learning.surrogate_of(model.fit(samples.X, samples.y), law, samples)
     <IsochoricNetwork unsaved of neo-hookean>
     """
     check_text(name, "name")
@@ -285,9 +285,9 @@ def force_model_of(model, law: Law, name: str = "fitted pipeline") -> LearntBond
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.learning import force_model_of
-    >>> samples = pds.training_samples(pds.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
-    >>> model = pds.surrogate_pipeline(pds.ChebyshevRegressor(6), features="isochoric").fit(samples.X, samples.y)
-    >>> force_model_of(model, pds.NeoHookean()).name
+    >>> samples = pds.training_samples(pds.materials.NeoHookean(), n_samples=500, stretch_range=(0.7, 2.0))
+    >>> model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(6), features="isochoric").fit(samples.X, samples.y)
+    >>> force_model_of(model, pds.materials.NeoHookean()).name
     'fitted pipeline'
     """
     model = best_of(model)

@@ -77,8 +77,8 @@ class InputAwareTargetRegressor(MetaEstimatorMixin, RegressorMixin, BaseEstimato
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pipeline = pds.surrogate_pipeline(pds.ChebyshevRegressor(4), features="isochoric")
-    >>> isinstance(pipeline, pds.InputAwareTargetRegressor)
+    >>> pipeline = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(4), features="isochoric")
+    >>> isinstance(pipeline, pds.learning.InputAwareTargetRegressor)
     True
     """
 

@@ -39,7 +39,7 @@ class Samples:
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> samples = pds.training_samples(pds.NeoHookean(), n_samples=300)
+    >>> samples = pds.training_samples(pds.materials.NeoHookean(), n_samples=300)
     >>> samples.X.shape, samples.y.shape, samples.target.name
     ((300, 5), (300, 2), 'bond-force')
     """

@@ -134,8 +134,8 @@ def sheet_states(law: Law, stretch: np.ndarray, lateral_stretch: np.ndarray) -> 
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> stress, volume = sheet_states(pds.NeoHookean(), np.array([1.5, 1.5]), np.array([np.nan, 1.0]))
-    >>> bool(np.isclose(stress[0], uniaxial(pds.NeoHookean(), 1.5).nominal_stress))
+    >>> stress, volume = sheet_states(pds.materials.NeoHookean(), np.array([1.5, 1.5]), np.array([np.nan, 1.0]))
+    >>> bool(np.isclose(stress[0], uniaxial(pds.materials.NeoHookean(), 1.5).nominal_stress))
     True
     """
     free = np.isnan(lateral_stretch)

@@ -234,9 +234,8 @@ def energy_derivatives(law: Law, trace, area_ratio):
     p, q, _, slope, energy = response(law, trace, J, x)
     if not isinstance(law, InvariantLaw):
         return energy, p / 2, q / J, *_differences(law, trace, J)
-    C33 = (x / J) ** 2
-    c = x ** (-2 / 3)
-    I1, I2 = c * (trace + C33), c * c * (J * J + C33 * trace)
+    C33, c = (x / J) ** 2, x ** (-2 / 3)
+    I1, I2 = isochoric_invariants((trace, J, x))
     _, W1, W2, W11, W12, W22 = law.isochoric(I1, I2, law.parameters)
     # These are the derivatives of the two isochoric invariants by I = tr C, J and x = J3.
     first = {
@@ -257,16 +256,9 @@ def energy_derivatives(law: Law, trace, area_ratio):
         (a1, a2), (b1, b2), (k1, k2) = first[pair[0]], first[pair[1]], second[pair]
         return W1 * k1 + W2 * k2 + W11 * a1 * b1 + W12 * (a1 * b2 + a2 * b1) + W22 * a2 * b2
 
-    stiffness = slope / x
-    by_I, by_J = derivative("Ix"), derivative("Jx")
-    return (
-        energy,
-        p / 2,
-        q / J,
-        derivative("II") - by_I**2 / stiffness,
-        derivative("IJ") - by_I * by_J / stiffness,
-        derivative("JJ") - by_J**2 / stiffness,
-    )
+    stiffness, by_x = slope / x, {key: derivative(f"{key}x") for key in "IJ"}
+    curvatures = (derivative(a + b) - by_x[a] * by_x[b] / stiffness for a, b in ("II", "IJ", "JJ"))
+    return energy, p / 2, q / J, *curvatures
 
 
 def _differences(law: Law, trace, J):

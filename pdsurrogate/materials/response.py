@@ -74,7 +74,7 @@ class Response:
         check_consistency(law)
         shared = law.volumetric, self.rows, self.volume
         if isinstance(law, InvariantLaw):
-            parts = law.isochoric, self.invariants, self.of_invariants, law.n_parameters
+            parts = law.isochoric, self.invariants, self.of_invariants
             return block_function_of(_invariant_block, STRESS_RESPONSE, *parts, *shared)
         parts = law.coefficients, law.term, self.stretches, self.of_stretches, self.curvature
         return block_function_of(_principal_block, STRESS_RESPONSE, *parts, *shared)
@@ -102,14 +102,14 @@ def _volume_block(volumetric):
     return response
 
 
-def _invariant_block(isochoric, invariants, of_invariants, n_parameters, volumetric, n_rows, volume):
+def _invariant_block(isochoric, invariants, of_invariants, volumetric, n_rows, volume):
     """Build the block function of an `InvariantLaw`."""
 
     def response(states, parameters, result):
         widest_vectors()
         states = carray(states, (STATE_NUMBERS, BLOCK))
         result = carray(result, (n_rows, BLOCK))
-        parameters = carray(parameters, (n_parameters,))
+        parameters = carray(parameters, (MOST_PARAMETERS,))
         for k in range(BLOCK):
             state = states[0, k], states[1, k], states[2, k]
             I1, I2 = invariants(state)

@@ -54,8 +54,8 @@ def principal_stretches(state):
 
     Nearly equal stretches, as roots of a cubic, are only known to some 6e-6 and are separated by as much. But they belong to invariants
     within 1e-11 of the given ones, of which energy and stress are smooth functions: these are accurate to 2e-11, and to rounding at
-    distinct stretches (``tests/test_responses.py``). The single coefficients are less accurate: at three equal stretches r is off by some
-    1e-5, which p and q compensate.
+    distinct stretches (``tests/materials/test_responses.py``). The single coefficients are less accurate: at three equal stretches r is off
+    by some 1e-5, which p and q compensate.
     """
     trace, cofactor_trace, J = state
     mean = trace / 3

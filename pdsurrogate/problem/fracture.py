@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from ..materials import Law, homogeneous
 from ..materials.law import check_number, checked_law
 from ..scenes import Scene
-from ..scenes.model import TIP_DIAMETER, tip_diameter
+from ..scenes.tip_diameter import TIP_DIAMETER, tip_diameter
 
 
 def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_diameter: float = TIP_DIAMETER) -> float:
@@ -49,7 +49,7 @@ def critical_stretch_of(law: Law, fracture_energy: float, horizon: float, tip_di
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> print(round(pds.critical_stretch_of(pds.NeoHookean(720.0, 72_000.0), fracture_energy=274.0, horizon=0.063), 3))
+    >>> print(round(pds.critical_stretch_of(pds.materials.NeoHookean(720.0, 72_000.0), fracture_energy=274.0, horizon=0.063), 3))
     3.624
     """
     checked_law(law)
@@ -108,7 +108,7 @@ def tearing_energy(law: Law, force: float, leg_width: float, thickness: float) -
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> print(round(pds.tearing_energy(pds.NeoHookean(), force=1.0, leg_width=8.0, thickness=2.0), 4))
+    >>> print(round(pds.tearing_energy(pds.materials.NeoHookean(), force=1.0, leg_width=8.0, thickness=2.0), 4))
     1.0106
     """
     checked_law(law)

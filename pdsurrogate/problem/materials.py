@@ -13,7 +13,7 @@ from ..forces import ForceModel, ForceSettings, InternalForce, Portion
 from ..forces.interfaces import YIELDING
 from ..materials import Law
 from ..scenes import Scene, SceneError
-from ..scenes.model import tip_diameter
+from ..scenes.tip_diameter import tip_diameter
 from .regions import BodyRegions
 
 LEAST_CELLS = 3

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..body import rows_of
+from ..ranks import Rows
 from ..results.checkpoint import Checkpoint, CheckpointError
 from ..results.states import Moment
 
@@ -58,7 +60,7 @@ class Checkpoints:
     def identity(self) -> dict:
         """Return the identity that a checkpoint of the run must have."""
         run = self.run
-        sizes = {"n_points": self._share.size(len(run.body)), "n_pairs": self._share.total(run.counted_pairs())}
+        sizes = {"n_points": self._share.size, "n_pairs": self._share.total(run.counted_pairs())}
         return {**run.contents.describe(), **sizes}
 
     def write(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
@@ -78,7 +80,7 @@ class Checkpoints:
         held = {**self._held(), **arrays}
         if run.earlier is not None:
             held["earlier"] = run.earlier[1]
-        whole = {key: self._share.to_whole(array, run.body, self._rows_of(key)) for key, array in held.items()}
+        whole = {key: self._rows_of(key).gather(array) for key, array in held.items()}
         kept = Checkpoint(self.identity, {**common, **progress}, whole)  # on all ranks, which form its sums together
         if run.ranks.rank == 0:
             kept.write(run.folder)
@@ -118,7 +120,7 @@ class Checkpoints:
     def _read(self, held: dict[str, np.ndarray]) -> Checkpoint:
         """Read a checkpoint on the first rank and return every rank's rows of it; the present arrays give the names of those required."""
         run, share, identity = self.run, self._share, self.identity
-        counts = {key: share.rows_of_whole(len(array), run.body, self._rows_of(key)) for key, array in held.items()}
+        counts = {key: self._rows_of(key).total for key, array in held.items()}
         shapes = {key: ((counts[key], *array.shape[1:]), array.dtype) for key, array in held.items()}
         whole = error = None
         if run.ranks.rank == 0:
@@ -128,9 +130,10 @@ class Checkpoints:
                 error = found
         share.agree(error)
         progress, keys = run.ranks.to_all(whole and (whole.progress, list(whole.arrays)))
-        arrays = {key: share.from_whole(whole and whole.arrays[key], run.body, self._rows_of(key)) for key in keys}
+        arrays = {key: self._rows_of(key).hand_out(whole and whole.arrays[key]) for key in keys}
         return Checkpoint(identity, progress, arrays)
 
-    def _rows_of(self, key: str) -> str:
-        """Return what an array of a checkpoint has a row for, see `Share.to_whole`."""
-        return "pairs" if key in ("broken", "recent") else self.run.force.state_rows.get(key.removeprefix(ACCEPTED), "points")
+    def _rows_of(self, key: str) -> Rows:
+        """Return the rows of the whole body that an array of a checkpoint holds."""
+        kind = "pairs" if key in ("broken", "recent") else self.run.force.state_rows.get(key.removeprefix(ACCEPTED), "points")
+        return rows_of(self.run.body, kind)

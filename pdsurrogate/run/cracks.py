@@ -7,8 +7,8 @@ import logging
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..body.share import SERIAL
 from ..forces import InvalidState
+from ..ranks.share import connected
 from ..solvers import ExplicitDynamics
 from .account import Account
 from .run import Run
@@ -87,14 +87,13 @@ class Cracks:
             failing[crushed[lost[bonds.first[crushed]] | lost[bonds.second[crushed]]]] = True
         pairs = np.flatnonzero(failing & ~self._damage.broken)
         if share.any(len(pairs)):
-            run.crack["failed_points"] += share.total(len(share.own_points(np.flatnonzero(failed[:n]))))
+            run.crack["failed_points"] += share.total(np.count_nonzero(failed[:n] & share.own))
         return pairs
 
     def _break(self, pairs: np.ndarray) -> None:
         """Break pairs in one event."""
         run, crack, share = self._run, self._run.crack, self._run.body.share
-        counted = share.counted_pairs(run.body.bonds.first[pairs])
-        crack["broken_bonds"] += share.total(len(pairs) if counted is None else int(np.count_nonzero(counted)))
+        crack["broken_bonds"] += share.total(int(np.count_nonzero(share.own[run.body.bonds.first[pairs]])))
         self._damage.break_bonds(pairs)
         if crack["start"] is None:
             places = starts_of_cracks(*self._damage.in_order(pairs), run.body.horizon)
@@ -113,7 +112,7 @@ class Cracks:
         """Return whether the body has come apart between its supports."""
         run, ends = self._run, self._run.loading.ends()
         _, piece = run.loading.pieces(~self._damage.broken)
-        pieces = [run.body.share.union(piece[points]) for points in ends]
+        pieces = [np.unique(np.concatenate(run.body.share.everywhere(np.unique(piece[points])))) for points in ends]
         run.crack["through"] = not all(np.isin(pieces[0], others).any() for others in pieces[1:])
         return run.crack["through"]
 
@@ -174,6 +173,6 @@ def _groups(places: np.ndarray, horizon: float) -> list[np.ndarray]:
     if not len(places):
         return []
     near = cKDTree(places).query_pairs(horizon, output_type="ndarray")
-    count, group = SERIAL.pieces(len(places), *near.T)
+    count, group = connected(len(places), *near.T)
     order = np.argsort(-np.bincount(group), kind="stable")[:count]
     return [np.flatnonzero(group == number) for number in order]

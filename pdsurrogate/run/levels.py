@@ -80,11 +80,9 @@ def solver_of(run: Run) -> EquilibriumSolver:
     spec = run.problem.solver
     solver = SOLVERS[spec.method]
     if solver.needs_energy and not run.loaded.has_energy:
-        missing = f", and {run.loaded.no_energy_because}" if run.force.has_energy else f"; {run.model.name} has none"
-        raise SceneError(
-            f"scene {run.scene.name}: solver.method={spec.method} needs a force that has an energy, as bond-energy does{missing}, so take "
-            "another solver.method"
-        )
+        why = run.loaded.no_energy_because if run.force.has_energy else f"{run.model.name} has none"
+        needs = f"solver.method={spec.method} needs a force that has an energy, as bond-energy does, and {why}"
+        raise SceneError(f"scene {run.problem.name}: {needs}; take another solver.method")
     return solver(run.loading.free, run.body.volumes, spec.tolerance, spec.most_evaluations, run.body.share)
 
 
@@ -319,7 +317,7 @@ def _solve(
 ) -> Equilibrium:
     """Equilibrium at a value of the parameter from where the run is, near a guess, within so many evaluations."""
     began = run.force.evaluations
-    farthest = FARTHEST * run.body.share.extent(run.body.points)
+    farthest = FARTHEST * run.body.extent
 
     def report(evaluations: int, residual: float) -> None:
         run.residual = residual
@@ -331,7 +329,7 @@ def _solve(
         if evaluations > patience:
             raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
         if run.loads is not None:
-            moved = run.body.share.maximum(np.abs(run.positions - guess))
+            moved = run.body.share.greatest(np.abs(run.positions - guess))
             if moved > farthest:
                 weak = told_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
                 raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")

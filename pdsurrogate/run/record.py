@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from ..results.result import write_tables
+from ..results.tables import write_tables
 
 if TYPE_CHECKING:
     from .run import Run

@@ -11,14 +11,13 @@ import numpy as np
 from ..engine.threads import threads_for
 from ..forces import ForceModel
 from ..problem import Stage, compile_scene
-from ..problem.materials import check_fracture, models_of, settings_of, warn_of_bulk_moduli
 from ..problem.problem import scene_errors
 from ..ranks import communicator
 from ..results import measures
 from ..results.contents import Contents
 from ..results.probes import Probes
-from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory, StatesInPieces
-from ..scenes import Mesh, Scene
+from ..results.states import Moment, Moments, States, StatesInFiles, StatesInMemory
+from ..scenes import Scene
 from .checkpoints import Checkpoints
 from .damage import Damage
 from .interruption import Interruption
@@ -112,21 +111,17 @@ class Run:
         threads: int | None = None,
         interruption: Interruption | None = None,
     ) -> None:
-        self.scene, self.model, self.progress, self.folder = scene, model, progress, folder
+        self.model, self.progress, self.folder = model, progress, folder
         self.interruption, self.ranks = interruption or Interruption(), communicator()
-        self.law = scene.law()
-        check_fracture(scene, model)
-        warn_of_bulk_moduli(scene)
-        self.models = [model, *models_of(scene, model)]
-        self.contents = Contents.of(scene, self.models)
-        self.problem = compile_scene(scene, self.models, self.ranks)
-        self.body, self.loading, self.loads = self.problem.body, self.problem.loading, self.problem.loads
+        self.problem = compile_scene(scene, model, self.ranks)
+        self.contents = Contents.of(scene, self.problem.models)
+        self.body, self.loading, self.loads = self.problem.body, self.problem.loading, self.problem.loading.loads
         self.stages: tuple[Stage, ...] = self.problem.stages
         paying = threads_for(len(self.body.bonds.first))
         self.threads = (threads or paying) if self.ranks.size == 1 else threads_of(self.ranks, threads, paying)
         numba.set_num_threads(self.threads)
         if self.ranks.size > 1:
-            compile_first(self.ranks, model, self.law, settings_of(scene), scene.dimension)
+            compile_first(self.ranks, model, self.problem)
         self.force, self.loaded = self.problem.bind()
         with scene_errors(scene):
             self.probes = Probes(self.problem.whole, scene.probes, self._portion_of(), self.body.share)
@@ -159,9 +154,10 @@ class Run:
 
     def takes_double(self) -> bool:
         """Return whether the force models can be evaluated in double instead of single precision."""
-        if self.scene.precision is not None or self.force.precision == "float64":
+        settings = self.problem.settings
+        if settings.precision is not None or self.force.precision == "float64":
             return False
-        return all("float64" in model.honoured(self.scene.plane)["precision"] for model in self.models)
+        return all("float64" in model.honoured(settings.plane)["precision"] for model in self.problem.models)
 
     def take_double(self) -> None:
         """Evaluate the force models in double precision from here on."""
@@ -177,16 +173,16 @@ class Run:
     def states_of(self, moments: list[Moment] | None = None) -> States:
         """Return the storage of states, with the moments of those that are recorded already."""
         if self._in_pieces:
-            return StatesInPieces(self.folder, self.body, self.scene.name, moments)
+            return StatesInFiles(self.folder, self.problem.name, self.body, moments)
         if self.ranks.rank:
             return Moments(moments)
-        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.whole, self.scene.name, moments)
+        return StatesInMemory() if self.folder is None else StatesInFiles(self.folder, self.problem.name, self.whole, moments)
 
     @property
     def _in_pieces(self) -> bool:
         """Return whether every rank writes the states of its own points, as for bodies that are too large for one rank to write."""
-        large = self.body.share.size(len(self.body)) > MOST_GATHERED
-        return large and self.ranks.size > 1 and self.folder is not None and not isinstance(self.scene.body, Mesh)
+        large = self.body.share.size > MOST_GATHERED
+        return large and self.ranks.size > 1 and self.folder is not None and not self.problem.meshed
 
     def _portion_of(self) -> np.ndarray | None:
         """Return the material of every point of the whole body; None where there is one."""
@@ -234,12 +230,11 @@ class Run:
 
     def unsupported_points(self) -> int:
         """Return the number of points that have too few bonds left for a deformation gradient."""
-        return self.body.share.total(len(self.body.share.own_points(np.flatnonzero(~self.force.supported))))
+        return self.body.share.total(int(np.count_nonzero(~self.force.supported & self.body.share.own)))
 
     def counted_pairs(self) -> int:
         """Return the number of pairs that this rank counts; all of them in one process."""
-        counted = self.body.share.counted_pairs(self.body.bonds.first)
-        return len(self.body.bonds.first) if counted is None else int(np.count_nonzero(counted))
+        return int(np.count_nonzero(self.body.share.own[self.body.bonds.first]))
 
     def directed_bonds(self) -> int:
         """Return the number of directed bonds within the body of the points that are counted here."""

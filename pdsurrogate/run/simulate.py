@@ -22,7 +22,7 @@ from ..results import Result
 from ..results.contents import Contents
 from ..results.files import remove_leftovers
 from ..results.folder import DONE, FAILED, INTERRUPTED, RUNNING, check_names, check_room, make_room, occupied
-from ..results.result import write_tables
+from ..results.tables import write_tables
 from ..scenes import Scene, SceneError, load_scene
 from ..solvers import Diverging, NotConverged, RanAway, TooFar, TooSmall, Unbalanced, Unstable
 from ..solvers.conditions import FoldedOver

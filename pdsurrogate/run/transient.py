@@ -70,7 +70,7 @@ class Transient:
             return self.spec.viscosity
         if self.run.damage is None:
             return 0.0
-        return CRACK_VISCOSITY * self.run.body.spacing * math.sqrt(self.spec.density / self.run.law.shear_modulus)
+        return CRACK_VISCOSITY * self.run.body.spacing * math.sqrt(self.spec.density / self.run.problem.law.shear_modulus)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the entries of a checkpoint for the dynamics."""

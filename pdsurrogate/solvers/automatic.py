@@ -55,7 +55,7 @@ class Automatic(EquilibriumSolver):
                     raise
                 self.gave_up = True
                 positions[:] = start
-        most = max(self.LEAST_RELAXED, int(self.RELAXED * self.share.extent(force.body.points) / force.body.spacing))
+        most = max(self.LEAST_RELAXED, int(self.RELAXED * force.body.extent / force.body.spacing))
         self._sure.most_evaluations = min(self.most_evaluations, most)
         found = self._sure.solve(force, positions, tolerance, report, least_drive)
         return replace(found, evaluations=force.evaluations - began)

@@ -191,7 +191,7 @@ class Loading:
         """
         bonds, n = self.body.bonds, len(self.body)
         within = bonds.second < n if intact is None else (bonds.second < n) & intact
-        return self._share.pieces(n, bonds.first[within], bonds.second[within])
+        return self._share.pieces(bonds.first[within], bonds.second[within])
 
     def at(self, parameter: float) -> str:
         """Return words for a value of the parameter."""
@@ -202,7 +202,7 @@ class Loading:
         shares = [np.abs(part.displacement(parameter)[..., list(part.components)]).max(initial=0.0) for part in self.held]
         motions = [plane.motion(parameter) for plane in self.planes]
         shares += [max(np.abs(motion[:, -1]).max(), np.abs(motion[:, :-1]).max() * self.body.spacing) for motion in motions]
-        moved = self._share.greatest(float(max(shares, default=0.0))) > AT_REST * self._share.extent(self.body.points)
+        moved = self._share.greatest(float(max(shares, default=0.0))) > AT_REST * self.body.extent
         return not moved and (self.loads is None or self.loads.vanish(parameter))
 
     @cached_property
@@ -246,7 +246,7 @@ class Loading:
 
         before, present, after = map(places, (last, now, ahead))
         way, evenly = after - present, (present - before) * ((ahead - now) / (now - last))
-        off, *ways = (self._share.greatest(np.abs(change).max(initial=0.0)) for change in (way - evenly, way, evenly))
+        off, *ways = (self._share.greatest(np.abs(change)) for change in (way - evenly, way, evenly))
         return off / max(ways) if off > 0 else 0.0
 
     def check_inside(self, parameter: float, force: InternalForce, positions: np.ndarray) -> None:
@@ -399,8 +399,9 @@ class Loading:
         for number, part in enumerate(self.held):
             for component in part.components:
                 owner[part.every, component] = number
+        owner[~self._share.own] = -1
         return [
-            {} if part.holder is None else {c: self._share.own_points(part.every[owner[part.every, c] == number]) for c in part.components}
+            {} if part.holder is None else {c: part.every[owner[part.every, c] == number] for c in part.components}
             for number, part in enumerate(self.held)
         ]
 
@@ -409,8 +410,7 @@ class Loading:
         """Bonds to images that planes move: their numbers, the planes, and half the image's displacement per displacement of the plane."""
         n, ghosts = len(self.body), self.body.ghosts
         outer = np.flatnonzero(self.body.bonds.second >= n)
-        counted = self.body.share.counted_pairs(self.body.bonds.first[outer])
-        outer = outer if counted is None else outer[counted]
+        outer = outer[self._share.own[self.body.bonds.first[outer]]]
         levers = ghosts.lever[self.body.bonds.second[outer] - n]
         rows, planes = np.nonzero(levers.any(axis=2))
         return outer[rows], planes, levers[rows, planes] / 2
@@ -462,4 +462,5 @@ class Loading:
         for part in self.held:
             if part.holder is not None:
                 found[part.holder].append(part.every)
-        return [self._share.own_points(np.unique(np.concatenate(parts))) for parts in found]
+        points = [np.unique(np.concatenate(parts)) for parts in found]
+        return [own[self._share.own[own]] for own in points]

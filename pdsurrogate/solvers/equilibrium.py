@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from ..body import Body
-from ..body.share import SERIAL, Share
 from ..forces import InternalForce
 from ..kernels.steps import greatest_force_density
+from ..ranks import Share
 from .extension import greatest_bond_strain
 from .preconditioner import Preconditioner, preconditioner_of
 from .supports import SupportedPreconditioner
@@ -84,7 +84,7 @@ def told_of_zero_energy_modes(force: InternalForce, consequence: str) -> str:
 
 def strain_rounding(body: Body) -> float:
     """Strain of a bond as long as the spacing that rounding of the positions of its ends makes."""
-    farthest = body.share.maximum(np.abs(body.points))
+    farthest = body.share.greatest(np.abs(body.points))
     return float(np.finfo(float).eps) * farthest / body.spacing
 
 
@@ -151,9 +151,9 @@ class EquilibriumSolver(ABC):
         volumes: np.ndarray,
         tolerance: float = 1e-6,
         most_evaluations: int = 50_000,
-        share: Share = SERIAL,
+        share: Share | None = None,
     ) -> None:
-        self.free, self.volumes, self.share = free, volumes, share
+        self.free, self.volumes, self.share = free, volumes, share or Share.whole(len(free))
         self.tolerance, self.most_evaluations = tolerance, most_evaluations
         self._preconditioner: Preconditioner | None = None
         self._drive, self._on_held = 0.0, np.zeros(0)
@@ -271,8 +271,7 @@ class EquilibriumSolver(ABC):
     def _crossing(self, body: Body) -> np.ndarray:
         """Numbers of the bonds across planes of reflection that are counted here."""
         outer = np.flatnonzero(body.bonds.second >= len(body))
-        counted = body.share.counted_pairs(body.bonds.first[outer])
-        return outer if counted is None else outer[counted]
+        return outer[body.share.own[body.bonds.first[outer]]]
 
     def not_converged(self, force: InternalForce, residual: float, evaluations: int, tolerance: float) -> NotConverged:
         """The error for a residual, or a sum of forces, that is still too large."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..body import Body
-from ..body.share import Share
 from ..body.surface import Following, Surface
 from ..forces import InternalForce, InvalidState
+from ..ranks import Share
 from .supports import Supports
 
 AT_REST = 1e-14

@@ -13,7 +13,7 @@ from ..forces import InternalForce, InvalidState
 from .conditions import moment_of
 from .loads import LoadedForce
 from .multigrid import factor_of
-from .nearest_bonds import Springs, held_matrix
+from .nearest_bonds import Preconditioner, Springs, held_matrix
 
 MOST_STEPS = 30
 """Newton steps by which a region is brought to where its held components are; from the last state two or three are taken."""
@@ -202,7 +202,7 @@ class RigidForce:
             forces[region.points] = on_region
 
 
-class RigidStiffness:
+class RigidStiffness(Preconditioner):
     """The stiffness of the springs along and across the nearest bonds, for the motions of rigid regions and the points of the rest.
 
     Parameters
@@ -238,9 +238,6 @@ class RigidStiffness:
         self._free = np.concatenate([kept.ravel(), *motions_free])
         matrix = by_motion.T @ Springs(body, force.stiffness_moduli).matrix(inside) @ by_motion
         self._factor = factor_of(held_matrix(matrix.tocsc(), self._free))
-
-    def update(self) -> None:
-        """Do nothing: it is the same in all states but for where the regions are, which they know."""
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
         """Displacements under forces, shape (n, d)."""

@@ -93,7 +93,7 @@ class Supports:
         return found
 
 
-class SupportedPreconditioner:
+class SupportedPreconditioner(Preconditioner):
     """A preconditioner of a body that is held at points, for the same held at places: R M R^T, with R u = u less what moves a place.
 
     Parameters

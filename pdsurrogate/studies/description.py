@@ -32,7 +32,7 @@ class Distribution(StrictModel):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> radius = pds.Distribution(distribution="uniform", loc=0.2, scale=0.6)
+    >>> radius = pds.studies.Distribution(distribution="uniform", loc=0.2, scale=0.6)
     >>> print(round(float(radius.build().ppf(0.5)), 6))
     0.5
     """

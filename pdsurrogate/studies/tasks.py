@@ -107,10 +107,8 @@ class FitTask:
         with threadpool_limits(threads):
             if not place.exists():  # it exists if an earlier attempt ended before writing its summary
                 try:
-                    design, pipeline = settings.design(law), settings.pipeline()[0]
-                    pipeline.fit(design.X, design.y)
-                    text = settings.text(law, settings.cross_validate(pipeline, design))
-                    store(pipeline, design, law, folder, *SURROGATE, text)
+                    trained = settings.train(law)
+                    store(trained.pipeline, trained.samples, law, folder, *SURROGATE, settings.text(law, trained.cross_validation))
                 except (TooInexact, ValueError) as error:
                     return str(error)
         card = artifacts.load_card(place)

@@ -4,10 +4,10 @@ import sys
 
 import numpy as np
 
-from pdsurrogate.body import ReflectionPlane
+from pdsurrogate.body import ReflectionPlane, divided
 from pdsurrogate.engine.compile import compilation_clock
 from pdsurrogate.forces import ForceSettings
-from pdsurrogate.ranks import communicator, divided
+from pdsurrogate.ranks import communicator
 from pdsurrogate.solvers import ExplicitDynamics
 from pdsurrogate.stress_test.bodies import notched
 from pdsurrogate.stress_test.case import Subject
