@@ -20,8 +20,9 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from ..arguments import check_whole_number
 from ..results.files import write_json
 from ..results.folder import LOCK, FolderTaken, occupied
+from ..run.simulate import SimulationInterrupted
 from ..scenes import SceneError
-from .tasks import OutOfTime, Task
+from .tasks import Task
 
 OUTCOME = "outcome.json"
 """File that is written last in the folder of a run and marks it as done."""
@@ -165,7 +166,9 @@ def carry_out(task: Task, folder: Path, threads: int, study: int | None, max_tim
         with _held(folder):
             failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS), max_time)
             write_json(folder / OUTCOME, {"digest": task.digest, "failure": failure})
-    except OutOfTime:
+    except SimulationInterrupted as stopped:
+        if not stopped.out_of_time:
+            raise KeyboardInterrupt from None
         failure = NOT_DONE
     except OSError as error:
         failure = f"could not write {error.filename or folder}: {error.strerror or error}"
