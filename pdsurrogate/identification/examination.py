@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .data import BIAXIAL, TestData
-from .energy import INVARIANTS, NEGATIVE, POSITIVE, EnergyRegressor, columns_of, dictionary, isochoric, scaled_weights
+from .energy import INVARIANTS, NEGATIVE, POSITIVE, EnergyRegressor, columns_of, dictionary, isochoric, scaled_weights, terms_of
 from .stress_regressor import StressRegressor
 
 NOISE = 0.01
@@ -43,7 +43,7 @@ LEAST_FACTOR = 1.5
 POOR = 0.9
 """R^2 of a mode below which a fit is called poor."""
 
-TERMS = [*dictionary(POSITIVE[-1], NEGATIVE[-1]), *INVARIANTS[1]]
+TERMS = terms_of(dictionary(POSITIVE[-1], NEGATIVE[-1]), INVARIANTS[1])
 """Terms of an energy that stands for all those that physics allows: powers of stretches, of their inverses, and of the first invariant."""
 
 REWEIGHTINGS = 12

@@ -153,7 +153,7 @@ def reachable_stretches(law: Law, stretch_range: tuple[float, float] = (0.5, 4.0
 
 
 def _reachable_share(law: Law, reached: Callable[[float], bool]) -> float:
-    """Return the share of a range of log-stretches in which a law is finite; ``reached(share)`` tells whether it is in a share."""
+    """Return the share of a range of log-stretches in which a law is finite; ``reached(share)`` is True if it is in a share."""
     if reached(1.0):
         return 1.0
     inside, outside = 0.0, 1.0

@@ -33,6 +33,9 @@ LEAST_SEPARATION = 3e-6
 All results are even in the difference, so they change by some 1e-11, which is the size of rounding there.
 """
 
+INVARIANTS = ((1, 0, -2 / 3), (0, -2, 4 / 3)), ((0, 2, -4 / 3), (1, -2, 2 / 3))
+"""Exponents of tr C, J and J3 in the two terms of which I1bar and I2bar are the sums, with C33 = (J3/J)**2."""
+
 
 @inlined
 def isochoric_invariants(state):
@@ -245,31 +248,19 @@ def energy_derivatives(law: Law, trace, area_ratio):
     p, q, _, slope, energy = response(law, trace, J, x)
     if not isinstance(law, InvariantLaw):
         return energy, p / 2, q / J, *_differences(law, trace, J)
-    C33, c = (x / J) ** 2, x ** (-2 / 3)
-    I1, I2 = isochoric_invariants((trace, J, x))
-    _, W1, W2, W11, W12, W22 = law.isochoric(I1, I2, law.parameters)
-    # These are the derivatives of the two isochoric invariants by I = tr C, J and x = J3.
-    first = {
-        "I": (c, c * c * C33),
-        "J": (-2 * c * C33 / J, c * c * (2 * J - 2 * C33 * trace / J)),
-        "x": ((2 * c * C33 - 2 / 3 * I1) / x, (2 * c * c * C33 * trace - 4 / 3 * I2) / x),
-    }
-    zero = np.zeros_like(J)
-    second = {
-        "II": (zero, zero),
-        "IJ": (zero, -2 * c * c * C33 / J),
-        "JJ": (6 * c * C33 / J**2, c * c * (2 + 6 * C33 * trace / J**2)),
-        "Ix": (-2 / 3 * c / x, 2 / 3 * c * c * C33 / x),
-        "Jx": (-8 / 3 * c * C33 / (J * x), -c * c * (8 / 3 * J + 4 / 3 * trace * C33 / J) / x),
-    }
+    state = np.stack([trace, J, x])
+    _, W1, W2, W11, W12, W22 = law.isochoric(*isochoric_invariants(state), law.parameters)
+    (a, A), (b, B) = (_power_derivatives(np.array(terms), state) for terms in INVARIANTS)
+    second = W1 * A + W2 * B + W11 * a * a[:, None] + W12 * (a * b[:, None] + b * a[:, None]) + W22 * b * b[:, None]
+    condensed = second - second[2] * second[:, 2:] / (slope / x)
+    return energy, p / 2, q / J, condensed[0, 0], condensed[0, 1], condensed[1, 1]
 
-    def derivative(pair):
-        (a1, a2), (b1, b2), (k1, k2) = first[pair[0]], first[pair[1]], second[pair]
-        return W1 * k1 + W2 * k2 + W11 * a1 * b1 + W12 * (a1 * b2 + a2 * b1) + W22 * a2 * b2
 
-    stiffness, by_x = slope / x, {key: derivative(f"{key}x") for key in "IJ"}
-    curvatures = (derivative(a + b) - by_x[a] * by_x[b] / stiffness for a, b in ("II", "IJ", "JJ"))
-    return energy, p / 2, q / J, *curvatures
+def _power_derivatives(exponents: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first and second derivatives, (3, n) and (3, 3, n), of a sum of products of powers of three numbers."""
+    terms = np.prod(state ** exponents[:, :, None], axis=1)
+    twice = exponents[:, :, None] * (exponents[:, None] - np.eye(3))
+    return exponents.T @ terms / state, np.einsum("kij,kn->ijn", twice, terms) / (state * state[:, None])
 
 
 def _differences(law: Law, trace, J):

@@ -73,7 +73,7 @@ def principal_stretches(state):
     for _ in range(3):
         y = y - (y * (4 * y * y - 3) - c) / (12 * y * y - 3)
     apart = mean + 2 * root * y * select(skew < 0, -1.0, 1.0)
-    # Sum and product of the other two: the product is computed first beside a greatest one, the sum first beside a least one.
+    # Sum and product of the other two: for a greatest one the product is computed first, for a least one the sum.
     rest = trace - apart
     product = select(skew < 0, cofactor_trace - apart * rest, J * J / apart)
     rest = select(skew < 0, rest, (cofactor_trace - product) / apart)
