@@ -1,4 +1,4 @@
-"""What callers of public functions give, checked before work starts: an error names the argument and what would be right."""
+"""Checks of arguments of public functions before work starts; an error names the argument and the right value."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ def check_text(value: Any, what: str) -> None:
 
 
 def check_is(value: Any, kind: type, what: str, such_as: str) -> None:
-    """Raise TypeError if a value is of another class; `such_as` says where one comes from."""
+    """Raise TypeError if a value is of another class; `such_as` gives an example."""
     if not isinstance(value, kind):
         raise TypeError(f"{what} must be {kind.__name__}, such as {such_as}, not {kind_of(value)}")
 
 
 def check_estimator(value: Any, what: str = "model") -> None:
-    """Raise TypeError if a value cannot be cloned, fitted and asked as scikit-learn's estimators are."""
+    """Raise TypeError if a value has not the methods of a scikit-learn estimator."""
     if isinstance(value, type):
         raise TypeError(f"{what} must be an estimator, not its class: give {value.__name__}()")
     if not all(callable(getattr(value, name, None)) for name in ("fit", "predict", "get_params")):
@@ -66,7 +66,7 @@ def check_estimator(value: Any, what: str = "model") -> None:
 
 
 def check_jobs(value: Any) -> None:
-    """Raise TypeError or ValueError if a number of joblib's jobs is none: a whole number other than 0, or None."""
+    """Raise TypeError or ValueError if a value is no number of jobs for joblib: a whole number other than 0, or None."""
     if value is not None and (not isinstance(value, Integral) or isinstance(value, bool)):
         raise TypeError(f"n_jobs must be a whole number or None, not {value!r}")
     if value == 0:
@@ -86,12 +86,12 @@ def check_tables(value: Iterable | None, what: str) -> None:
 
 
 def in_order(table, columns: tuple[str, ...] | None, title: str):
-    """Return a table with its named columns in the order of `columns`; arrays, and tables without names, as they are.
+    """Return a table with its named columns in the order of `columns`; arrays and tables without names are unchanged.
 
     Raises
     ------
     ValueError
-        If the table has other names.
+        If the table has other columns.
     """
     from sklearn.utils.validation import _get_feature_names
 
@@ -104,5 +104,5 @@ def in_order(table, columns: tuple[str, ...] | None, title: str):
 
 
 def kind_of(value: Any) -> str:
-    """A value in a message: plain ones as they are, all others by their class."""
+    """Return a text for a value in a message: plain values as they are, all others by their class."""
     return repr(value) if value is None or isinstance(value, bool | int | float | str | bytes) else f"a {type(value).__name__}"

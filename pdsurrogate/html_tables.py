@@ -1,4 +1,4 @@
-"""Small tables in HTML, as notebooks show them."""
+"""Small tables in HTML, for notebooks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def html_facts(title: str, facts: Mapping[str, Any]) -> str:
-    """A title and two columns: what, and its value; text is escaped."""
+    """Return a table of names and values with a title; text is escaped."""
     rows = "".join(
         f"<tr><th style='text-align:left'>{escape(str(key))}</th><td>{escape(str(value))}</td></tr>" for key, value in facts.items()
     )
@@ -16,7 +16,7 @@ def html_facts(title: str, facts: Mapping[str, Any]) -> str:
 
 
 def html_table(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """A table with a header; text is escaped."""
+    """Return a table with a header; text is escaped."""
     head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
     body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

@@ -36,11 +36,11 @@ from skorch import NeuralNetRegressor
 import pdsurrogate as pds
 from pdsurrogate.engine.threads import thread_count
 from pdsurrogate.identification import committee_spread, nominal_stress
+from pdsurrogate.learning.bond_force import stiffness_slopes
 from pdsurrogate.learning.settings import FitSettings
-from pdsurrogate.learning.validation import stiffness_slopes
 from pdsurrogate.reports.speed import bench_positions, sheet
 
-LAW = pds.Ogden()
+LAW = pds.materials.Ogden()
 SAMPLES = 2000
 PATIENCE = 20.0
 """Seconds of timing of all models, in turn."""
@@ -192,7 +192,7 @@ def refused(folder: Path) -> str:
             lambda: pds.simulate(
                 scene,
                 GridSearchCV(
-                    pds.surrogate_pipeline(pds.ChebyshevRegressor(), features="isochoric"),
+                    pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(), features="isochoric"),
                     {"regressor__regressor__regressor__degree": [2, 3]},
                     cv=2,
                     refit=False,
@@ -242,11 +242,11 @@ SETS, SHEETS = 40, 10
 """Sets of noisy stresses of every law whose committees are asked for stresses, and of these those that run a sheet with a hole."""
 
 KNOWN = {
-    "ogden": pds.Ogden(moduli=(0.4, -0.02), exponents=(2.0, -2.0), bulk_modulus=420.0),
-    "mooney-rivlin": pds.MooneyRivlin(0.4, 400.0, 0.15),
-    "gent": pds.Gent(0.4, 400.0, 60.0),
-    "arruda-boyce": pds.ArrudaBoyce(0.4, 400.0, 20.0),
-    "yeoh": pds.Yeoh(0.4, 400.0, -0.006, 2e-4),
+    "ogden": pds.materials.Ogden(moduli=(0.4, -0.02), exponents=(2.0, -2.0), bulk_modulus=420.0),
+    "mooney-rivlin": pds.materials.MooneyRivlin(0.4, 400.0, 0.15),
+    "gent": pds.materials.Gent(0.4, 400.0, 60.0),
+    "arruda-boyce": pds.materials.ArrudaBoyce(0.4, 400.0, 20.0),
+    "yeoh": pds.materials.Yeoh(0.4, 400.0, -0.006, 2e-4),
 }
 """Laws that noisy data are made from, with the K/mu of the fits; the committee's make was chosen with the first of them alone."""
 
@@ -260,8 +260,8 @@ def identified(name: str, seed: int, weights: str) -> list:
     noise = np.random.default_rng(100 * list(KNOWN).index(name) + seed).standard_normal(len(MEASURED))  # no two laws have the same
     y = nominal_stress(KNOWN[name], MEASURED) * (1 + NOISE * noise)
     weight = WEIGHTS[weights](y)
-    model = pds.EnergyRegressor().fit(MEASURED, y, weight)
-    return [model, *pds.committee(model, MEASURED, y, MEMBERS, random_state=seed, sample_weight=weight)]
+    model = pds.identification.EnergyRegressor().fit(MEASURED, y, weight)
+    return [model, *pds.identification.committee(model, MEASURED, y, MEMBERS, random_state=seed, sample_weight=weight)]
 
 
 def off_and_spread(results: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -277,7 +277,9 @@ def stresses_of_committees() -> str:
     states, rows = np.vstack([between, beyond]), []
     for name, law in KNOWN.items():
         right, exact = nominal_stress(law, states), nominal_stress(law, MEASURED)
-        form = np.abs(pds.EnergyRegressor().fit(MEASURED, exact, exact**-2).predict(states) / right - 1)[: len(between)].max()
+        form = np.abs(pds.identification.EnergyRegressor().fit(MEASURED, exact, exact**-2).predict(states) / right - 1)[
+            : len(between)
+        ].max()
         for weights in WEIGHTS:
             fits = (identified(name, seed, weights) for seed in range(SETS))
             off, spread = map(

@@ -98,7 +98,7 @@ for line in sys.stdin:
         model = pds.load_surrogate(name)
         card = Path("artifacts") / name / "1" / "card.json"
         material = json.loads(card.read_text())["material"]["trained_with"] if card.exists() else {"law": "neo-hookean"}
-        law = pds.LAWS[material.pop("law")](**{key: tuple(v) if isinstance(v, list) else v for key, v in material.items()})
+        law = pds.materials.LAWS[material.pop("law")](**{key: tuple(v) if isinstance(v, list) else v for key, v in material.items()})
         force = model.bind(body, law, pds.ForceSettings())
         bound[name, width, threads] = force, bench_positions(body, law), np.empty_like(body.points), body.bonds.n_directed
         for _ in range(3):

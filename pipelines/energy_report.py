@@ -42,8 +42,8 @@ def scenes() -> str:
 
 STATES = {
     "rest": np.eye(2),
-    "uniaxial 2": np.diag([2.0, homogeneous.uniaxial(pds.NeoHookean(), 2.0).lateral_stretch]),
-    "uniaxial 3": np.diag([3.0, homogeneous.uniaxial(pds.NeoHookean(), 3.0).lateral_stretch]),
+    "uniaxial 2": np.diag([2.0, homogeneous.uniaxial(pds.materials.NeoHookean(), 2.0).lateral_stretch]),
+    "uniaxial 3": np.diag([3.0, homogeneous.uniaxial(pds.materials.NeoHookean(), 3.0).lateral_stretch]),
     "shear 0.8": np.array([[1.0, 0.8], [0.0, 1.0]]),
     "equibiaxial 2": np.diag([2.0, 2.0]),
 }
@@ -51,7 +51,7 @@ STATES = {
 
 def modes() -> str:
     """Least eigenvalue over the greatest on 12 x 12 points, translations and the rotation of the deformed body left out."""
-    body, law = pds.Body.rectangle(1.2, 1.2, 0.1, 0.315), pds.NeoHookean()
+    body, law = pds.Body.rectangle(1.2, 1.2, 0.1, 0.315), pds.materials.NeoHookean()
     rows = []
     for force in ("bond-energy", "neo-hookean-energy", "nosb"):
         row = [force]
@@ -103,12 +103,12 @@ def drift() -> str:
         ("nosb", "float64"),
         ("ba-nosb", "float64"),
     ]
-    return _drifts([(name, precision, pds.NeoHookean(), "stress") for name, precision in cases])
+    return _drifts([(name, precision, pds.materials.NeoHookean(), "stress") for name, precision in cases])
 
 
 def isochoric_drift() -> str:
     """The same of the learnt isochoric energies, in plane strain."""
-    laws = (pds.NeoHookean(), pds.ArrudaBoyce(), pds.Ogden(), pds.FullNetwork())
+    laws = (pds.materials.NeoHookean(), pds.materials.ArrudaBoyce(), pds.materials.Ogden(), pds.materials.FullNetwork())
     return _drifts([(f"{law.name}-isochoric", "float64", law, "strain") for law in laws])
 
 

@@ -113,7 +113,7 @@ def make_energy(name, law, description, samples, regressor, searched_over, folde
 
     errors = {}
     for activation, units in searched_over:
-        model = pipeline(pds.SobolevRegressor(units, activation, max_iter=ROUNDS, random_state=0))
+        model = pipeline(pds.learning.SobolevRegressor(units, activation, max_iter=ROUNDS, random_state=0))
         errors[activation, units] = [row["rms"] for row in pds.cross_validate(model, samples, folds=3)]
     searched = [
         {"activation": activation, "n_units": units, "rms": sum(rows) / len(rows), "spread": max(rows) - min(rows)}
@@ -135,7 +135,7 @@ def make_energy(name, law, description, samples, regressor, searched_over, folde
 
 def make_all(folder: Path) -> None:
     """All artefacts."""
-    law = pds.NeoHookean()
+    law = pds.materials.NeoHookean()
     make(
         "neo-hookean",
         law,
@@ -162,7 +162,7 @@ def make_all(folder: Path) -> None:
         "neo-hookean-paper",
         law,
         "The paper's own network: its five features, Algorithm 1 on its box of stretches, 20 logistic units.",
-        pds.algorithm_1(law, random_state=0),
+        pds.learning.algorithm_1(law, random_state=0),
         pds.surrogate_pipeline(
             pds.LevenbergMarquardtRegressor((20,), "logistic", max_iter=1000, n_iter_no_change=100, random_state=0), features="paper"
         ),
@@ -174,15 +174,15 @@ def make_all(folder: Path) -> None:
         law,
         "Plane-stress energy of slightly compressible Neo-Hookean rubber, K = 100 mu: 12 units on two logarithmic invariants.",
         pds.training_samples(law, 2000, random_state=0, target="sheet-energy"),
-        pds.SobolevRegressor(12, "algebraic", max_iter=1000, random_state=0),
+        pds.learning.SobolevRegressor(12, "algebraic", max_iter=1000, random_state=0),
         [(activation, units) for activation in ("algebraic", "logistic", "tanh") for units in (4, 8, 12)],
         folder,
     )
     for law, title in (
-        (pds.NeoHookean(), "Neo-Hookean rubber"),
-        (pds.Ogden(), "Ogden rubber, three terms of 1972 for Treloar's data"),
-        (pds.ArrudaBoyce(), "Arruda-Boyce rubber with chains of 26.5 links"),
-        (pds.FullNetwork(), "full-network rubber with chains of 60 links"),
+        (pds.materials.NeoHookean(), "Neo-Hookean rubber"),
+        (pds.materials.Ogden(), "Ogden rubber, three terms of 1972 for Treloar's data"),
+        (pds.materials.ArrudaBoyce(), "Arruda-Boyce rubber with chains of 26.5 links"),
+        (pds.materials.FullNetwork(), "full-network rubber with chains of 60 links"),
     ):
         make_energy(
             f"{law.name}-isochoric",
@@ -190,22 +190,22 @@ def make_all(folder: Path) -> None:
             f"Isochoric energy of {title}, for plane strain, space and every bulk modulus: 8 units on two logarithmic invariants.",
             pds.training_samples(law, 1000, random_state=0, target="isochoric-energy"),
             # Of two trainings the better: one in a few ends where the stress is a thousandth off.
-            pds.SobolevRegressor(8, "algebraic", max_iter=500, n_init=2, random_state=0),
+            pds.learning.SobolevRegressor(8, "algebraic", max_iter=500, n_init=2, random_state=0),
             [("algebraic", 4), ("algebraic", 8)],
             folder,
             folds=3,
         )
     for law, title in (
-        (pds.Gent(), "Gent rubber with the paper's chain limit of 120"),
-        (pds.Ogden(), "Ogden rubber, three terms of 1972 for Treloar's data"),
-        (pds.FullNetwork(), "full-network rubber with chains of 60 links"),
+        (pds.materials.Gent(), "Gent rubber with the paper's chain limit of 120"),
+        (pds.materials.Ogden(), "Ogden rubber, three terms of 1972 for Treloar's data"),
+        (pds.materials.FullNetwork(), "full-network rubber with chains of 60 links"),
     ):
         make(
             law.name,
             law,
             f"Bond force of {title}: a polynomial in the two isochoric features.",
             pds.training_samples(law, 8000, random_state=0),
-            pds.surrogate_pipeline(pds.ChebyshevRegressor((9, 4)), features="isochoric"),
+            pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((9, 4)), features="isochoric"),
             {"degree": [8, (8, 4), (9, 3), (9, 4), 10, (10, 4), (12, 6)]},
             folder,
         )

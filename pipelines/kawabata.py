@@ -14,7 +14,7 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 import pdsurrogate as pds
 from pdsurrogate.identification import fitted_laws
 from pdsurrogate.identification.energy import NEGATIVE, POSITIVE, dictionary, half_planes, ordered_logs
-from pdsurrogate.learning.validation import stiffness_slopes
+from pdsurrogate.learning.bond_force import stiffness_slopes
 
 DATA = pds.load_test_data("kawabata")
 X, Y = DATA.stretches, DATA.nominal_stress
@@ -45,8 +45,8 @@ def of_data() -> str:
         return row
 
     parts = {name: known for name, known in PARTS.items() if known is not PARTS["the other half"]}
-    rows = [["an energy without a law", *scores(pds.EnergyRegressor())]]
-    rows += [[law, *scores(pds.LawRegressor(law))] for law in fitted_laws() if law != "full-network"]
+    rows = [["an energy without a law", *scores(pds.identification.EnergyRegressor())]]
+    rows += [[law, *scores(pds.identification.LawRegressor(law))] for law in fitted_laws() if law != "full-network"]
     return markdown_table(["fitted to", *parts], rows)
 
 
@@ -64,7 +64,7 @@ def stress_by_stress() -> str:
     """How far single stresses are from what the free energy foretells, its least stiffness, and what any energy could do."""
     rows, off, left_out = [], {}, np.full(len(Y), np.nan)
     for name, known in PARTS.items():
-        model = pds.EnergyRegressor().fit(X[known], Y[known])
+        model = pds.identification.EnergyRegressor().fit(X[known], Y[known])
         inside, off[name] = asked_of(known, model), errors_of(model.predict(X))
         sizes = np.sort(np.abs(off[name][inside]))
         if name in ("half of the grid", "the other half"):
@@ -87,7 +87,7 @@ def stress_by_stress() -> str:
 
 def of_two_modes(off: np.ndarray) -> str:
     """Where the energy of two modes is off."""
-    model = pds.EnergyRegressor().fit(X[TWO_MODES], Y[TWO_MODES])
+    model = pds.identification.EnergyRegressor().fit(X[TWO_MODES], Y[TWO_MODES])
     inside = asked_of(TWO_MODES, model)
     kinds = {
         "along a side longer than at rest": X[:, 0] > 1 + 1e-9,
@@ -254,7 +254,7 @@ def of_classes(scattered: np.ndarray) -> str:
                 curvature = next((bound for side in sides if (bound := energy.least_curvature(weights, side)) > 0), np.nan)
         row.append(f"{curvature:.2f}")
         for half in (HALF, ~HALF):
-            model = pds.EnergyRegressor().fit(X[half], Y[half])  # for its hull
+            model = pds.identification.EnergyRegressor().fit(X[half], Y[half])  # for its hull
             weights = least_error(energy, LARGE & half, False, positive, convex)
             sizes = np.abs(errors_of(energy.stresses(X) @ weights)[asked_of(half, model)])
             row.append(f"{100 * (sizes <= LIMIT).mean():.0f} %, {100 * sizes.max():.0f} %")

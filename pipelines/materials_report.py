@@ -78,8 +78,8 @@ def identification(folder: Path) -> dict:
     treloar, kawabata = pds.load_test_data("treloar"), pds.load_test_data("kawabata")
     models, rows, found = [], [], []
     for name in fitted_laws():
-        model = pds.LawRegressor(name).fit(treloar.stretches, treloar.nominal_stress, treloar.balanced_weights())
-        uniform = pds.LawRegressor(name).fit(treloar.stretches, treloar.nominal_stress)
+        model = pds.identification.LawRegressor(name).fit(treloar.stretches, treloar.nominal_stress, treloar.balanced_weights())
+        uniform = pds.identification.LawRegressor(name).fit(treloar.stretches, treloar.nominal_stress)
         models.append(model)
         found.append({**report(model, treloar), "uniform_weights": report(uniform, treloar)})
         predicted = model.predict(kawabata.stretches)
@@ -94,7 +94,7 @@ def identification(folder: Path) -> dict:
         )
         found[-1]["r_squared_kawabata"] = kawabata.r_squared(predicted)["biaxial"]
     show("Treloar's data, the three modes weighted alike; Kawabata's grid is predicted, not fitted", rows)
-    held_out = held_out_modes([pds.LawRegressor(name) for name in fitted_laws()], treloar, ["uniaxial"])
+    held_out = held_out_modes([pds.identification.LawRegressor(name) for name in fitted_laws()], treloar, ["uniaxial"])
     show(
         "Fitted to uniaxial tension alone",
         [
@@ -116,7 +116,7 @@ def beside_published() -> list[dict]:
     }
     rows = []
     for name, fitted_to, constants, source in PUBLISHED:
-        law = pds.LawRegressor(name, bulk_ratio=INCOMPRESSIBLE).fit(*fits[fitted_to]).law_
+        law = pds.identification.LawRegressor(name, bulk_ratio=INCOMPRESSIBLE).fit(*fits[fitted_to]).law_
         for constant, value in constants.items():
             found = {"here": CONSTANTS[constant](law), "published": f"{value:g}", "source": source}
             rows.append({"law": name, "fitted to": fitted_to, "constant": constant, **found})
@@ -126,14 +126,14 @@ def beside_published() -> list[dict]:
 
 def surrogate(law, degree):
     """Polynomial surrogate of a law."""
-    samples = pds.training_samples(law, 8000, pds.reachable_stretches(law), random_state=0)
-    model = pds.surrogate_pipeline(pds.ChebyshevRegressor(degree), features="isochoric").fit(samples.X, samples.y)
+    samples = pds.training_samples(law, 8000, pds.learning.reachable_stretches(law), random_state=0)
+    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(degree), features="isochoric").fit(samples.X, samples.y)
     return surrogate_of(model, law, samples)
 
 
 def errors_of(model, law) -> tuple[float, float]:
     """Relative RMS force error on and off the surface."""
-    found = pds.evaluate(model.bond_force, law, pds.reachable_stretches(law))
+    found = pds.evaluate(model.bond_force, law, pds.learning.reachable_stretches(law))
     return found["on_surface"]["rms"], found["off_surface"]["rms"]
 
 
@@ -166,12 +166,12 @@ def thickness_error(model, law, precision: str) -> float:
 def speed(quick: bool) -> tuple[list[dict], str]:
     """Cost of the exact bond force and of its surrogate for every law, and how far to trust it."""
     rows, costs, body = [], [], sheet()
-    for law in (law() for law in pds.LAWS.values()):
+    for law in (law() for law in pds.materials.LAWS.values()):
         model, finer = cheapest(law), surrogate(law, DEGREES[-1])
         cases = [TimedModel(pds.AnalyticBondForce(law), "float64", body), TimedModel(model, "float32", body)]
         exact, learnt = measure_speed(cases, law, 2.0 if quick else 40.0)
         costs += [exact, learnt]
-        slope = pds.evaluate(pds.AnalyticBondForce(law).bond_force, law, pds.reachable_stretches(law), 5000)["least_slope_exact"]
+        slope = pds.evaluate(pds.AnalyticBondForce(law).bond_force, law, pds.learning.reachable_stretches(law), 5000)["least_slope_exact"]
         errors = [errors_of(candidate, law) for candidate in (model, finer)]
         stress, displacement = scene_errors(law, model)
         ratio = exact["ns_per_directed_bond_1"] / learnt["ns_per_directed_bond_1"]
@@ -204,7 +204,7 @@ def chain_limit_as_input() -> list[dict]:
     from pdsurrogate.learning.pipeline import feature_values, force_of_outputs, outputs_of_force
 
     def states(limits, seed):
-        found = [pds.training_samples(pds.Gent(chain_limit=limit), 3000, (0.6, 2.8), random_state=seed) for limit in limits]
+        found = [pds.training_samples(pds.materials.Gent(chain_limit=limit), 3000, (0.6, 2.8), random_state=seed) for limit in limits]
         X, y = np.vstack([samples.X for samples in found]), np.vstack([samples.y for samples in found])
         return X, y, np.column_stack([feature_values(X, "isochoric"), np.repeat(1 / np.asarray(limits), 3000)])
 
@@ -213,7 +213,7 @@ def chain_limit_as_input() -> list[dict]:
     test_X, test_y, test_features = states(middles, 1)
     rows = []
     for degree in ((8, 4, 3), (10, 4, 4), (10, 6, 6), (12, 8, 8)):
-        model = pds.ChebyshevRegressor(degree).fit(features, outputs_of_force(X, y, "isochoric"))
+        model = pds.learning.ChebyshevRegressor(degree).fit(features, outputs_of_force(X, y, "isochoric"))
         error = force_of_outputs(test_X, model.predict(test_features), "isochoric") - test_y
         rms = float(np.sqrt((error**2).sum() / (test_y**2).sum()))
         rows.append({"degrees in log Jbar, tr Cbar, 1/Jm": str(degree), "terms": len(model.powers_), "RMS": f"{rms:.1e}"})

@@ -54,7 +54,7 @@ def resident() -> float:
 class Timed:
     """What ranks say to each other during evaluations: the time it takes, on the wall and of the processor, and the bytes that come in."""
 
-    SAYING = "fill", "fill_bonds", "fold", "agree", "any"
+    SAYING = "fill", "fold", "agree", "any"
 
     def __init__(self, part) -> None:
         self.processor = self.wall = 0.0
@@ -118,7 +118,7 @@ def measure(name: str, points: int, threads: int) -> None:
     }
     rows = ranks.everywhere(row) if ranks.size > 1 else [row]
     if ranks.rank == 0:
-        found = {"ranks": ranks.size, "points": run.body.share.size(len(run.body)), "model": model.name, "of": rows}
+        found = {"ranks": ranks.size, "points": run.body.share.size, "model": model.name, "of": rows}
         print("FOUND " + json.dumps(found))
 
 

@@ -121,8 +121,8 @@ def uniaxial() -> list[dict]:
             )
         )
     body = sheet()
-    cases = [TimedModel(pds.BANOSBForce(), "float64", body), TimedModel(pds.load_surrogate("neo-hookean"), "float32", body)]
-    slow, fast = measure_speed(cases, pds.NeoHookean(), 20.0)
+    cases = [TimedModel(pds.forces.BANOSBForce(), "float64", body), TimedModel(pds.load_surrogate("neo-hookean"), "float32", body)]
+    slow, fast = measure_speed(cases, pds.materials.NeoHookean(), 20.0)
     ratio = slow["ns_per_directed_bond_1"] / fast["ns_per_directed_bond_1"]
     rows.append(row("6.2, Table 2", f"cost of BA-NOSB over the surrogate's, per evaluation (paper: {PAPER_SPEED_RATIO})", ratio, None, ""))
     return rows
@@ -187,7 +187,7 @@ def hole() -> list[dict]:
 
 def zero_energy() -> list[dict]:
     """Section 3: Fig. 2, the force that drives a single displaced point back."""
-    spacing, law = 0.05, pds.NeoHookean()
+    spacing, law = 0.05, pds.materials.NeoHookean()
     body = pds.Body.rectangle(1.05, 1.05, spacing, 3.15 * spacing)
     centre = int(np.argmin(np.linalg.norm(body.points - 0.525, axis=1)))
     moves = np.linspace(0.0, 0.5, 11)

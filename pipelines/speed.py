@@ -42,7 +42,7 @@ def measure_memory(n1: int, n2: int) -> dict:
     """Time and peak memory of one evaluation from nothing; run in a process of its own, so that its memory is its own."""
     began = time.perf_counter()
     body = body_of(n1, n2)
-    force = pds.load_surrogate("neo-hookean").bind(body, pds.NeoHookean(), pds.ForceSettings())
+    force = pds.load_surrogate("neo-hookean").bind(body, pds.materials.NeoHookean(), pds.ForceSettings())
     force(body.points * [1.5, 0.82], np.empty_like(body.points))
     return {"setup_seconds": time.perf_counter() - began, "gigabytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20}
 
@@ -54,7 +54,7 @@ def scaling_table() -> str:
         arguments = [sys.executable, __file__, "--size", *map(str, size)]
         memory.append(json.loads(subprocess.run(arguments, capture_output=True, text=True, check=True).stdout))
         cases.append(TimedModel(force, "float32", body_of(*size)))
-    costs = measure_speed(cases, pds.NeoHookean(), PATIENCE)
+    costs = measure_speed(cases, pds.materials.NeoHookean(), PATIENCE)
     rows = [
         [
             f"{len(case.body):,}",

@@ -69,15 +69,15 @@ def table() -> str:
     """The table of the documentation."""
     body, settings = cube(), pds.ForceSettings(plane="space")
     y, forces, errors = stretched(body.points), {}, {}
-    forces["NOSB"] = pds.NOSBForce().bind(body, pds.NeoHookean(), settings)
-    for name, law in pds.LAWS.items():
+    forces["NOSB"] = pds.forces.NOSBForce().bind(body, pds.materials.NeoHookean(), settings)
+    for name, law in pds.materials.LAWS.items():
         forces[f"exact, {name}"] = pds.BondEnergyForce().bind(body, law(), settings)
     out, exact = np.empty_like(y), np.empty_like(y)
     for folder in list_artifacts():
         card = load_card(folder)
-        if card.kind != pds.IsochoricNetwork.kind:
+        if card.kind != pds.forces.IsochoricNetwork.kind:
             continue
-        law, found = pds.LAWS[card.material.law](), card.errors["box"]["on_surface"]
+        law, found = pds.materials.LAWS[card.material.law](), card.errors["box"]["on_surface"]
         forces[f"exact, {card.material.law}"](y, exact)
         for precision in PRECISIONS:
             name = f"learnt, {card.material.law}, {precision}"

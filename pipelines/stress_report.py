@@ -55,7 +55,7 @@ def _short(cell: str) -> str:
 
 def fallback() -> str:
     """Section 6.2 with a surrogate trained to stretch 1.5 only, against the analytic bond force."""
-    law = pds.NeoHookean()
+    law = pds.materials.NeoHookean()
     samples = pds.training_samples(law, 8000, (0.8, 1.5), random_state=0)
     network = pds.LevenbergMarquardtRegressor((20,), "algebraic", max_iter=600, n_iter_no_change=100, random_state=0)
     with console.status("Fitting a surrogate to stretch 1.5"):
@@ -74,7 +74,7 @@ def fallback() -> str:
 def overhead() -> str:
     """Cost of the guard where no bond is outside: the whole evaluation with and without, interleaved, on one thread."""
     body = sheet()
-    model, law = pds.load_surrogate("neo-hookean"), pds.NeoHookean()
+    model, law = pds.load_surrogate("neo-hookean"), pds.materials.NeoHookean()
     positions, out = body.points @ np.diag([1.5, 0.82]), np.empty_like(body.points)
     lines = []
     for precision in ("float32", "float64"):

@@ -56,7 +56,7 @@ SECONDS_FREE, SECONDS_BUSY = 0.1, 0.4
 
 def serve(threads: int) -> None:
     """Answer every width that is asked for with nanoseconds per directed bond, on so many threads."""
-    model, law = pds.load_surrogate("neo-hookean"), pds.NeoHookean()
+    model, law = pds.load_surrogate("neo-hookean"), pds.materials.NeoHookean()
     forces = {}
     with thread_count(threads):
         for width in WIDTHS:

@@ -7,12 +7,12 @@ import pytest
 
 import pdsurrogate as pds
 
-LAW = pds.NeoHookean()
+LAW = pds.materials.NeoHookean()
 SAMPLES = pds.training_samples(LAW, 200, (0.7, 2.0), random_state=0)
 ENERGIES = pds.training_samples(LAW, 100, (0.7, 1.8), random_state=0, target="isochoric-energy")
 
 
-class Unworkable(pds.ChebyshevRegressor):
+class Unworkable(pds.learning.ChebyshevRegressor):
     """Fails where work starts."""
 
     def fit(self, X, y, sample_weight=None):
@@ -35,7 +35,7 @@ def stored(folder, **arguments):
 
 
 def drawn(*arguments, **named):
-    return pds.committee(pds.LawRegressor(), TREE.stretches, TREE.nominal_stress, *arguments, **named)
+    return pds.identification.committee(pds.identification.LawRegressor(), TREE.stretches, TREE.nominal_stress, *arguments, **named)
 
 
 def bound(body="a body", law=LAW, settings=None):
@@ -60,7 +60,7 @@ BAD = [
     (lambda _: validated(progress=3), TypeError, "progress must be a function, not 3"),
     (lambda _: pds.cross_validate(ENERGY, ENERGIES, folds=0), ValueError, "folds must be from 2 to 100, not 0"),
     (lambda to: stored(to, samples=None), TypeError, "samples must be Samples, .* not None"),
-    (lambda to: stored(to, model=pds.ChebyshevRegressor), TypeError, "ChebyshevRegressor is a class: give an instance of it"),
+    (lambda to: stored(to, model=pds.learning.ChebyshevRegressor), TypeError, "ChebyshevRegressor is a class: give an instance of it"),
     (lambda to: stored(to, model=lambda *bond: 1), ValueError, r"must give t_n and t_tau of each, an array of shape \(200, 2\), not \(\)"),
     (lambda to: stored(to, law="gent"), TypeError, "law must be a material law"),
     (lambda to: stored(3), TypeError, "folder must be text or a path, not 3"),
@@ -80,8 +80,8 @@ BAD = [
     (lambda to: stored(to, members=[(MODEL, SAMPLES, 3)]), TypeError, "law must be a material law"),
     (lambda to: stored(to, members=[(MODEL, ENERGIES, LAW)]), ValueError, "member 1 are of the target isochoric-energy, not of bond-force"),
     (lambda to: pds.store(ENERGY, SAMPLES, LAW, to, "x", "1", "x"), ValueError, "predicts the target isochoric-energy, .* of bond-force"),
-    (lambda _: pds.surrogate_of(ENERGY, 3, ENERGIES), TypeError, "law must be a material law"),
-    (lambda _: pds.surrogate_of(ENERGY, LAW, SAMPLES), ValueError, "predicts the target isochoric-energy, .* of bond-force"),
+    (lambda _: pds.learning.surrogate_of(ENERGY, 3, ENERGIES), TypeError, "law must be a material law"),
+    (lambda _: pds.learning.surrogate_of(ENERGY, LAW, SAMPLES), ValueError, "predicts the target isochoric-energy, .* of bond-force"),
     (lambda _: pds.evaluate(object, LAW), TypeError, "object is a class: give an instance of it"),
     (lambda _: pds.evaluate("neo-hookean", LAW, 3), ValueError, "stretch_range must be two numbers, .* not 3"),
     (lambda _: pds.evaluate("neo-hookean", LAW, ()), ValueError, r"stretch_range must be two numbers, .* not \(\)"),
@@ -97,14 +97,14 @@ BAD = [
         TypeError,
         "random_state must be a whole number, not 'x'",
     ),
-    (lambda _: pds.algorithm_1(LAW, horizon=-1.0), ValueError, "horizon must be positive and finite, not -1"),
-    (lambda _: pds.algorithm_1(LAW, weight="x"), ValueError, "unknown weight 'x'; there are"),
+    (lambda _: pds.learning.algorithm_1(LAW, horizon=-1.0), ValueError, "horizon must be positive and finite, not -1"),
+    (lambda _: pds.learning.algorithm_1(LAW, weight="x"), ValueError, "unknown weight 'x'; there are"),
     (lambda _: pds.surrogate_pipeline(features=[]), ValueError, r"unknown features \[\]; there are"),
     (lambda _: pds.LevenbergMarquardtRegressor(()).fit(SAMPLES.X, SAMPLES.y), ValueError, "at least one hidden layer"),
     (lambda _: drawn(1), ValueError, "n_members must be at least 2, not 1"),
     (lambda _: drawn("x"), TypeError, "n_members must be a whole number, not 'x'"),
     (lambda _: drawn(2, tests=[1, 2]), ValueError, r"tests must have one entry for each of the \d+ rows, not shape \(2,\)"),
-    (lambda _: pds.committee(3, TREE.stretches, TREE.nominal_stress), TypeError, "regressor must be an estimator"),
+    (lambda _: pds.identification.committee(3, TREE.stretches, TREE.nominal_stress), TypeError, "regressor must be an estimator"),
     (lambda _: pds.load_test_data(None), TypeError, "test data must be text or a path, not None"),
     (lambda _: pds.load_scene(3), TypeError, "a scene's reference must be text or a path, not 3"),
     (lambda _: pds.load_surrogate(None), TypeError, "an artefact's reference must be text or a path, not None"),

@@ -13,6 +13,18 @@ import pdsurrogate as pds
 SCRIPTS = Path(__file__).parent / "typing"
 
 
+def test_a_name_of_a_room_says_where_it_is():
+    with pytest.raises(AttributeError, match=r"it is pdsurrogate\.shapes\.Rectangle"):
+        getattr(pds, "Rectangle")  # noqa: B009
+
+
+def test_a_right_script_uses_every_public_name():
+    script = (SCRIPTS / "right.py").read_text(encoding="utf-8")
+    rooms = vars(pds)["_IN_ROOMS"].items()
+    every = [*pds.__all__, *(f"{room}.{name}" for room, names in rooms for name in names.split())]
+    assert not [name for name in every if not re.search(rf"\bpds\.{name}\b", script)]
+
+
 def test_stub_declares_every_public_name_from_its_home():
     stub = ast.parse(Path(pds.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
     declared = {

@@ -12,13 +12,13 @@ from pdsurrogate.artifacts import ArtifactError
 from pdsurrogate.cli import app
 from pdsurrogate.scenes import SceneError
 
-LAW = pds.Gent(chain_limit=30.0)
+LAW = pds.materials.Gent(chain_limit=30.0)
 
 
 @pytest.fixture(scope="module")
 def fitted():
     samples = pds.training_samples(LAW, 800, (0.6, 2.5), random_state=0)
-    return pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y), samples
+    return pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y), samples
 
 
 @pytest.fixture
@@ -55,7 +55,9 @@ def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
     result.save("out")
     assert json.loads((here / "out" / "summary.json").read_text())["force"] == both
     with pytest.raises(SceneError, match=r"copy@1 \(mine@1 by its card\) describes gent with chain_limit = 30"):
-        pds.simulate(pds.load_scene("uniaxial", {"material": pds.Gent(chain_limit=31.0).describe()}, name="own", spacing=0.25), "copy")
+        pds.simulate(
+            pds.load_scene("uniaxial", {"material": pds.materials.Gent(chain_limit=31.0).describe()}, name="own", spacing=0.25), "copy"
+        )
     with pytest.raises(ArtifactError, match=r"copy@1 \(mine@1 by its card\) has no member #2"):
         pds.load_surrogate("copy#2")
     (here / "artifacts" / "copy" / "1" / "surrogate.npz").write_bytes(b"x")
@@ -69,7 +71,7 @@ def test_a_copy_is_called_by_its_place_and_by_its_card(fitted, here):
 def test_a_pipeline_is_compared_with_a_law_as_its_artefact_is(fitted, here, chain_limit, verdict):
     """Storing it for the law of a scene and running it in the scene: taken, noted and refused alike."""
     model, samples = fitted
-    law, scene = pds.Gent(chain_limit=chain_limit), scene_of(pds.Gent(chain_limit=chain_limit))
+    law, scene = pds.materials.Gent(chain_limit=chain_limit), scene_of(pds.materials.Gent(chain_limit=chain_limit))
     said = []
     for use in (lambda: pds.simulate(scene, model), lambda: pds.simulate(scene, pds.store(model, samples, law, None, "mine", None, "x"))):
         with warnings.catch_warnings(record=True) as noted:

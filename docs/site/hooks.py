@@ -37,8 +37,9 @@ def on_page_markdown(markdown, page, config, files):
     """On the page of public names: a section for each room, from the table by which the package finds them."""
     if page.file.src_uri != "api.md":
         return markdown
-    homes = {}
-    for name, home in pdsurrogate._HOMES.items():
-        homes.setdefault(home, []).append(name)
-    sections = (f"## {home}\n\n" + "\n\n".join(f"::: pdsurrogate.{home}.{name}" for name in sorted(homes[home])) for home in sorted(homes))
+    rooms = pdsurrogate._IN_ROOMS
+    homes = pdsurrogate._NAMES | {room: f"{rooms[room]} {pdsurrogate._NAMES.get(room, '')}" for room in rooms}
+    sections = (
+        f"## {home}\n\n" + "\n\n".join(f"::: pdsurrogate.{home}.{name}" for name in sorted(homes[home].split())) for home in sorted(homes)
+    )
     return "\n\n".join([markdown, *sections])

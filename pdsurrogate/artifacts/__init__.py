@@ -2,13 +2,13 @@
 
 An artefact is a folder ``NAME/VERSION/`` of up to four files:
 
-* ``card.json`` says everything about it before anything else is opened, and states size and SHA-256 of the others;
-* ``surrogate.npz`` holds the surrogate's constants, all that a simulation needs: plain arrays, read by NumPy without pickle;
-* ``members.npz`` holds those of the members of its committee, if it has one;
-* ``pipeline.joblib`` is the fitted scikit-learn pipeline, for those who refine it: a pickle, which is a program, loaded only on trust.
+* ``card.json`` describes it, and states size and SHA-256 of the other files;
+* ``surrogate.npz`` holds the constants of the surrogate, all that a simulation needs: plain arrays, read without pickle;
+* ``members.npz`` holds the constants of the members of its committee, if it has one;
+* ``pipeline.joblib`` is the fitted scikit-learn pipeline, for refinement: a pickle, which can run code, loaded only on explicit trust.
 """
 
-from .card import SCHEMA_VERSION, Card
+from .card import Card
 from .material import with_material
 from .store import (
     ArtifactError,
@@ -29,7 +29,6 @@ from .store import (
 )
 
 __all__ = [
-    "SCHEMA_VERSION",
     "ArtifactError",
     "Card",
     "called",

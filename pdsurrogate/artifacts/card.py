@@ -1,4 +1,4 @@
-"""The card of an artefact: everything about it that a person or a program wants to know before anything is unpickled."""
+"""Card of an artefact: its description for readers and programs, checked before any other file is opened."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from ..scenes.problems import explain
 
 FORMAT = "pdsurrogate artefact"
 SCHEMA_VERSION, OLDEST_SCHEMA = 3, 2
-"""Raised with every change of the card or the payload that an older reader would misunderstand; cards of version 2 have no digest."""
+"""Versions of cards and payloads; a change that an older reader would misread raises the first. Cards of version 2 have no digest."""
 
 DIGESTED = ("kind", "material", "features", "domain", "errors", "payloads", "members")
-"""Parts of a card that a run or its reader depends on, beside the identification: the digest of a card is of these."""
+"""Parts of a card that its digest covers, together with the identification: those that a run depends on."""
 
 NAME_PATTERN = r"^[a-z0-9][a-z0-9._-]{0,63}$"
 VERSION_PATTERN = r"^[0-9]{1,9}(\.[0-9]{1,9}){0,2}$"
 SHA256 = r"^[0-9a-f]{64}$"
 MOST_BYTES = 2**20
 MOST_PLANES = 1000
-"""Of the hull of test data."""
+"""Most planes of the hull of test data."""
 
 MOST_MEMBERS = 999
-"""Of a committee."""
+"""Most members of a committee."""
 
 MOST_STORED = 0.1
-"""RMS error on the plane-stress surface, relative to the force, beyond which a surrogate describes nothing and is not stored."""
+"""RMS error on the plane-stress surface, relative to the force, above which a surrogate is not stored."""
 
 NOTED = 0.01
-"""The same error beyond which whoever stores or runs a surrogate is told."""
+"""RMS error, as for `MOST_STORED`, beyond which storing or running a surrogate warns."""
 
 SURROGATE, MEMBERS, PIPELINE = "surrogate.npz", "members.npz", "pipeline.joblib"
-"""Files of an artefact beside its card."""
+"""Files of an artefact other than its card."""
 
 SAME = 1e-9
-"""Relative difference of numbers of a card that say the same twice."""
+"""Relative difference within which numbers of a card that occur twice agree: rounding of their text and of one formula."""
 
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
@@ -52,8 +52,18 @@ Share = Annotated[float, Field(strict=True, ge=0, allow_inf_nan=False)]
 Count = Annotated[int, Field(strict=True, ge=0)]
 
 
-class CardError(ValueError):
-    """A card that cannot be read or does not make sense."""
+class ArtifactError(ValueError):
+    """An artefact that cannot be found, read or written; the message says why.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> try:
+    ...     pds.load_surrogate("no-such-rubber")
+    ... except pds.ArtifactError as error:
+    ...     print(str(error)[:30])
+    unknown force 'no-such-rubber'
+    """
 
 
 class _Part(BaseModel):
@@ -61,7 +71,7 @@ class _Part(BaseModel):
 
 
 def _looked_at(value, check):
-    """A part that is checked, and kept as the plain values that it is written as."""
+    """Check a part, and keep it as plain values."""
     check(value)
     return value
 
@@ -153,7 +163,7 @@ class DomainSpec(_Part):
     hull: Annotated[tuple[tuple[Finite, Finite, Finite], ...], Field(min_length=3, max_length=MOST_PLANES)] | None = None
 
     def build(self) -> Domain:
-        """The domain that the solver tests."""
+        """Return the domain that the solver tests."""
         return Domain(self.least_stretch, self.greatest_stretch, self.least_bulk, self.greatest_bulk, self.hull)
 
 
@@ -187,26 +197,18 @@ class Card(_Part):
     digest: Annotated[str, Field(pattern=SHA256)] | None = None
 
     def found_digest(self) -> str:
-        """Return the SHA-256 of what the card says of its weights, which are in it by their own SHA-256."""
+        """Return the SHA-256 of the parts `DIGESTED`, which include the digests of the weights."""
         content = json.loads(self.to_json())
         parts = {name: content[name] for name in DIGESTED if name in content}
         parts["identification"] = content["training"].get("identification")
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def to_json(self) -> str:
-        """The card as it is stored; a hull of test data, a committee and a digest are left out where there is none."""
-        content = self.model_dump()
-        for part in (content, *content["members"]):
-            if part["domain"]["hull"] is None:
-                del part["domain"]["hull"]
-        if not self.members:
-            del content["members"]
-        if self.digest is None:
-            del content["digest"]
-        return json.dumps(content, indent=2, allow_nan=False) + "\n"
+        """Return the card as it is stored; a hull of test data, a committee and a digest are left out where there is none."""
+        return json.dumps(self.model_dump(exclude_defaults=True), indent=2, allow_nan=False) + "\n"
 
     def of_member(self, number: int) -> Card:
-        """The card of a member of the committee, the first of which is 1."""
+        """Return the card of a member of the committee, numbered from 1."""
         member = self.members[number - 1]
         named = {"description": f"{self.description}; member {number} of {len(self.members)}", "members": (), "digest": None}
         return self.model_copy(update={**named, "material": member.material, "domain": member.domain, "errors": member.errors})
@@ -234,69 +236,67 @@ def read_card(data: bytes, where: str) -> Card:
 
     Raises
     ------
-    CardError
-        If it is damaged, incomplete, or of a schema that this version does not know; says which and what to do.
+    ArtifactError
+        If the card is damaged, incomplete, or of a schema that this version does not read; the message gives the remedy.
     """
     if len(data) > MOST_BYTES:
-        raise CardError(f"{where}: the card has {len(data)} bytes, which is not a card")
+        raise ArtifactError(f"{where}: the card has {len(data)} bytes, which is not a card")
     try:
         text = data.decode("utf-8")
-        content = json.loads(text, parse_constant=_refuse, parse_float=_finite, object_pairs_hook=_without_duplicates)
+        content = json.loads(text, parse_constant=_finite, parse_float=_finite, object_pairs_hook=_without_duplicates)
     except (ValueError, RecursionError) as error:
-        raise CardError(f"{where}: the card is damaged, it is not valid JSON: {error}; put back what was written") from None
+        raise ArtifactError(f"{where}: the card is damaged, it is not valid JSON: {error}; put back what was written") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise CardError(f"{where}: format: this is not the card of a {FORMAT}")
+        raise ArtifactError(f"{where}: format: this is not the card of a {FORMAT}")
     schema = content.get("schema_version")
     if type(schema) is not int:
-        raise CardError(f"{where}: schema_version: the card has no schema_version that is a whole number, so it is damaged")
-    if schema > SCHEMA_VERSION:
-        raise CardError(
-            f"{where}: the artefact has schema version {schema}, this pdsurrogate reads {SCHEMA_VERSION}: upgrade pdsurrogate to use it"
-        )
-    if schema < OLDEST_SCHEMA:
-        raise CardError(f"{where}: the artefact has schema version {schema}, which is no longer read: fit it again with this pdsurrogate")
+        raise ArtifactError(f"{where}: schema_version: the card has no schema_version that is a whole number, so it is damaged")
+    if not OLDEST_SCHEMA <= schema <= SCHEMA_VERSION:
+        newer = f"this pdsurrogate reads {SCHEMA_VERSION}: upgrade pdsurrogate to use it"
+        remedy = newer if schema > SCHEMA_VERSION else "which is no longer read: fit it again with this pdsurrogate"
+        raise ArtifactError(f"{where}: the artefact has schema version {schema}, {remedy}")
     try:
         return checked_card(content)
     except RecursionError:
-        raise CardError(f"{where}: the card is damaged: its tables are nested too deeply") from None
-    except CardError as error:
-        raise CardError(f"{where}: the card is damaged: {error}; put back what was written, or store the artefact again") from None
+        raise ArtifactError(f"{where}: the card is damaged: its tables are nested too deeply") from None
+    except ArtifactError as error:
+        raise ArtifactError(f"{where}: the card is damaged: {error}; put back what was written, or store the artefact again") from None
 
 
 def checked_card(content: Mapping[str, Any]) -> Card:
-    """A card of plain values that agree with one another.
+    """Return a card from plain values, after checking that they agree with one another.
 
     Raises
     ------
-    CardError
-        Names the fields, what is wrong with them and what would be right.
+    ArtifactError
+        If values are wrong or contradict each other; the message names the fields and the right values.
     """
     check_plain(content)
     try:
         card = Card.model_validate(content)
     except (ValidationError, OverflowError) as error:
-        raise CardError(_told(error) if isinstance(error, ValidationError) else "a whole number is too large") from None
+        raise ArtifactError(_explained(error) if isinstance(error, ValidationError) else "a whole number is too large") from None
     if card.schema_version > OLDEST_SCHEMA and card.digest is None:
-        raise CardError("digest: is missing")
+        raise ArtifactError("digest: is missing")
     for problem in _contradictions(card):
-        raise CardError(problem)
+        raise ArtifactError(problem)
     return card
 
 
 def check_plain(content: Mapping[str, Any]) -> None:
-    """Raise CardError if there is something that a card cannot hold."""
+    """Raise ArtifactError for a value that a card cannot hold."""
     for field, value in _leaves(dict(content)):
         if not (value is None or isinstance(value, bool | int | str) or (isinstance(value, float) and math.isfinite(value))):
-            raise CardError(f"{field}: must be a finite number, text, a list or a table, not {_shown(value)}")
+            raise ArtifactError(f"{field}: must be a finite number, text, a list or a table, not {_shown(value)}")
 
 
 def law_described(material: Material) -> Law:
-    """The law that a material names, with the parameters that were trained with.
+    """Return the law that a material names, with the parameters that were trained with.
 
     Raises
     ------
     ValueError
-        Names the field that makes no sense, or the law if it is unknown.
+        If a field is wrong or the law is unknown; the message names it.
     """
     try:
         return MaterialSpec.model_validate(material.trained_with).build()
@@ -305,7 +305,7 @@ def law_described(material: Material) -> Law:
 
 
 def _contradictions(card: Card) -> Iterator[str]:
-    """Return the contradictions in a card, and entries with which no artefact is stored."""
+    """Yield the contradictions in a card, and values beyond the limits of stored artefacts."""
     files = {SURROGATE, *([MEMBERS] if card.members else [])}
     for name in sorted(files ^ set(card.payloads) - {PIPELINE}):
         there = f"with {len(card.members)} members it has {', '.join(sorted(files))} and maybe {PIPELINE}"
@@ -330,11 +330,11 @@ def _contradictions(card: Card) -> Iterator[str]:
 
 
 def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
-    """Return the contradictions between material, domain and errors of one surrogate."""
+    """Yield the contradictions between material, domain and errors of one surrogate."""
     material, domain = part.material, part.domain
     if material.trained_with.get("law") != material.law:
         yield f"material.law: must be that of material.trained_with, {_shown(material.trained_with.get('law'))}, not {_shown(material.law)}"
-    if material.law in LAWS:  # a user's own may not be there, and then none is asked for its parameters
+    if material.law in LAWS:  # a user's own law may be absent here
         try:
             law = law_described(material)
         except ValueError as error:
@@ -365,7 +365,7 @@ def _contradictions_of(part: Card | MemberSpec, kind: str) -> Iterator[str]:
     rms, greatest = box["on_surface"]["rms"], box["on_surface"]["max"]
     if rms > MOST_STORED:
         yield f"errors.box.on_surface.rms: must be at most {MOST_STORED}, as nothing that is farther off is stored, not {rms}"
-    # Of n errors of that root mean square the greatest is at most this.
+    # The greatest of n errors with this root mean square.
     most = math.sqrt(box["n_samples"]) * rms
     if not rms * (1 - SAME) <= greatest <= (1 + SAME) * most:
         yield f"errors.box.on_surface.max: must be from rms to rms sqrt(n_samples), {rms} to {most}, not {greatest}"
@@ -382,7 +382,7 @@ def same_values(one, other) -> bool:
 
 
 def _leaves(value: Any, field: str = "") -> Iterator[tuple[str, Any]]:
-    """Everything that is no list and no table, with its dotted field."""
+    """Yield every value that is no list and no table, with its dotted field."""
     if isinstance(value, dict | list | tuple):
         for key, inner in value.items() if isinstance(value, dict) else enumerate(value):
             yield from _leaves(inner, f"{field}.{key}" if field else str(key))
@@ -395,8 +395,7 @@ WORDS = {
     "extra_forbidden": "is unknown: take it out",
     "float_type": "must be a number",
     "finite_number": "must be a finite number",
-    "int_type": "must be a whole number",
-    "int_from_float": "must be a whole number",
+    **dict.fromkeys(("int_type", "int_from_float"), "must be a whole number"),
     "string_type": "must be text",
     "string_unicode": "must be text in Unicode",
     "string_pattern_mismatch": "must match {pattern}",
@@ -404,16 +403,14 @@ WORDS = {
     "greater_than_equal": "must be at least {ge:g}",
     "too_short": "must have at least {min_length} entries",
     "too_long": "must have at most {max_length} entries",
-    "dict_type": "must be a table",
-    "model_type": "must be a table",
-    "model_attributes_type": "must be a table",
+    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "must be a table"),
     "tuple_type": "must be a list",
 }
-"""What is wrong with a field, by pydantic's types of it."""
+"""Messages about a field by pydantic's types of errors."""
 
 
-def _told(error: ValidationError) -> str:
-    """All problems in one line, each with its field, what would be right and what is there."""
+def _explained(error: ValidationError) -> str:
+    """Return all problems in one line, each with its field, the right kind of value and the present one."""
     lines = []
     for problem in error.errors():
         field, kind = ".".join(map(str, problem["loc"])), problem["type"]
@@ -428,14 +425,10 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 80 else text[:77] + "..."
 
 
-def _refuse(constant: str):
-    raise ValueError(f"{constant} is not a number")
-
-
 def _finite(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
-        raise ValueError(f"{text} is too large a number")
+        raise ValueError(f"{text} is {'not' if math.isnan(value) else 'too large'} a number")
     return value
 
 

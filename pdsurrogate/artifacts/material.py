@@ -1,4 +1,4 @@
-"""The material that an artefact describes, for a scene that has none of its own."""
+"""Material of an artefact, for scenes that do not state their own."""
 
 from __future__ import annotations
 
@@ -13,37 +13,37 @@ from .card import NOTED, Card
 from .store import law_of, load_card, load_surrogate
 
 DATA_OF_THE_PACKAGE = ("treloar", "kawabata")
-"""Test data whose stresses are known to be in MPa."""
+"""Test data of the package; their stresses are in MPa."""
 
 PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/mm^2": 1e6}
-"""Units of stress that a scene may name, of which the modulus of a known rubber can be told."""
+"""Units of stress in pascals, to convert moduli from test data to the unit of a scene."""
 
 
 def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceModel]:
-    """A force model by its reference, and the scene with the material that it describes.
+    """Return a scene with the material that a force model describes, and the model.
 
-    A built-in scene that is of its own material still takes that of an artefact's card.  Its moduli are those of the card where they were
-    identified from test data or given by hand, in the scene's unit of stress (those of the test data of the package, which are in MPa, are
-    converted); where the card has a law's defaults, which have no unit, they are scaled to the shear modulus of the scene.  A scene of a
-    user's own, or one whose material was changed, has the last word; one that leaves its material out takes the card's as it is.
+    A built-in scene with its default material takes the material of an artefact's card.  Moduli that were identified from test data or
+    given by hand are used in the scene's unit of stress (those from test data of the package are converted from MPa); default moduli of a
+    law have no unit and are scaled to the shear modulus of the scene.  Any other scene keeps the material that it states; a scene without
+    one takes the card's unchanged.
 
     Parameters
     ----------
     scene : Scene
     reference : str or path
-        As for `load_surrogate`.
+        Force model or artefact, as for `load_surrogate`.
 
     Raises
     ------
     ArtifactError
         If the artefact cannot be read.
     SceneError
-        If the scene was told another material than the artefact's; says in all digits which, and how to take the artefact's.
+        If the scene states another material than the artefact's; the message gives both, and how to take the artefact's.
 
     Warns
     -----
     UserWarning
-        If the artefact is off from its material by more than `NOTED`, by its card.
+        If the error that the card states exceeds `NOTED`.
     """
     model = load_surrogate(reference)
     if isinstance(reference, str) and reference in FORCES:
@@ -63,7 +63,7 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
         try:
             described = material_on(card, scene)
             model.check_material(described)
-        except ValueError:  # it does not describe what its card says either
+        except ValueError:  # the model contradicts its own card
             raise SceneError(f"scene {scene.name}: {error}") from None
         if own is not None and not _is_an_example(scene):
             flag = f"--set 'material={in_words(described)}'"
@@ -74,23 +74,21 @@ def with_material(scene: Scene, reference: str | Path) -> tuple[Scene, ForceMode
 
 
 def _is_an_example(scene: Scene) -> bool:
-    """Return whether a scene is a built-in one with its own material."""
+    """Return whether a scene is a built-in one with its default material."""
     return scene.name in scene_names() and scene.material == load_scene(scene.name).material
 
 
 def material_on(card: Card, scene: Scene) -> Law:
-    """The law of a card with its parameters; see `with_material` for its moduli.
+    """Return the law of a card with its parameters; `with_material` explains the moduli.
 
     Raises
     ------
     ArtifactError
-        If the card names none.
+        If the law of the card is unknown.
     """
     law = law_of(card)
-    if scene.material is None and not _has_moduli(card):
-        return law
     if not _has_moduli(card):
-        return law.scaled(scene.law().shear_modulus / law.shear_modulus)
+        return law if scene.material is None else law.scaled(scene.law().shear_modulus / law.shear_modulus)
     data = (card.training.get("identification") or {}).get("data")
     if data in DATA_OF_THE_PACKAGE and scene.units.stress in PASCALS:
         return law.scaled(PASCALS["MPa"] / PASCALS[scene.units.stress])
@@ -113,7 +111,7 @@ def _changed(scene: Scene, law: Law) -> Scene:
 
 
 def in_words(law: Law) -> str:
-    """A law as a scene states it in a line, with all digits; parameters at their defaults are left out."""
+    """Return a law as one line of a scene, with all digits and without parameters at their defaults."""
     parts = [f'law="{law.name}"']
     for field in fields(law):
         value = getattr(law, field.name)

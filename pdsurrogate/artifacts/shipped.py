@@ -24,4 +24,4 @@ SHIPPED_CARDS = {
     # ogden-isochoric@1
     "e667f1fcdca7c91fc1cbccd842d780922cfa94beca8bdbd5bf93e7589fff4c3d": "907a247a3317db68cb224a94f4c673f35ce65d9166459c9864be8dcaeab54d35",
 }
-"""Digest of a card (`Card.found_digest`) by the SHA-256 of its ``surrogate.npz``, wherever a copy of it is."""
+"""Digest of a card (`Card.found_digest`) by the SHA-256 of its ``surrogate.npz``."""

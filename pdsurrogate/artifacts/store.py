@@ -7,13 +7,12 @@ import hashlib
 import io
 import os
 import re
-import shutil
-import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import joblib
 import numpy as np
@@ -43,8 +42,8 @@ from .card import (
     SCHEMA_VERSION,
     SURROGATE,
     VERSION_PATTERN,
+    ArtifactError,
     Card,
-    CardError,
     checked_card,
     law_described,
     read_card,
@@ -54,34 +53,20 @@ from .shipped import SHIPPED_CARDS
 CARD = "card.json"
 
 WHICH_MEMBER = re.compile(r"(.+)#(all|[1-9][0-9]{0,2})")
-"""An artefact, and which of its committee is meant: a member by its number, or all beside what runs."""
+"""Reference to an artefact with a member of its committee: its number, or all."""
 
 ALL = "all"
 
 MOST_BYTES = 64 * 2**20
-"""Size of the largest payload that is read without trust."""
+"""Greatest size of a payload in bytes."""
 
 KINDS = {model.kind: model for model in (NetworkForce, PolynomialForce, SplineForce, EnergyNetwork, IsochoricNetwork)}
-"""Force models that can be stored, by the kind their card states."""
-
-
-class ArtifactError(ValueError):
-    """An artefact that cannot be found, read or written; the message says why.
-
-    Examples
-    --------
-    >>> import pdsurrogate as pds
-    >>> try:
-    ...     pds.load_surrogate("no-such-rubber")
-    ... except pds.ArtifactError as error:
-    ...     print(str(error)[:30])
-    unknown force 'no-such-rubber'
-    """
+"""Force models that can be stored, by the kind in their card."""
 
 
 @contextmanager
 def _reading() -> Iterator[None]:
-    """Turn errors of reading folders into one that names what cannot be read."""
+    """Raise ArtifactError with the path for errors of reading folders."""
     try:
         yield
     except OSError as error:
@@ -89,75 +74,62 @@ def _reading() -> Iterator[None]:
 
 
 SHIPPED = (Path(__file__).resolve().parents[1] / "_artifacts", Path(__file__).resolve().parents[2] / "artifacts")
-"""Where shipped artefacts are: in an installed package, and in a checkout."""
+"""Folders of shipped artefacts: of an installed package, and of a checkout."""
 
 OWN, OWN_IN_CHECKOUT = "artifacts", "own-artifacts"
-"""Where a user's own go in the working folder; the other one where that is a checkout, whose ``artifacts`` holds the shipped ones."""
+"""Folders of a user's artefacts in the working folder; the second in a checkout, whose ``artifacts`` holds the shipped ones."""
 
 
 def own_folder() -> Path:
     """Return the folder of a user's artefacts: ``PDSURROGATE_ARTIFACTS`` if set, else ``artifacts`` in the working folder.
 
-    In a checkout of this package, whose ``artifacts`` holds the shipped ones, ``own-artifacts``.
+    In a checkout of this package, whose ``artifacts`` holds the shipped ones, it is ``own-artifacts``.
     """
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
-    if chosen:
-        return Path(chosen)
-    return Path(OWN_IN_CHECKOUT if Path(OWN).resolve() in SHIPPED else OWN)
+    return Path(chosen or (OWN_IN_CHECKOUT if Path(OWN).resolve() in SHIPPED else OWN))
 
 
 def next_version(folder: str | Path, name: str) -> str:
-    """The version for a new artefact: one above the highest that the folder holds of that name, from 1 on."""
+    """Return the version for a new artefact: one above the highest that the folder holds of that name, from 1 on."""
     check_path(folder, "folder")
     _check_name(name)
-    versions = _versions(Path(folder) / name) if (Path(folder) / name).is_dir() else []
-    return str(_version_key(versions[-1].name)[0] + 1) if versions else "1"
+    versions = _versions(Path(folder) / name)
+    return str(_version_key(versions[-1])[0] + 1) if versions else "1"
 
 
 def search_path() -> list[Path]:
-    """Folders in which artefacts are looked up by name, first match first.
+    """Return the folders in which artefacts are looked up by name, first match first.
 
     ``PDSURROGATE_ARTIFACTS`` if set, ``artifacts`` and ``own-artifacts`` in the working folder, and those shipped with the package.
     """
-    folders = [folder for folder in (Path(OWN_IN_CHECKOUT), Path(OWN), *SHIPPED) if folder.is_dir()]
     chosen = os.environ.get("PDSURROGATE_ARTIFACTS")
-    if chosen:
-        if not Path(chosen).is_dir():
-            raise ArtifactError(
-                f"PDSURROGATE_ARTIFACTS is {chosen!r}, which is not a folder: set it to a folder of artefacts, or not at all"
-            )
-        folders.insert(0, Path(chosen))
-    return folders
+    if chosen and not Path(chosen).is_dir():
+        raise ArtifactError(f"PDSURROGATE_ARTIFACTS is {chosen!r}, which is not a folder: set it to a folder of artefacts, or not at all")
+    return [folder for folder in (*([Path(chosen)] if chosen else []), Path(OWN_IN_CHECKOUT), Path(OWN), *SHIPPED) if folder.is_dir()]
 
 
 @_reading()
 def list_artifacts() -> list[Path]:
-    """Folders of all artefacts on the search path, by name and rising version."""
-    found: dict[tuple[str, str], Path] = {}
-    for root in search_path():
-        for folder in _subfolders(root):
-            for version in _versions(folder):
-                if (version / CARD).is_file():
-                    found.setdefault((folder.name, version.name), version)
-    return [found[key] for key in sorted(found, key=lambda key: (key[0], _version_key(key[1])))]
+    """Return the folders of all artefacts on the search path, by name and rising version."""
+    names = {folder.name for root in search_path() for folder in root.iterdir() if folder.is_dir()}
+    return [version for name in sorted(names) for version in _on_search_path(name) if (version / CARD).is_file()]
 
 
 @_reading()
 def find_artifact(reference: str | Path) -> Path:
-    """Folder of an artefact.
+    """Return the folder of an artefact.
 
     Parameters
     ----------
     reference : str or path
         ``NAME`` (its highest version) or ``NAME@VERSION``, looked up on the search path; or the path of an artefact's folder or of a folder
         of its versions.  Text is a path if it has a separator or begins with a dot, or if it is a folder that holds a card; other folders
-        of the same name, such as one of results, are none of its meanings.  Which member of a committee is meant (`parted`) is not
-        looked at.
+        of that name, such as results, are ignored.  So is the number of a member of a committee (see `parted`).
 
     Raises
     ------
     ArtifactError
-        If there is none, and lists what there is; or if the text means an artefact by name and another one as a folder.
+        If there is none (the message lists the known ones), or the text names an artefact and the folder of another.
     """
     check_path(reference, "an artefact's reference")
     reference, _ = parted(reference)
@@ -178,7 +150,7 @@ def find_artifact(reference: str | Path) -> Path:
 
 
 def parted(reference: str | Path) -> tuple[str | Path, str | None]:
-    """An artefact's reference, and which of its committee is meant by ``#3`` or ``#all`` behind it; None where nothing is."""
+    """Return an artefact's reference, and the member of its committee that ``#3`` or ``#all`` behind it names; None without either."""
     found = WHICH_MEMBER.fullmatch(str(reference))
     if found is None or Path(reference).exists():
         return reference, None
@@ -188,40 +160,38 @@ def parted(reference: str | Path) -> tuple[str | Path, str | None]:
 
 
 def _in_folder(path: Path) -> Path | None:
-    """The artefact in a folder, or its highest version where the folder holds versions."""
-    if (path / CARD).is_file():
-        return path
-    held = [folder for folder in _versions(path) if (folder / CARD).is_file()] if path.is_dir() else []
+    """Return the artefact in a folder, or its highest version where the folder holds versions; None where it holds no card."""
+    held = [folder for folder in (*_versions(path), path) if (folder / CARD).is_file()]
     return held[-1] if held else None
 
 
 def _by_name(text: str) -> Path | None:
-    """Return the artefact NAME or NAME@VERSION on the search path, readable or not, so that no other one takes its place."""
+    """Return the artefact NAME or NAME@VERSION on the search path; an unreadable one is returned too, so that no other replaces it."""
     name, separator, version = text.partition("@")
+    found = [folder for folder in _on_search_path(name) if not separator or version == folder.name]
+    return found[-1] if found else None
+
+
+def _on_search_path(name: str) -> list[Path]:
+    """Return the folders of all versions of an artefact, in rising order; the first folder on the path wins."""
     if not re.fullmatch(NAME_PATTERN, name):
-        return None
-    found: dict[str, Path] = {}
-    for root in search_path():
-        if (root / name).is_dir():
-            for folder in _versions(root / name):
-                found.setdefault(folder.name, folder)
-    candidates = [found[key] for key in sorted(found, key=_version_key) if not separator or version == key]
-    return candidates[-1] if candidates else None
+        return []
+    found = {folder.name: folder for root in reversed(search_path()) for folder in _versions(root / name)}
+    return sorted(found.values(), key=_version_key)
 
 
 def _versions(folder: Path) -> list[Path]:
-    """Folders whose names are versions, in rising order; what an interrupted writing leaves has a name that is none."""
-    return sorted(
-        (inner for inner in _subfolders(folder) if re.fullmatch(VERSION_PATTERN, inner.name)), key=lambda inner: _version_key(inner.name)
-    )
+    """Return the folders whose names are versions, in rising order; folders of an interrupted writing have other names."""
+    inner = folder.iterdir() if folder.is_dir() else ()
+    return sorted((path for path in inner if path.is_dir() and re.fullmatch(VERSION_PATTERN, path.name)), key=_version_key)
 
 
-def _subfolders(folder: Path) -> list[Path]:
-    return sorted(inner for inner in folder.iterdir() if inner.is_dir())
+def _version_key(folder: Path) -> tuple[int, ...]:
+    return tuple(int(part) for part in folder.name.split("."))
 
 
 def load_card(reference: str | Path) -> Card:
-    """The card of an artefact, or of a member of its committee (``NAME#3``); nothing else is read.
+    """Return the card of an artefact, or of a member of its committee (``NAME#3``); nothing else is read.
 
     Examples
     --------
@@ -239,9 +209,9 @@ def load_card(reference: str | Path) -> Card:
 def called(folder: Path, card: Card, which: str | None = None) -> str:
     """Return the name of an artefact or of a member of its committee, ``NAME@VERSION`` by its folder.
 
-    Where its card has another name, as that of a copy has, it stands behind.
+    A different name in its card, as in a copy, is added in brackets.
     """
-    placed = Path(os.path.abspath(folder))  # a link by its own name
+    placed = Path(os.path.abspath(folder))  # a link keeps its own name
     if re.fullmatch(VERSION_PATTERN, placed.name) and re.fullmatch(NAME_PATTERN, placed.parent.name):
         found = f"{placed.parent.name}@{placed.name}"
     else:
@@ -251,13 +221,7 @@ def called(folder: Path, card: Card, which: str | None = None) -> str:
 
 
 def _number(folder: Path, card: Card, which: str) -> int:
-    """Number of a member of a committee.
-
-    Raises
-    ------
-    ArtifactError
-        If there is none of it.
-    """
+    """Return the number of a member of a committee; raise ArtifactError if there is no such member."""
     if int(which) > len(card.members):
         has = f"members #1 to #{len(card.members)}" if card.members else NO_COMMITTEE
         raise ArtifactError(f"{called(folder, card)} has no member #{which}: it has {has}")
@@ -273,20 +237,11 @@ def _card_of(folder: Path) -> Card:
             data = file.read(2**20 + 1)
     except OSError as error:
         raise ArtifactError(f"{folder}: cannot read the card: {error.strerror}") from None
-    try:
-        return read_card(data, str(folder / CARD))
-    except CardError as error:
-        raise ArtifactError(str(error)) from None
+    return read_card(data, str(folder / CARD))
 
 
 def _check_unchanged(folder: Path, card: Card) -> None:
-    """Check that a card says what was stored with its weights.
-
-    Raises
-    ------
-    ArtifactError
-        If it says something else.
-    """
+    """Raise ArtifactError if the digest shows that a card was changed after it was stored with its weights."""
     stated = card.digest or SHIPPED_CARDS.get(card.payloads[SURROGATE].sha256)
     if stated is not None and stated != card.found_digest():
         raise ArtifactError(
@@ -296,21 +251,20 @@ def _check_unchanged(folder: Path, card: Card) -> None:
 
 
 def load_surrogate(reference: str | Path) -> ForceModel:
-    """A force model by name, or the surrogate of an artefact or of a member of its committee.
+    """Return a force model by name, or the surrogate of an artefact or of a member of its committee.
 
-    The card is read first; the payload is compared with its digest there, and then read as plain arrays, so that loading runs no code that
-    the file brings along.
+    The card is read first; the payload must match its digest there, and is read as plain arrays, so loading runs no code from the file.
 
     Parameters
     ----------
     reference : str or path
-        ``analytic``, ``nosb`` …, or an artefact as for `find_artifact`; with ``#3`` behind it the third member of its committee, with
-        ``#all`` what runs by default and all members beside it, whose deviation a run then tells (the field ``member_deviation``).
+        ``analytic``, ``nosb`` …, or an artefact as for `find_artifact`.  Append ``#3`` for the third member of its committee, or ``#all``
+        for the surrogate with all members, whose deviation a run then records (field ``member_deviation``).
 
     Raises
     ------
     ArtifactError
-        If it is unknown, damaged, does not match its card, or holds anything but plain arrays.
+        If the artefact is unknown, damaged, does not match its card, or holds anything but plain arrays.
 
     Examples
     --------
@@ -328,7 +282,7 @@ def load_surrogate(reference: str | Path) -> ForceModel:
 def _surrogate_in(folder: Path, which: str | None = None) -> ForceModel:
     card = _card_of(folder)
     model = _described_model(folder, card, which)
-    _check_unchanged(folder, card)  # after what names the field that contradicts the weights
+    _check_unchanged(folder, card)  # after the check that names the field
     if card.digest is None and card.payloads[SURROGATE].sha256 not in SHIPPED_CARDS:
         warnings.warn(
             f"{called(folder, card)} was stored by an earlier pdsurrogate, whose cards have no digest: nothing tells whether its material, "
@@ -350,16 +304,14 @@ def _described_model(folder: Path, card: Card, which: str | None) -> ForceModel:
     model = _built(name, folder, card, SURROGATE, _arrays(folder, card, SURROGATE))
     if which is None:
         return model
-    numbers = range(1, len(card.members) + 1)
-    members = tuple(
-        Member(found, law_of(of_member := card.of_member(number)), _modulus(of_member) / _modulus(card))
-        for number, found in zip(numbers, _members(folder, card, numbers), strict=True)
-    )
-    return replace(model, members=members)
+    numbers, modulus = range(1, len(card.members) + 1), law_of(card).shear_modulus
+    laws = [law_of(card.of_member(number)) for number in numbers]
+    members = zip(_members(folder, card, numbers), laws, strict=True)
+    return replace(model, members=tuple(Member(found, law, law.shear_modulus / modulus) for found, law in members))
 
 
 def _members(folder: Path, card: Card, numbers: Sequence[int]) -> list[ForceModel]:
-    """Members of a committee by their numbers, from a file that is read once."""
+    """Return members of a committee by their numbers; the file is read once."""
     arrays = _arrays(folder, card, MEMBERS)
     held: dict[str, dict] = {}
     for key, value in arrays.items():
@@ -378,7 +330,7 @@ def _arrays(folder: Path, card: Card, file: str) -> dict[str, np.ndarray | str]:
 
 
 def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> ForceModel:
-    """The model in the arrays of a payload, with what its card states, which must be true of it."""
+    """Return the model in the arrays of a payload, and check what its card states of it."""
     try:
         model = KINDS[card.kind].from_payload(name, payload, card.domain.build(), card.material.law, card.material.shape)
     except (ValueError, TypeError, OverflowError) as error:
@@ -397,25 +349,15 @@ def _built(name: str, folder: Path, card: Card, file: str, payload: dict) -> For
 
 
 def law_of(card: Card) -> Law:
-    """The law that a card names, with the parameters that were trained with.
-
-    Raises
-    ------
-    ArtifactError
-        If it is unknown.
-    """
+    """Return the law that a card names, with its parameters of training; raise ArtifactError if the law is unknown."""
     try:
         return law_described(card.material)
     except ValueError as error:
         raise ArtifactError(f"{card.name}@{card.version}: the card's {error}") from None
 
 
-def _modulus(card: Card) -> float:
-    return law_of(card).shear_modulus
-
-
 def _stated(card: Card) -> dict[str, float] | None:
-    """Return the errors on the plane-stress surface of the training box and K/mu there; None where the law is not known here."""
+    """Return the errors on the plane-stress surface of the training box and K/mu there; None if the card states no moduli."""
     errors, trained_with = card.errors["box"]["on_surface"], card.material.trained_with
     try:
         bulk_ratio = trained_with["bulk_modulus"] / trained_with["shear_modulus"]
@@ -438,10 +380,10 @@ def payload_of(data: bytes) -> dict[str, np.ndarray | str]:
 
 @_reading()
 def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -> ForceModel:
-    """Return the force model for a material, where the user gives none.
+    """Return the default force model of a material.
 
-    The artefact that carries the law's name on the search path (of bond energies, with ``-energy`` behind it under plane stress and
-    ``-isochoric`` elsewhere), if there is one and it describes this material; else the exact model of that kind, which serves every law.
+    It is the artefact on the search path with the name of the law (for bond energies with ``-energy`` appended under plane stress and
+    ``-isochoric`` otherwise), if there is one and it describes this material; otherwise the exact model of that kind.
 
     Parameters
     ----------
@@ -449,7 +391,7 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
     family : str
         Kind of the model, see `ForceModel.family`.
     plane : str
-        Of the body.
+        State of the body: "stress", "strain" or "space".
 
     Raises
     ------
@@ -459,21 +401,19 @@ def surrogate_for(law: Law, family: str = "bond force", plane: str = "stress") -
     energy = f"{law.name}-energy" if plane == "stress" else f"{law.name}-isochoric"
     name, exact = {"bond force": (law.name, "analytic"), "bond energy": (energy, "bond-energy")}.get(family, (None, family))
     folder = name and _by_name(name)
-    if not folder:
-        return load_surrogate(exact)
-    model = _surrogate_in(folder)
-    try:
-        model.check_material(law)
-    except ValueError:  # another material of the same law
-        return load_surrogate(exact)
-    return model
+    if folder:
+        model = _surrogate_in(folder)
+        with suppress(ValueError):  # another material of the same law
+            model.check_material(law)
+            return model
+    return load_surrogate(exact)
 
 
 def default_force(scene: Scene) -> ForceModel:
-    """Return the force model for a scene, where the user gives none.
+    """Return the default force model of a scene.
 
-    `surrogate_for` the scene's material under plane stress; in plane strain and in space the exact selective energy, which does not lock,
-    and the exact energy wherever there are several materials.
+    It is `surrogate_for` the material under plane stress; otherwise, and with several materials, the exact energy, which in plane strain
+    and in solids is the selective one that does not lock.
     """
     if scene.plane != "stress" or scene.materials:
         return load_surrogate("bond-energy")
@@ -481,16 +421,16 @@ def default_force(scene: Scene) -> ForceModel:
 
 
 def load_pipeline(reference: str | Path, *, trust: bool = False):
-    """The fitted scikit-learn pipeline of an artefact, for those who refine it.
+    """Return the fitted scikit-learn pipeline of an artefact, for refinement.
 
-    It is a pickle of Python objects: loading it runs code from the file.  Its digest is compared with the card's
-    first, which shows that it is the file that the card was written for, not that whoever wrote both means well.
+    It is a pickle of Python objects: loading it runs code from the file.  It must match its digest in the card, which shows that the file
+    belongs to the card, but not that their author is trustworthy.
 
     Parameters
     ----------
     reference : str or path
     trust : bool
-        Must be True: you trust whoever made the artefact as you would trust a program of theirs.
+        Must be True: you trust the author of the artefact as you would trust a program of theirs.
 
     Examples
     --------
@@ -515,7 +455,7 @@ def new_artifact(folder: str | Path, name: str, version: str) -> Path:
     Raises
     ------
     ArtifactError
-        If it exists already (versions are immutable), or name or version are not allowed, such as the name of a force model.
+        If it exists already (versions are immutable), or the name or version is not allowed, such as the name of a force model.
     """
     if not str(folder):
         raise ArtifactError("a folder of artefacts is needed, and its name is empty; None is that in which they are found by name")
@@ -527,13 +467,13 @@ def new_artifact(folder: str | Path, name: str, version: str) -> Path:
     return target
 
 
-def _check_name(name) -> None:
+def _check_name(name: str) -> None:
     _check_matches("name", name, NAME_PATTERN)
     if name in FORCES:
         raise ArtifactError(f"name {name!r} is not allowed: it is that of a force model, which would be taken for the artefact")
 
 
-def _check_matches(key: str, value, pattern: str) -> None:
+def _check_matches(key: str, value: str, pattern: str) -> None:
     if not isinstance(value, str) or not re.fullmatch(pattern, value):
         raise ArtifactError(f"{key} {value!r} is not allowed: it must be text that matches {pattern}")
 
@@ -552,29 +492,28 @@ def save_artifact(
     folder : str or path
         The folder that holds artefacts; this one becomes ``folder/NAME/VERSION``.
     card : dict
-        All of `Card` but the format, schema version, payloads and digest.
+        Entries of `Card` except format, schema version, payloads and digest.
     surrogate : LearntBondForce or LearntEnergy
     pipeline : estimator, optional
         The fitted pipeline.
     members : sequence of LearntBondForce or LearntEnergy, optional
-        Of its committee, of the same kind, as `Card.members` describes them.
+        Members of its committee, of the same kind; `Card.members` describes them.
 
     Returns
     -------
     Path
-        Of the new artefact.
+        Folder of the new artefact.
 
     Raises
     ------
     ArtifactError
-        If the version exists already (versions are immutable), name or version are not allowed, or what was written cannot be read again:
-        a model that the kernels do not evaluate.  Nothing is left on disk then.
+        If the version exists already (versions are immutable), the name or version is not allowed, or the written files cannot be read
+        again, as of a model that the kernels do not evaluate.  No file is left on disk then.
     """
     target = new_artifact(folder, card["name"], card["version"])
     Path(folder).mkdir(parents=True, exist_ok=True)
-    held = Path(tempfile.mkdtemp(prefix=f".{card['name']}-{card['version']}-", dir=folder))
-    temporary = held / card["name"] / card["version"]
-    try:
+    with TemporaryDirectory(prefix=f".{card['name']}-{card['version']}-", dir=folder, ignore_cleanup_errors=True) as held:
+        temporary = Path(held) / card["name"] / card["version"]
         temporary.mkdir(parents=True)
         np.savez(temporary / SURROGATE, **surrogate.payload())
         contents = {SURROGATE: "the surrogate's constants: plain arrays, all that a simulation needs"}
@@ -590,7 +529,7 @@ def save_artifact(
             undigested = {"format": FORMAT, "schema_version": SCHEMA_VERSION, **card, "payloads": payloads, "digest": "0" * 64}
             full = checked_card(undigested)
             full = full.model_copy(update={"digest": full.found_digest()})
-        except CardError as error:
+        except ArtifactError as error:
             raise ArtifactError(f"{card['name']}@{card['version']}: it cannot be stored with this card: {error}") from None
         (temporary / CARD).write_text(full.to_json(), encoding="utf-8")
         _surrogate_in(temporary, ALL if members else None)
@@ -601,8 +540,6 @@ def save_artifact(
             if error.errno not in (errno.EEXIST, errno.ENOTEMPTY):
                 raise
             raise ArtifactError(f"{card['name']}@{card['version']} exists already in {folder}; versions never change") from None
-    finally:
-        shutil.rmtree(held, ignore_errors=True)
     return target
 
 
@@ -612,7 +549,7 @@ def _describe(path: Path, contains: str) -> dict:
 
 
 def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) -> bytes:
-    """Bytes of a payload whose size and digest are those of the card, at most so many."""
+    """Return the bytes of a payload, at most so many, after comparing size and digest with the card."""
     where = f"{called(folder, card)}: {name}"
     if name not in card.payloads:
         raise ArtifactError(f"{where}: the artefact has none")
@@ -621,14 +558,10 @@ def _checked_payload(folder: Path, card: Card, name: str, most: float = np.inf) 
         raise ArtifactError(f"{where}: the card states {stated.bytes} bytes; at most {most} are read")
     try:
         path = folder / name
-        # The size first: a card may state any, and reading makes room for as much.
+        # The size first, so that no file larger than stated is read into memory.
         data = path.read_bytes() if path.stat().st_size == stated.bytes else b""
     except OSError as error:
         raise ArtifactError(f"{where}: cannot be read: {error.strerror}") from None
     if len(data) != stated.bytes or hashlib.sha256(data).hexdigest() != stated.sha256:
         raise ArtifactError(f"{where}: the file is not the one that the card describes (its size or SHA-256 differs): damaged or exchanged")
     return data
-
-
-def _version_key(version: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in version.split("."))

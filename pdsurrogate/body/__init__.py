@@ -2,11 +2,13 @@
 
 from .body import MOST_BONDS, MOST_POINTS, WEIGHT_FUNCTIONS, Body, Bonds, Cells, WeightFunction, grid
 from .cell_mesh import CellMesh
+from .division import HALO, divided, rows_of
 from .ghosts import Ghosts, ReflectionPlane
 from .local_fit import fields_at, interpolation
 from .surface import Following, Surface, encloses
 
 __all__ = [
+    "HALO",
     "MOST_BONDS",
     "MOST_POINTS",
     "WEIGHT_FUNCTIONS",
@@ -19,8 +21,10 @@ __all__ = [
     "ReflectionPlane",
     "Surface",
     "WeightFunction",
+    "divided",
     "encloses",
     "fields_at",
     "grid",
     "interpolation",
+    "rows_of",
 ]

@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..ranks import Halo, Share
 from .cell_mesh import CellMesh
 from .ghosts import Ghosts, ReflectionPlane
-from .share import SERIAL, Share
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Body:
     groups: Mapping[str, np.ndarray] = field(default_factory=dict)
     mesh_cells: CellMesh | None = None
     faces: Mapping[str, str] = field(default_factory=dict)
-    share: Share = SERIAL
+    share: Share = None  # type: ignore[assignment]  # of all points, once there are points
     ghosts: Ghosts = field(init=False)
 
     def __post_init__(self) -> None:
@@ -128,6 +128,8 @@ class Body:
         if self.cell is None and self.mesh_cells is None:  # those of a grid or a mesh lie apart
             _check_apart(points, COINCIDING * self.horizon)
         object.__setattr__(self, "points", points)
+        if self.share is None:
+            object.__setattr__(self, "share", Share.whole(len(points)))
         object.__setattr__(self, "volumes", volumes)
         if not self.spacing:
             object.__setattr__(self, "spacing", float(volumes.mean() ** (1 / points.shape[1])))
@@ -176,6 +178,30 @@ class Body:
     def bonds(self) -> Bonds:
         """Bonds of the body, computed on first use."""
         return Bonds.of(self)
+
+    @cached_property
+    def extent(self) -> float:
+        """Longest side of the box around the points of the whole body."""
+        greatest = self.share.greatest
+        return max(greatest(column) + greatest(-column) for column in self.points.T)
+
+    @cached_property
+    def names(self) -> np.ndarray:
+        """Names of the points, then of the images, on all ranks: numbers in the whole body, plus multiples of its size for images."""
+        source, image = self.ghosts.source, self.ghosts.image
+        return np.concatenate([self.share.numbers, self.share.numbers[source] + image * self.share.size])
+
+    @property
+    def bond_owners(self) -> np.ndarray:
+        """Point from whose list each directed bond is."""
+        return np.repeat(np.arange(len(self)), np.diff(self.bonds.pointers).astype(np.int64))
+
+    @cached_property
+    def bond_halo(self) -> Halo:
+        """Directed bonds of the points of the halo, shape (n_bonds,)."""
+        owners, share = self.bond_owners, self.share
+        names = share.numbers[owners] * (share.size * 2 ** len(self.planes)) + self.names[self.bonds.neighbours]
+        return Halo(share.ranks, names, share.owners[owners])
 
     @classmethod
     def rectangle(cls, width: float, height: float, spacing: float, horizon: float, **options) -> Body:
@@ -265,6 +291,14 @@ class Cells:
 def grid(lower: Sequence[float], upper: Sequence[float], spacing: float) -> np.ndarray:
     """Return the centres of the cells that fill a box, row by row, shape (n, d), see `Cells.filling`."""
     return Cells.filling(lower, upper, spacing).centres()
+
+
+def sums_at_points(n: int, first: np.ndarray, second: np.ndarray, values: np.ndarray, sign: float) -> np.ndarray:
+    """Return sums at n points of values (k,) or (k, c) of bonds: of those that begin there, and, times a sign, of those that end there."""
+    if values.ndim == 2:
+        return np.stack([sums_at_points(n, first, second, column, sign) for column in values.T], axis=1)
+    within = second < n
+    return np.bincount(first, values, n) + sign * np.bincount(second[within], values[within], n)
 
 
 MOST_TOGETHER = 1_000_000

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from .share import Share
+from ..ranks import Share
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise, product
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import Delaunay
@@ -18,7 +17,7 @@ from scipy.spatial import Delaunay
 from ..body import Surface, encloses
 from ..scenes import Box, Circle, Ellipse, Rectangle, Scene, Sphere
 from ..scenes.shapes import Outline
-from ..scenes.solids import Prism, Solid
+from ..scenes.solids import Prism, Solid, Straight
 from .chains import BESIDE, ROUNDING, between_material_and_none, pieces
 from .places import same_places
 
@@ -29,16 +28,8 @@ MOST_ROUNDS = 20
 """Times that the sides of a section are halved until they are sides of its triangles; two or three are enough, but for acute corners."""
 
 
-class _Straight(NamedTuple):
-    """A prism along an axis: its section, the bores in that, and the coordinates of its ends."""
-
-    section: Outline
-    bores: tuple[Outline, ...]
-    span: tuple[float, float]
-
-
 def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes, triangles, and the part that each is of: outline, holes.0, ...
+    """Return nodes, triangles, and the part of each triangle: outline, holes.0, ...
 
     Facets are about a cell long; those on flat rectangles are quarters of a cell, which are symmetric about its middle, and those on
     spheres half as long.
@@ -86,29 +77,25 @@ def boundary_of_solids(scene: Scene, cell: np.ndarray, lower: np.ndarray, upper:
 
 
 def _axes_of(body: Solid) -> tuple[int, ...]:
-    """Axes that a body is a prism along; of a sphere any one, which it is not."""
-    return (2, 0, 1) if isinstance(body, Box) else (body.along,) if isinstance(body, Prism) else (2,)
+    """Return the axes that a body is a prism along; of a sphere any one, which it is not."""
+    return (2, 0, 1) if isinstance(body, Box) else (body.straight.along,) if isinstance(body, Prism) else (2,)
 
 
-def _along(shape: Solid, axis: int) -> _Straight | None:
-    """A shape as a prism along an axis, if it is one."""
+def _along(shape: Solid, axis: int) -> Straight | None:
+    """Return a shape as a prism along an axis, if it is one."""
     if isinstance(shape, Box):
-        across = [(axis + 1) % 3, (axis + 2) % 3]
-        rectangle = Rectangle(size=tuple(shape.size[other] for other in across), lower=tuple(shape.lower[other] for other in across))
-        return _Straight(rectangle, (), (shape.lower[axis], shape.lower[axis] + shape.size[axis]))
-    if isinstance(shape, Prism) and shape.along == axis:
-        return _Straight(shape.section, shape.bores, shape.span)
-    return None
+        return shape.straight_along(axis)
+    return shape.straight if isinstance(shape, Prism) and shape.straight.along == axis else None
 
 
-def _goes_through(hole: _Straight | None, body: _Straight | None, tolerance: float) -> bool:
+def _goes_through(hole: Straight | None, body: Straight | None, tolerance: float) -> bool:
     if hole is None or body is None or hole.bores:
         return False
     return hole.span[0] <= body.span[0] + tolerance and hole.span[1] >= body.span[1] - tolerance
 
 
 def _halved_with(body: Solid, hole: Solid, tolerance: float) -> tuple[int, ...]:
-    """Axes along which a hole is cut by the flat faces of a part of a sphere: a sphere whose centre lies on these."""
+    """Return the axes of the flat faces of a part of a sphere that cut a hole: a sphere whose centre lies on these faces."""
     if not isinstance(hole, Sphere):
         return ()
     cut = tuple(axis for axis in _faces_of_part(body) if abs(hole.centre[axis] - body.centre[axis]) <= tolerance)
@@ -116,12 +103,12 @@ def _halved_with(body: Solid, hole: Solid, tolerance: float) -> tuple[int, ...]:
 
 
 def _faces_of_part(body: Solid) -> tuple[int, ...]:
-    """Axes that the flat faces of a part of a sphere are normal to."""
+    """Return the axes that the flat faces of a part of a sphere are normal to."""
     return body.halved if isinstance(body, Sphere) else ()
 
 
 def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> int | None:
-    """The first of the holes with a closed boundary of their own that does not lie in the body and apart from all other holes.
+    """Return the first hole with a closed boundary of its own that does not lie in the body, apart from all other holes.
 
     The rims of those that are cut lie on the flat faces of the body.
     """
@@ -141,16 +128,15 @@ def _meeting(scene: Scene, closed: dict[int, np.ndarray], tolerance: float) -> i
 
 
 def _closed(shape: Solid, halved: tuple[int, ...], cell: np.ndarray, tolerance: float) -> np.ndarray:
-    """Triangles of a shape by itself, shape (f, 3, 3), counter-clockwise as seen from outside; flat faces of a cut sphere are left out."""
+    """Return the triangles (f, 3, 3) of one shape, counter-clockwise as seen from outside, without flat faces of a cut sphere."""
     if isinstance(shape, Sphere):
         return _sphere(shape, halved, cell)
-    axis = shape.along
-    straight = _along(shape, axis)
-    return np.concatenate(_prism(straight, axis, cell, tolerance, straight.bores))
+    straight = shape.straight
+    return np.concatenate(_prism(straight, straight.along, cell, tolerance, straight.bores))
 
 
 def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.ndarray:
-    """An icosahedron whose faces are divided evenly, or of a sphere that is cut along axes its eighths above the cuts; of their volume.
+    """Return an evenly divided icosahedron, or the eighths of a sphere above its cuts, with the volume of the sphere.
 
     Nodes lie beyond the sphere by as little as the middles of facets within it: the work of a pressure in an affine motion is exact.
     Facets are about half a cell long.  With whole cells the work in the motion of a swelling hole of six cells' radius lacks 1 %, with
@@ -191,7 +177,7 @@ def _sphere(sphere: Sphere, halved: tuple[int, ...], cell: np.ndarray) -> np.nda
 
 
 def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, tolerance: float) -> np.ndarray:
-    """Triangles of a flat face of a part of a sphere between the rims of its curved faces, arrays of shape (f, 3, 3).
+    """Return the triangles (f, 3, 3) of a flat face of a part of a sphere between the rims of its curved faces.
 
     Along the lines where two flat faces meet either has the same nodes.
     """
@@ -227,8 +213,8 @@ def _flat_face(sphere: Sphere, axis: int, curved: np.ndarray, cell: np.ndarray, 
     return found[:, ::-1]
 
 
-def _prism(straight: _Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]) -> list[np.ndarray]:
-    """Triangles of the outline of a prism with its caps, and of each hole through it, arrays of shape (f, 3, 3)."""
+def _prism(straight: Straight, axis: int, cell: np.ndarray, tolerance: float, holes: tuple[Outline, ...]) -> list[np.ndarray]:
+    """Return the triangles (f, 3, 3) of the outline of a prism with its caps, and of each hole through it."""
     across = [(axis + 1) % 3, (axis + 2) % 3]
     beside = cell[across]
     low, high = straight.span
@@ -267,14 +253,14 @@ def _prism(straight: _Straight, axis: int, cell: np.ndarray, tolerance: float, h
 
 
 def quarters(quadrilaterals: np.ndarray) -> np.ndarray:
-    """Each quadrilateral, shape (q, 4, d), as four triangles about the mean of its corners."""
+    """Return each quadrilateral (q, 4, d) as four triangles about the mean of its corners."""
     middles = np.broadcast_to(quadrilaterals.mean(axis=1, keepdims=True), quadrilaterals.shape)
     triangles = np.stack([quadrilaterals, np.roll(quadrilaterals, -1, axis=1), middles], axis=2)
     return triangles.reshape(-1, *triangles.shape[2:])
 
 
 def _tiles(nodes: np.ndarray) -> np.ndarray:
-    """A rectangle as quarters of the tiles between the nodes around it."""
+    """Return a rectangle as quarters of the tiles between the nodes around it."""
     low = nodes.min(axis=0)
     on_edges = nodes - low <= ROUNDING * np.ptp(nodes, axis=0).max()
     x1, x2 = (np.unique(nodes[on_edges[:, 1 - axis], axis]) for axis in (0, 1))
@@ -286,7 +272,7 @@ def _tiles(nodes: np.ndarray) -> np.ndarray:
 def _triangulated(
     nodes: np.ndarray, sides: np.ndarray, chain: np.ndarray, cell: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The material within closed chains as triangles about a cell long.
+    """Return the material within closed chains as triangles about a cell long.
 
     Delaunay's triangles of nodes on the chains and of a lattice within; sides of the chains that are sides of no triangle are halved.
 

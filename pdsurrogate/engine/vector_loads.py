@@ -3,7 +3,7 @@
 A point's position is a record of two or three doubles, its gradient one of four or nine reals. LLVM compiles indexed loads in a loop over
 bonds into gather instructions, one component at a time; loading a record as a few vectors of four, two or one reals is faster. Each
 function states how many times as long a plain loop takes, by ``python pipelines/vector_loads.py`` on a processor with AVX2, in single and
-in double precision; one that gains less than 1.3 has no place here. ``tests/test_kernels.py`` compares the results.
+in double precision; one that gains less than 1.3 has no place here. ``tests/kernels/test_kernels.py`` compares the results.
 """
 
 from functools import cache

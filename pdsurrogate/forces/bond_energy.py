@@ -29,7 +29,7 @@ class EnergySurrogate(ForceModel):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> isinstance(pds.load_surrogate("neo-hookean-energy"), pds.EnergySurrogate)
+    >>> isinstance(pds.load_surrogate("neo-hookean-energy"), pds.forces.EnergySurrogate)
     True
     """
 
@@ -66,7 +66,7 @@ class BondEnergyForce(EnergySurrogate):
     --------
     >>> import pdsurrogate as pds
     >>> body = pds.Body.rectangle(1.0, 1.0, 0.25, 0.7875)
-    >>> force = pds.BondEnergyForce().bind(body, pds.NeoHookean(), pds.ForceSettings(precision="float64"))
+    >>> force = pds.BondEnergyForce().bind(body, pds.materials.NeoHookean(), pds.ForceSettings(precision="float64"))
     >>> force.place(body.points * [1.1, 1.0])
     >>> bool(force.stress_and_energy()[1].min() > 0)
     True

@@ -8,20 +8,49 @@ from ..body import Body
 
 
 class OutsideDomain(RuntimeError):
-    """Bonds are outside the domain of a surrogate, and the policy is to stop."""
+    """Bonds are outside the domain of a surrogate, and the policy is to stop.
+
+    Examples
+    --------
+    >>> import pdsurrogate as pds
+    >>> scene = pds.load_scene("uniaxial", {"outside": "raise", "spacing": 0.1, "stretches": [4.0]})
+    >>> try:
+    ...     pds.simulate(scene, "neo-hookean")
+    ... except pds.SimulationFailed as failed:
+    ...     print(isinstance(failed.__cause__, pds.forces.OutsideDomain))
+    True
+    """
 
 
 class OutsideDomainWarning(RuntimeWarning):
-    """Bonds are outside the domain of a surrogate, and its values there are extrapolated."""
+    """Bonds are outside the domain of a surrogate, and its values there are extrapolated.
+
+    Examples
+    --------
+    >>> import warnings, pdsurrogate as pds
+    >>> warnings.simplefilter("error", pds.forces.OutsideDomainWarning)
+    """
 
 
 class InvalidState(RuntimeError):
-    """A deformation that has no force: det F <= 0, a limit of the material law passed, or numbers that are not finite."""
+    """A deformation that has no force: det F <= 0, a limit of the material law passed, or numbers that are not finite.
+
+    Examples
+    --------
+    >>> import numpy as np, pdsurrogate as pds
+    >>> body = pds.Body.rectangle(1.0, 1.0, 0.1, 0.315)
+    >>> force = pds.AnalyticBondForce().bind(body, pds.materials.NeoHookean(), pds.ForceSettings())
+    >>> try:
+    ...     force(body.points * [-1.0, 1.0], np.empty_like(body.points))
+    ... except pds.forces.InvalidState as error:
+    ...     print("turned inside out" in str(error))
+    True
+    """
 
 
 def at_point(body: Body, i: int, what: str) -> str:
     """Return a message that begins with the number and the place of a point."""
-    return f"point {body.share.number(i)} at ({', '.join(f'{x:.4g}' for x in body.points[i])}): {what}"
+    return f"point {body.share.numbers[i]} at ({', '.join(f'{x:.4g}' for x in body.points[i])}): {what}"
 
 
 def locate(body: Body, values: np.ndarray, what: str) -> str:

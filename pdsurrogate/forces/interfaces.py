@@ -105,7 +105,7 @@ class Interfaces:
         rows, columns, values, mirrored = [], [], [], []
         tree, everywhere = cKDTree(body.points), cKDTree(body.all_points)
         share = body.share
-        for i in share.own_points(near):
+        for i in near[share.own[near]]:
             found = _interface_beside(body, everywhere, portion_of, i)
             if quadratic and (found is None or found[3] > ASTRAY):
                 found = _nearest_softer(body, everywhere, portion_of, moduli, i) or found

@@ -9,6 +9,7 @@ from ..body import Body
 from ..engine.passes import BoundPass
 from ..engine.threads import Chunks
 from ..kernels import dilatation, selective_energy
+from .kinematics import entries_of, pointers_to
 
 SLAB = 4_000_000
 """Pairs that are looked at together while a body is prepared, so that passing arrays stay small beside the body's own."""
@@ -49,8 +50,7 @@ class Smoothing:
         rows = np.concatenate([first, second[within]])
         order = np.argsort(rows, kind="stable")
         rows, self._columns = rows[order], np.concatenate([second, first[within]])[order]
-        self._pointers = np.zeros(n + 1, dtype=np.uint64)
-        self._pointers[1:] = np.cumsum(np.bincount(rows, minlength=n))
+        self._pointers = pointers_to(rows, n)
         self._volumes, self._most = body.volumes, 1 - 0.5**body.dimension
         raw = np.concatenate([weights, weights[within]])[order]
         self._share = body.share
@@ -96,10 +96,9 @@ class Smoothing:
         return self._most / np.maximum(shares, self._most)
 
     def _entries(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Entries of given rows, and which row each is of."""
-        starts = self._pointers[rows].astype(np.int64)
-        counts = self._pointers[rows + 1].astype(np.int64) - starts
-        return np.repeat(rows, counts), np.repeat(starts - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+        """Return the row of every entry of given rows, and the numbers of these entries."""
+        counts = np.diff(self._pointers).astype(np.int64)[rows]
+        return np.repeat(rows, counts), entries_of(self._pointers, rows)
 
 
 class SinglePrecisionSmoothing:

@@ -60,7 +60,7 @@ def committee(
     --------
     >>> import pdsurrogate as pds
     >>> data = pds.load_test_data("treloar").up_to(3.0)
-    >>> members = pds.committee(pds.EnergyRegressor(), data.stretches, data.nominal_stress, n_members=2)
+    >>> members = pds.identification.committee(pds.identification.EnergyRegressor(), data.stretches, data.nominal_stress, n_members=2)
     >>> len(members)
     2
     """
@@ -105,7 +105,7 @@ def committee_spread(found: ArrayLike, members: ArrayLike) -> np.ndarray:
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> float(pds.committee_spread(1.0, [0.9, 1.1, 0.9, 1.1, 0.9, 1.1, 0.9, 1.1])).__round__(3)
+    >>> float(pds.identification.committee_spread(1.0, [0.9, 1.1, 0.9, 1.1, 0.9, 1.1, 0.9, 1.1])).__round__(3)
     0.118
     """
     members = np.asarray(members, dtype=float)

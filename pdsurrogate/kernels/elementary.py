@@ -2,7 +2,7 @@
 
 NumPy evaluates them on arrays, and numba compiles other implementations of them for scalars of either precision. The llvmlite wheels bring
 no vector mathematics library, so ``math.log`` or ``math.exp`` would prevent vectorisation of a loop. Errors are relative unless stated
-otherwise, and measured over the stated range (``tests/test_elementary.py``).
+otherwise, and measured over the stated range (``tests/kernels/test_elementary.py``).
 """
 
 import math

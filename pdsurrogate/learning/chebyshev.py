@@ -41,7 +41,7 @@ class ChebyshevRegressor(BaseRegressor):
     >>> import pdsurrogate as pds
     >>> import numpy as np
     >>> x = np.linspace(-1, 1, 50)[:, None]
-    >>> model = pds.ChebyshevRegressor(6).fit(x, np.exp(x))
+    >>> model = pds.learning.ChebyshevRegressor(6).fit(x, np.exp(x))
     >>> bool(np.abs(model.predict(x) - np.exp(x)).max() < 1e-5)
     True
     """

@@ -32,7 +32,7 @@ class ArrudaBoyce(InvariantLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.ArrudaBoyce(chain_links=20.0)
+    >>> law = pds.materials.ArrudaBoyce(chain_links=20.0)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     1.056
@@ -41,14 +41,10 @@ class ArrudaBoyce(InvariantLaw):
     name: ClassVar[str] = "arruda-boyce"
     reference: ClassVar[str] = "Arruda, Boyce 1993"
     costly: ClassVar[bool] = True
-    n_parameters: ClassVar[int] = 4
     bounds: ClassVar[dict] = {"chain_links": (1.01, 1e4)}
+    above: ClassVar[dict] = {"chain_links": 1}
 
     chain_links: float = 26.5
-
-    def check(self) -> None:
-        if self.chain_links <= 1:
-            raise ValueError(f"{self.name}: chain_links must be above 1, not {self.chain_links:g}")
 
     @property
     def parameters(self) -> np.ndarray:
@@ -57,10 +53,6 @@ class ArrudaBoyce(InvariantLaw):
         beta = float(inverse_langevin(at_rest)[0])
         density = 3 * at_rest / beta
         return np.array([self.bulk_modulus / self.shear_modulus, N, density, float(chain_energy(at_rest, beta))])
-
-    @property
-    def shape(self) -> dict[str, float]:
-        return {"chain_links": self.chain_links}
 
     def limit(self, squares: np.ndarray) -> str:
         return f"I1bar/3 is {squares.sum() / 3:.4g} there, and the chains are straight at chain_links = {self.chain_links:g}"

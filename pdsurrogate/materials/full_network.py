@@ -52,7 +52,7 @@ class FullNetwork(PrincipalStretchLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.FullNetwork(chain_links=20.0)
+    >>> law = pds.materials.FullNetwork(chain_links=20.0)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     1.0667
@@ -62,12 +62,9 @@ class FullNetwork(PrincipalStretchLaw):
     reference: ClassVar[str] = "Treloar, Riding 1979; Wu, van der Giessen 1993"
     costly: ClassVar[bool] = True
     bounds: ClassVar[dict] = {"chain_links": (1.01, 1e4)}
+    above: ClassVar[dict] = {"chain_links": 1}
 
     chain_links: float = 60.0
-
-    def check(self) -> None:
-        if self.chain_links <= 1:
-            raise ValueError(f"{self.name}: chain_links must be above 1, not {self.chain_links:g}")
 
     @property
     def n_terms(self) -> int:
@@ -86,10 +83,6 @@ class FullNetwork(PrincipalStretchLaw):
         second = sum(self.term(zero, zero, zero, one, one, one, self.coefficients(raw, k))[4][0] for k in range(self.n_terms))
         raw[3] = 4 / 3 / second
         return raw
-
-    @property
-    def shape(self) -> dict[str, float]:
-        return {"chain_links": self.chain_links}
 
     def limit(self, squares: np.ndarray) -> str:
         greatest = squares.max()

@@ -32,7 +32,7 @@ class Gent(InvariantLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.Gent(chain_limit=80.0)
+    >>> law = pds.materials.Gent(chain_limit=80.0)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     1.0602
@@ -40,23 +40,11 @@ class Gent(InvariantLaw):
 
     name: ClassVar[str] = "gent"
     reference: ClassVar[str] = "Gent 1996; Chen et al. 2024, Eq. (32)"
-    n_parameters: ClassVar[int] = 2
     bounds: ClassVar[dict] = {"chain_limit": (0.01, 1e4)}
+    above: ClassVar[dict] = {"chain_limit": 0}
 
     bulk_modulus: float = 200.0
     chain_limit: float = 120.0
-
-    def check(self) -> None:
-        if self.chain_limit <= 0:
-            raise ValueError(f"{self.name}: chain_limit must be positive, not {self.chain_limit:g}")
-
-    @property
-    def parameters(self) -> np.ndarray:
-        return np.array([self.bulk_modulus / self.shear_modulus, self.chain_limit])
-
-    @property
-    def shape(self) -> dict[str, float]:
-        return {"chain_limit": self.chain_limit}
 
     def limit(self, squares: np.ndarray) -> str:
         return f"I1bar - 3 is {squares.sum() - 3:.4g} there, and the law ends at chain_limit = {self.chain_limit:g}"

@@ -35,8 +35,11 @@ class Law(ABC):
     bounds: ClassVar[dict[str, tuple[float, float]]] = {}
     """Bounds of the parameters other than the two moduli, within which they are identified from test data."""
 
+    above: ClassVar[dict[str, float]] = {}
+    """Values that parameters other than the two moduli must exceed."""
+
     costly: ClassVar[bool] = False
-    """Whether the law's response costs more than a learnt bond force; the learnt force then computes the thickness as well."""
+    """True if the law's response costs more than a learnt bond force; the learnt force then computes the thickness as well."""
 
     shear_modulus: float = 1.0
     bulk_modulus: float = 100.0
@@ -48,18 +51,19 @@ class Law(ABC):
                 check_number(value, f"{self.name}: {field.name}")
             if not np.all(np.isfinite(value)):
                 raise ValueError(f"{self.name}: {field.name} must be finite, not {value}")
-        for key in ("shear_modulus", "bulk_modulus"):
-            if getattr(self, key) <= 0:
-                raise ValueError(f"{self.name}: {key} must be positive, not {getattr(self, key):g}")
+        for key, least in {"shear_modulus": 0, "bulk_modulus": 0, **self.above}.items():
+            if getattr(self, key) <= least:
+                bound = f"above {least:g}" if least else "positive"
+                raise ValueError(f"{self.name}: {key} must be {bound}, not {getattr(self, key):g}")
         self.check()
 
     def check(self) -> None:  # noqa: B027  (most laws have no such parameter)
         """Raise ValueError if a parameter other than the moduli is invalid."""
 
     @property
-    @abstractmethod
     def parameters(self) -> np.ndarray:
-        """Dimensionless parameters, float64, in the order in which the law's expressions read them; the first is K/mu."""
+        """Dimensionless parameters, float64, in the order of the law's expressions; by default K/mu and those of `shape`."""
+        return np.array([self.bulk_modulus / self.shear_modulus, *self.shape.values()])
 
     @staticmethod
     def volumetric(J3, parameters):
@@ -79,8 +83,8 @@ class Law(ABC):
 
     @property
     def shape(self) -> dict[str, float]:
-        """Dimensionless parameters that the bond force at given (a, b, J, C33) depends on; the bulk modulus is not among them."""
-        return {}
+        """Dimensionless parameters that the bond force at given (a, b, J, C33) depends on; by default those other than the two moduli."""
+        return {field.name: getattr(self, field.name) for field in fields(self)[2:]}
 
     def scaled(self, factor: float) -> Self:
         """Return the material with all its moduli multiplied by a factor, for example for another unit of stress."""
@@ -112,9 +116,6 @@ class InvariantLaw(Law):
 
     A subclass defines `isochoric`, and `volumetric` if it has its own: static methods that are plain elementwise expressions.
     """
-
-    n_parameters: ClassVar[int] = 1
-    """Length of `parameters`."""
 
     @staticmethod
     @abstractmethod

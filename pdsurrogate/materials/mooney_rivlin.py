@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from .law import InvariantLaw
 
 
@@ -29,7 +27,7 @@ class MooneyRivlin(InvariantLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.MooneyRivlin(second_share=0.2)
+    >>> law = pds.materials.MooneyRivlin(second_share=0.2)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     0.9802
@@ -37,7 +35,6 @@ class MooneyRivlin(InvariantLaw):
 
     name: ClassVar[str] = "mooney-rivlin"
     reference: ClassVar[str] = "Mooney 1940; Rivlin 1948"
-    n_parameters: ClassVar[int] = 2
     bounds: ClassVar[dict] = {"second_share": (0.0, 1.0)}
 
     second_share: float = 0.1
@@ -45,14 +42,6 @@ class MooneyRivlin(InvariantLaw):
     def check(self) -> None:
         if not 0 <= self.second_share <= 1:
             raise ValueError(f"{self.name}: second_share must be between 0 and 1, not {self.second_share:g}")
-
-    @property
-    def parameters(self) -> np.ndarray:
-        return np.array([self.bulk_modulus / self.shear_modulus, self.second_share])
-
-    @property
-    def shape(self) -> dict[str, float]:
-        return {"second_share": self.second_share}
 
     @staticmethod
     def isochoric(I1, I2, parameters):

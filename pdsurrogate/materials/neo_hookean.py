@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from .law import InvariantLaw
 
 
@@ -27,7 +25,7 @@ class NeoHookean(InvariantLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.NeoHookean(shear_modulus=2.0)
+    >>> law = pds.materials.NeoHookean(shear_modulus=2.0)
     >>> state = homogeneous.uniaxial(law, 1.5)
     >>> print(round(state.nominal_stress, 4))
     2.0872
@@ -35,10 +33,6 @@ class NeoHookean(InvariantLaw):
 
     name: ClassVar[str] = "neo-hookean"
     reference: ClassVar[str] = "Treloar 1943; Chen et al. 2024, Eq. (6)"
-
-    @property
-    def parameters(self) -> np.ndarray:
-        return np.array([self.bulk_modulus / self.shear_modulus])
 
     @staticmethod
     def isochoric(I1, I2, parameters):

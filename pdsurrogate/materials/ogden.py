@@ -35,7 +35,7 @@ class Ogden(PrincipalStretchLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.Ogden(moduli=(0.63, 0.0012), exponents=(1.3, 5.0))
+    >>> law = pds.materials.Ogden(moduli=(0.63, 0.0012), exponents=(1.3, 5.0))
     >>> print(round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4))
     0.3927
     """
@@ -91,8 +91,8 @@ class Ogden(PrincipalStretchLaw):
         return [modulus * exponent for modulus, exponent in zip(self.moduli, self.exponents, strict=True)]
 
     def scaled(self, factor: float) -> Self:
-        moduli = tuple(modulus * factor for modulus in self.moduli)
-        return replace(self, shear_modulus=None, bulk_modulus=self.bulk_modulus * factor, moduli=moduli)
+        scaled = {key: tuple(value * factor for value in getattr(self, key)) for key in self.lists if key != "exponents"}
+        return replace(self, shear_modulus=None, bulk_modulus=self.bulk_modulus * factor, **scaled)
 
     @property
     def n_terms(self) -> int:
@@ -100,16 +100,13 @@ class Ogden(PrincipalStretchLaw):
 
     @property
     def parameters(self) -> np.ndarray:
-        modulus = self.shear_modulus
-        terms = [number for term in zip(self.moduli, self.exponents, strict=True) for number in (term[0] / modulus, term[1])]
-        return np.array([self.bulk_modulus / modulus, self.n_terms, *terms])
+        return np.array([self.bulk_modulus / self.shear_modulus, self.n_terms, *self.shape.values()])
 
     @property
     def shape(self) -> dict[str, float]:
         found = {}
         for number, (modulus, exponent) in enumerate(zip(self.moduli, self.exponents, strict=True), start=1):
-            found[f"modulus_{number}"] = modulus / self.shear_modulus
-            found[f"exponent_{number}"] = exponent
+            found |= {f"modulus_{number}": modulus / self.shear_modulus, f"exponent_{number}": exponent}
         return found
 
     @staticmethod

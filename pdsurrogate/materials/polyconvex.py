@@ -1,7 +1,7 @@
 """A polyconvex sum: powers of the principal stretches as in Ogden's law, and powers of the two isochoric invariants."""
 
-from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,7 +12,7 @@ SECOND_AT_REST = 3 * 3**0.5
 """I2bar^1.5 of the undeformed state."""
 
 GREATEST_POWER = 3
-"""Of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3."""
+"""Greatest power of I1bar - 3 and of I2bar^1.5 - 3 sqrt 3."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Polyconvex(Ogden):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.Polyconvex(first=(0.4, 0.01))
+    >>> law = pds.materials.Polyconvex(first=(0.4, 0.01))
     >>> law.shear_modulus, round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4)
     (0.8, 0.8637)
     """
@@ -71,10 +71,6 @@ class Polyconvex(Ogden):
 
     def _stiffness(self) -> float:
         return super()._stiffness() + 2 * self.first[0] + SECOND_AT_REST * self.second[0]
-
-    def scaled(self, factor: float) -> Self:
-        scaled = {key: tuple(value * factor for value in getattr(self, key)) for key in ("moduli", "first", "second")}
-        return replace(self, shear_modulus=None, bulk_modulus=self.bulk_modulus * factor, **scaled)
 
     @property
     def n_terms(self) -> int:

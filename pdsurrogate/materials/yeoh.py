@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from .law import InvariantLaw
 
 
@@ -29,14 +27,13 @@ class Yeoh(InvariantLaw):
     --------
     >>> import pdsurrogate as pds
     >>> from pdsurrogate.materials import homogeneous
-    >>> law = pds.Yeoh(shear_modulus=0.4)
+    >>> law = pds.materials.Yeoh(shear_modulus=0.4)
     >>> print(round(homogeneous.uniaxial(law, 1.5).nominal_stress, 4))
     0.4165
     """
 
     name: ClassVar[str] = "yeoh"
     reference: ClassVar[str] = "Yeoh 1993"
-    n_parameters: ClassVar[int] = 3
     bounds: ClassVar[dict] = {"second": (-1.0, 10.0), "third": (0.0, 10.0)}
 
     second: float = -0.01
@@ -48,14 +45,6 @@ class Yeoh(InvariantLaw):
                 f"{self.name}: second = {self.second:g} and third = {self.third:g} make the stress fall with growing strain; "
                 "third must be at least 0 and second above -sqrt(3 third)"
             )
-
-    @property
-    def parameters(self) -> np.ndarray:
-        return np.array([self.bulk_modulus / self.shear_modulus, self.second, self.third])
-
-    @property
-    def shape(self) -> dict[str, float]:
-        return {"second": self.second, "third": self.third}
 
     @staticmethod
     def isochoric(I1, I2, parameters):

@@ -23,13 +23,11 @@ def loads_of(scene: Scene, body: Body, regions: BodyRegions) -> Loads | None:
     ValueError
         For a region that is empty, or a load on an edge that is held by reflection; names the key.
     """
-    # One function for every amplitude, by which loads that follow the same one are recognised.
-    amplitudes = {load.amplitude: amplitude_of(load.amplitude) for load in scene.loads}
     found: list[DeadLoad | Pressure] = []
     for number, load in enumerate(scene.loads):
         # Several loads may share a name, as traction and pressure on one edge do; results sum them.
         name = load.name or regions.label(load.region, f"loads.{number}")
-        key, amplitude = f"loads.{number}.region", amplitudes[load.amplitude]
+        key, amplitude = f"loads.{number}.region", amplitude_of(load.amplitude)
         if load.kind == "pressure":
             deformed = scene.plane == "stress" and load.thickness != "undeformed"
             found.append(Pressure(name, amplitude, _facets_of(key, load, body, regions), load.pressure, deformed))
@@ -68,7 +66,8 @@ def _dead_forces(key: str, load: Load, body: Body, regions: BodyRegions) -> tupl
             f"{key}: the {edge} is held by reflection, so that a force there goes into what holds it; give another "
             "region, or hold points (support=points)"
         )
-    points = body.share.own_points(regions.points(load.region, key))
+    points = regions.points(load.region, key)
+    points = points[body.share.own[points]]
     if load.kind == "body_force":
         return points, body.volumes[points, None] * np.array(load.body_force)
     part = np.array(load.force) / body.share.total(len(points))

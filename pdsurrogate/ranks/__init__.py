@@ -1,17 +1,17 @@
-"""Several processes that share one run: who they are, which points each of them owns, and what is known of the whole body."""
+"""Several processes that share one run: their communicator, the points that each of them owns, and sums over all of them."""
 
 from .communicator import ALONE, Communicator, NotUnderMPI, communicator
 from .partition import bisected, bond_counts
-from .share import HALO, RankShare, divided
+from .share import Halo, Rows, Share
 
 __all__ = [
     "ALONE",
-    "HALO",
     "Communicator",
+    "Halo",
     "NotUnderMPI",
-    "RankShare",
+    "Rows",
+    "Share",
     "bisected",
     "bond_counts",
     "communicator",
-    "divided",
 ]

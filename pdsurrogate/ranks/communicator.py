@@ -26,43 +26,25 @@ class NotUnderMPI(RuntimeError):
     """Several processes were started, but MPI is not in use, so that none of them can reach the others."""
 
 
-class Alone:
-    """The communicator of a run of one process, which loads nothing of MPI."""
-
-    rank, size = 0, 1
-
-    def here(self) -> int:
-        """Return the number of ranks on this machine."""
-        return 1
-
-    def barrier(self) -> None:
-        """Wait for all ranks."""
-
-    def to_all(self, value):
-        """Return the value of the first rank, on every rank."""
-        return value
-
-    def leave(self, seconds: float) -> bool:
-        """Return whether all ranks have ended."""
-        return True
-
-
 class Communicator:
-    """All ranks of an MPI run.
+    """All ranks of a run: those of MPI, or one process, which loads nothing of MPI.
 
     Parameters
     ----------
-    mpi : module
-        ``mpi4py.MPI``.
+    mpi : module, optional
+        ``mpi4py.MPI``; without it there is one rank.
 
     Attributes
     ----------
     rank, size : int
     """
 
-    def __init__(self, mpi) -> None:
-        self._mpi, self._world = mpi, mpi.COMM_WORLD
-        self.rank, self.size = self._world.rank, self._world.size
+    def __init__(self, mpi=None) -> None:
+        self._mpi, self._world = mpi, mpi and mpi.COMM_WORLD
+        self.rank, self.size = (self._world.rank, self._world.size) if mpi else (0, 1)
+
+    def __deepcopy__(self, memo):
+        return self
 
     def here(self) -> int:
         """Return the number of ranks on this machine."""
@@ -70,74 +52,81 @@ class Communicator:
 
     def barrier(self) -> None:
         """Wait for all ranks."""
-        self._world.Barrier()
+        if self._mpi:
+            self._world.Barrier()
 
     def to_all(self, value):
         """Return the value of the first rank, on every rank."""
-        return self._world.bcast(value, root=0)
-
-    def total(self, part):
-        """Return the sum over all ranks of a number, of each of a few numbers, or of an array of doubles."""
-        values = np.asarray(part)
-        sums = np.empty_like(values)
-        self._world.Allreduce(np.ascontiguousarray(values), sums)
-        if isinstance(part, np.ndarray | np.generic):
-            return sums if sums.ndim else sums[()]
-        return tuple(sums.tolist()) if isinstance(part, tuple) else sums.item()
-
-    def greatest(self, part: float) -> float:
-        """Return the greatest number of all ranks; NaN if one rank has NaN."""
-        # The MPI standard does not define the maximum of a NaN.
-        found = np.array([-np.inf if np.isnan(part) else part, float(np.isnan(part))])
-        self._world.Allreduce(self._mpi.IN_PLACE, found, op=self._mpi.MAX)
-        return float(np.nan if found[1] else found[0])
+        return self._world.bcast(value, root=0) if self._mpi else value
 
     def everywhere(self, value) -> list:
         """Return the values of all ranks in a list, on every rank."""
-        return self._world.allgather(value)
+        return self._world.allgather(value) if self._mpi else [value]
+
+    def to_each(self, values: Sequence) -> list:
+        """Send one value to every rank, and return the values that all ranks send to this one."""
+        return self._world.alltoall(list(values)) if self._mpi else list(values)
+
+    def total(self, here):
+        """Return the sum over all ranks of a number, of each of a few numbers, or of an array of doubles."""
+        if not self._mpi:
+            return here
+        values = np.asarray(here)
+        sums = np.empty_like(values)
+        self._world.Allreduce(np.ascontiguousarray(values), sums)
+        if isinstance(here, np.ndarray | np.generic):
+            return sums if sums.ndim else sums[()]
+        return tuple(sums.tolist()) if isinstance(here, tuple) else sums.item()
+
+    def greatest(self, here: float | np.ndarray) -> float:
+        """Return the greatest number of all ranks, or entry of their arrays; NaN if one of them is, and 0 for arrays without entries."""
+        most = float(np.max(here)) if np.size(here) else 0.0
+        if not self._mpi:
+            return most
+        # The MPI standard does not define the maximum of a NaN.
+        found = np.array([-np.inf if np.isnan(most) else most, float(np.isnan(most))])
+        self._world.Allreduce(self._mpi.IN_PLACE, found, op=self._mpi.MAX)
+        return float(np.nan if found[1] else found[0])
 
     def agree(self, error: Exception | None) -> None:
         """Raise, on every rank, an error that any rank has found; `error` is the one found on this rank."""
         if not self.total(int(error is not None)):
             return
         # All ranks raise the error of the first rank that has one.
-        found = [other for other in self.everywhere(None if error is None else (type(error), str(error))) if other is not None]
-        kind, message = found[0]
+        found = self.everywhere(error and (type(error), str(error)))
+        if self.size == 1:
+            raise error
+        kind, message = next(other for other in found if other is not None)
         raise kind(message) from error
-
-    def to_each(self, values: Sequence) -> list:
-        """Send one value to every rank, and return the values that all ranks send to this one."""
-        return self._world.alltoall(list(values))
 
     def gather(self, rows: np.ndarray) -> list[np.ndarray] | None:
         """Return the arrays of all ranks on the first rank; None on the others."""
         if self.rank:
-            # In slices: a message has fewer than 2^31 elements.
-            self._world.send((rows.shape, rows.dtype.str), dest=0, tag=1)
-            self._world.Send([np.ascontiguousarray(rows).reshape(-1).view(np.uint8), self._mpi.BYTE], dest=0, tag=2)
-            return None
-        found = [rows]
-        for source in range(1, self.size):
-            shape, kind = self._world.recv(source=source, tag=1)
-            buffer = np.empty(shape, dtype=kind)
-            self._world.Recv([buffer.reshape(-1).view(np.uint8), self._mpi.BYTE], source=source, tag=2)
-            found.append(buffer)
-        return found
+            return self._send(rows, 0)
+        return [rows, *(self._receive(rank) for rank in range(1, self.size))]
 
     def hand_out(self, parts: Sequence[np.ndarray] | None) -> np.ndarray:
         """Return the array that the first rank sends to this one."""
         if self.rank:
-            shape, kind = self._world.recv(source=0, tag=3)
-            buffer = np.empty(shape, dtype=kind)
-            self._world.Recv([buffer.reshape(-1).view(np.uint8), self._mpi.BYTE], source=0, tag=4)
-            return buffer
+            return self._receive(0)
         for rank, rows in enumerate(parts[1:], 1):
-            self._world.send((rows.shape, rows.dtype.str), dest=rank, tag=3)
-            self._world.Send([np.ascontiguousarray(rows).reshape(-1).view(np.uint8), self._mpi.BYTE], dest=rank, tag=4)
+            self._send(rows, rank)
         return parts[0]
+
+    def _send(self, array: np.ndarray, rank: int) -> None:
+        self._world.send((array.shape, array.dtype.str), dest=rank, tag=1)
+        self._world.Send([np.ascontiguousarray(array).reshape(-1).view(np.uint8), self._mpi.BYTE], dest=rank, tag=2)
+
+    def _receive(self, rank: int) -> np.ndarray:
+        shape, kind = self._world.recv(source=rank, tag=1)
+        array = np.empty(shape, dtype=kind)
+        self._world.Recv([array.reshape(-1).view(np.uint8), self._mpi.BYTE], source=rank, tag=2)
+        return array
 
     def exchange(self, outgoing: dict[int, np.ndarray], incoming: dict[int, np.ndarray]) -> None:
         """Send arrays to some ranks and receive arrays from others, all at the same time."""
+        if not self._mpi:
+            return
         byte = self._mpi.BYTE
         requests = [self._world.Irecv([array.reshape(-1).view(np.uint8), byte], source=rank) for rank, array in incoming.items()]
         requests += [self._world.Isend([array.reshape(-1).view(np.uint8), byte], dest=rank) for rank, array in outgoing.items()]
@@ -170,19 +159,18 @@ class Communicator:
                 time.sleep(_PAUSE)
             for rank in others:
                 self._world.send(None, dest=rank, tag=_ALL_LEAVE)
-        self._mpi.Finalize()
+        if self._mpi:
+            self._mpi.Finalize()
         return True
 
-    def abort(self, status: int) -> None:
-        """End all ranks at once, with a status."""
-        self._world.Abort(status)
 
+ALONE = Communicator()
+"""The communicator of one process."""
 
-ALONE = Alone()
 _world: Communicator | None = None
 
 
-def communicator() -> Alone | Communicator:
+def communicator() -> Communicator:
     """Return the communicator of this run.
 
     A run has several ranks only under a launcher of MPI and where mpi4py is in use, as under ``python -m mpi4py``.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,26 +12,27 @@ import numpy as np
 
 from ..array_files import read_arrays
 from .contents import Contents
-from .files import write_with
+from .files import replacing
 
-FORMAT = 8
+FORMAT = 9
 NAME = "checkpoint.npz"
 _DESCRIPTION = "description"
+_DAMAGE = (OSError, ValueError, KeyError, TypeError, RecursionError)
 ANEW = "begin anew by --overwrite in the place of --resume"
 
 
 class CheckpointError(ValueError):
-    """A checkpoint that cannot be resumed from; the message says why."""
+    """Checkpoint that a run cannot resume from; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """State of a run.
+    """State of a run that can be resumed.
 
     Attributes
     ----------
     identity : dict
-        What must be the same in the run that resumes: scene and force models, as `Contents` describes them, and sizes.
+        Entries that must be equal in the run that resumes: scene and force models, as `Contents` describes them, and sizes.
     progress : dict
         Plain numbers, strings and lists.
     arrays : dict of ndarray
@@ -42,14 +45,10 @@ class Checkpoint:
     def write(self, folder: Path) -> None:
         """Write to a folder, whole or not at all."""
         text = json.dumps({"format": FORMAT, "identity": self.identity, "progress": self.progress}, allow_nan=False)
-        # First, so that what the file is stands in its head.
+        # First, so that the head of the file identifies it.
         arrays = {_DESCRIPTION: np.frombuffer(text.encode(), dtype=np.uint8), **self.arrays}
-
-        def write_arrays(path: Path) -> None:
-            with path.open("wb") as file:
-                np.savez(file, **arrays)
-
-        write_with(folder / NAME, write_arrays)
+        with replacing(folder / NAME) as temporary, temporary.open("wb") as file:
+            np.savez(file, **arrays)
 
     @classmethod
     def read(cls, folder: Path, identity: dict, shapes: dict[str, tuple]) -> Checkpoint:
@@ -59,31 +58,29 @@ class Checkpoint:
         ----------
         folder : Path
         identity : dict
-            Of the run that wants to resume.
+            Identity of the run that resumes.
         shapes : dict
-            Shape and dtype of every array that it needs.
+            Shape and dtype of every required array.
 
         Raises
         ------
         CheckpointError
-            If there is none, it is damaged, or belongs to another run.
+            If there is no checkpoint, or it is damaged or belongs to another run.
         """
         path = Path(folder) / NAME
         if not path.is_file():
             raise CheckpointError(f"there is no checkpoint in {folder}; run without --resume")
         try:
-            with path.open("rb") as file:
-                arrays = read_arrays(file)
-            described = json.loads(arrays.pop(_DESCRIPTION).tobytes().decode())
-            found, written, progress = described["format"], described["identity"], described["progress"]
-        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+            described, arrays = _parts_of(path)
+            found, written, progress = (described[key] for key in ("format", "identity", "progress"))
+        except _DAMAGE as error:
             raise CheckpointError(f"{path} is damaged ({type(error).__name__}); {ANEW}") from None
         if found != FORMAT:
             raise CheckpointError(f"{path} has format {found!r}, this version reads {FORMAT}; {ANEW}")
-        there, here = Contents.read(written), Contents.read(identity)
-        if there is None or here is None:
+        there = Contents.read(written)
+        if there is None:
             raise CheckpointError(f"{path} is damaged: it does not tell its scene; {ANEW}")
-        if differences := there.differences(here):
+        if differences := there.differences(Contents.read(identity)):
             raise CheckpointError(f"{path} belongs to another run: {differences}; {ANEW}, or resume with what is there")
         for key in identity:
             if written.get(key) != json.loads(json.dumps(identity[key])):
@@ -99,8 +96,13 @@ class Checkpoint:
 
 def identity_in(folder: Path) -> dict | None:
     """Return the identity of the run that left a checkpoint in a folder, see `Checkpoint`; None where there is none, or a damaged one."""
-    try:
-        with (Path(folder) / NAME).open("rb") as file:
-            return json.loads(read_arrays(file, [_DESCRIPTION])[_DESCRIPTION].tobytes().decode())["identity"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return None
+    with suppress(*_DAMAGE):
+        return _parts_of(Path(folder) / NAME, [_DESCRIPTION])[0]["identity"]
+    return None
+
+
+def _parts_of(path: Path, names: Collection[str] | None = None) -> tuple[dict, dict[str, np.ndarray]]:
+    """Return the description and the arrays of a checkpoint; raise one of `_DAMAGE` if it cannot be read."""
+    with path.open("rb") as file:
+        arrays = read_arrays(file, names)
+    return json.loads(arrays.pop(_DESCRIPTION).tobytes().decode()), arrays

@@ -15,24 +15,24 @@ from ..forces.identity import digest_of_model
 from ..scenes import Mesh, Scene, SceneError
 
 MESH = "mesh"
-"""Among the digests: that of the file of a mesh."""
+"""Key of the digest of a mesh file."""
 
 MOST_TOLD, MOST_CHARACTERS = 3, 60
-"""Differences that a message tells one by one, and characters of a value."""
+"""Number of differences that a message lists, and characters of a value in it."""
 
 
 @dataclass(frozen=True)
 class Contents:
-    """Contents that determine the results of a run.
+    """Contents of a run that determine its results.
 
     Attributes
     ----------
     scene : dict
-        As run, as `pdsurrogate.Scene` dumps it.
+        The scene with all defaults, as plain values.
     force : str
-        Name of the force model, of several materials that of the rest.
+        Name of the force model; with several materials, that of the rest of the body.
     digests : dict of str
-        By the name of every force model; under `MESH` that of the mesh's file.
+        Digest of every force model by its name, and of the mesh file under `MESH`.
     """
 
     scene: dict[str, Any]
@@ -61,7 +61,7 @@ class Contents:
         return {"force": self.force, "digests": self.digests, "scene_as_run": self.scene}
 
     def differences(self, now: Contents) -> str:
-        """Return in words how a run that is to replace this one differs from it; empty where it does not."""
+        """Return a description of how another run differs from this one; empty if they are equal."""
         found = differences_of({**self.scene, "title": None}, {**now.scene, "title": None})
         if self.force != now.force:
             found.append(f"force is {self.force} there and {now.force} here")
@@ -71,7 +71,7 @@ class Contents:
 
 
 def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
-    """Return in words the differences between plain values in mappings and lists, by dotted key."""
+    """Return descriptions of the differences between plain values in mappings and lists, by dotted key."""
     before, now = dict(_leaves(there)), dict(_leaves(here))
     return [
         f"{key} is {_value(before, key)} there and {_value(now, key)} here"
@@ -81,13 +81,13 @@ def differences_of(there: dict[str, Any], here: dict[str, Any]) -> list[str]:
 
 
 def told(differences: list[str]) -> str:
-    """The first few of them in one text; empty where there are none."""
+    """Return the first few differences in one text; empty if there are none."""
     more = f", and {len(differences) - MOST_TOLD} more" if len(differences) > MOST_TOLD else ""
     return "; ".join(differences[:MOST_TOLD]) + more
 
 
 def digest_of_mesh(mesh: Mesh) -> str:
-    """SHA-256 of the file of a mesh; SceneError if it cannot be read."""
+    """Return the SHA-256 of a mesh file; raise SceneError if it cannot be read."""
     try:
         return hashlib.sha256(Path(mesh.file).read_bytes()).hexdigest()
     except OSError as error:
@@ -99,7 +99,7 @@ def _dump(scene: Scene) -> dict[str, Any]:
 
 
 def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Values by dotted key; lists of values are values."""
+    """Yield values by dotted key; a list without mappings is one value."""
     if isinstance(value, dict):
         inner = [(str(name), item) for name, item in value.items()]
     elif isinstance(value, list) and any(isinstance(item, dict) for item in value):

@@ -6,34 +6,29 @@ import errno
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from uuid import uuid4
 
 TEMPORARY = ".pdsurrogate-tmp-"
-"""How the names of files begin that are not whole yet."""
+"""Beginning of the names of files that are still being written."""
 
 MARK = "pdsurrogate run"
-"""Among the first `HEAD` bytes of every file of states and of every picture that this package writes, by which it knows them again."""
+"""Mark within the first `HEAD` bytes of every state file and picture that this package writes; it identifies them later."""
 
 HEAD = 2048
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path in the folder of `path`; move the file into place on success and remove it on failure."""
+    """Yield a temporary path to write to, in the folder of `path`; move the file into place on success and remove it on failure."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f"{TEMPORARY}{path.stem}-", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
+    temporary = path.with_name(f"{TEMPORARY}{path.stem}-{uuid4().hex}{path.suffix}")
     try:
         yield temporary
         with temporary.open("rb") as file:
             os.fsync(file.fileno())
-        # mkstemp gives 0600; a result is as readable as any file the user makes.
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -46,24 +41,18 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, data) -> None:
-    """Write a JSON file whole; numbers that are not finite are refused."""
+    """Write a JSON file whole; raise ValueError for numbers that are not finite."""
     write_text(path, json.dumps(data, indent=2, allow_nan=False) + "\n")
 
 
-def write_with(path: Path, writer: Callable[[Path], None]) -> None:
-    """Let `writer` write a file whole."""
-    with replacing(path) as temporary:
-        writer(temporary)
-
-
 def remove_leftovers(folder: Path) -> None:
-    """Remove the files that a process which was killed left in a folder before they were whole."""
+    """Remove temporary files that killed processes left in a folder."""
     for path in folder.glob(f"{TEMPORARY}*"):
         path.unlink(missing_ok=True)
 
 
 def head_of(path: Path) -> bytes:
-    """First bytes of a file; of one that cannot be read, none that anything begins with."""
+    """Return the first bytes of a file; for an unreadable file, bytes that match no kind of file."""
     try:
         with path.open("rb") as file:
             return file.read(HEAD)
@@ -73,7 +62,7 @@ def head_of(path: Path) -> bytes:
 
 @contextmanager
 def made(folder: Path) -> Iterator[None]:
-    """Context in which a folder is there; of the folders that were made for it those go again that are empty at the end."""
+    """Create a folder for the duration of a context; afterwards remove those of the new folders that are empty."""
     new = [place for place in (folder, *folder.parents) if not place.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -85,12 +74,12 @@ def made(folder: Path) -> Iterator[None]:
 
 
 def check_writable(folder: Path) -> None:
-    """See, before any work is done, whether files can be made in a folder; of one that is not there yet, in the folder that it will be in.
+    """Check, before any work is done, that files can be created in a folder, or in the nearest existing parent of a new one.
 
     Raises
     ------
     OSError
-        If that is not possible.
+        If no file can be created.
     """
     place = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not place.is_dir():

@@ -1,11 +1,11 @@
-"""The folder of a run: which files in it are a run's, and when a new run may take their place.
+"""Folder of a run: which files in it belong to a run, and when a new run may replace them.
 
 A run of a scene owns ``NAME.pvd``, ``NAME-000.vtu`` and so on (in pieces ``NAME-000.pvtu``, ``NAME-000.piece0.vtu`` and so on),
 ``NAME.png``, ``NAME-loading.png`` and ``NAME.gif``, with the scene's name, and ``summary.json``, ``history.csv``, ``convergence.csv`` and
-``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A file of such a name is a run's own if what it begins
-with says so, as `MARK` does; any other is left alone, and refused by its name.  A folder holds a run of a scene if its summary or, where
-there is none, its checkpoint names the scene, or a PVD index lists states of that name.  What else than its name the run was of, its
-`Contents`, is in the same files.
+``checkpoint.npz``; while it writes, also ``.pdsurrogate-run``, see `occupied`.  A file with such a name belongs to a run if its first bytes
+show it, for example by `MARK`; any other file is never replaced, and raises `FolderTaken`.  A folder holds a run of a scene if its summary
+or, without one, its checkpoint names the scene, or if a PVD index lists states of that name.  Summary and checkpoint also hold the
+`Contents` of the run.
 """
 
 from __future__ import annotations
@@ -28,32 +28,30 @@ from .files import MARK, head_of, made, remove_leftovers
 SUMMARY, HISTORY, CONVERGENCE = "summary.json", "history.csv", "convergence.csv"
 
 RUNNING, INTERRUPTED, FAILED, DONE = "running", "interrupted", "failed", "done"
-"""What a summary says of its run under ``status``; of one that was killed the first."""
+"""Values of ``status`` in a summary; a killed run leaves the first."""
 
 
 class FolderTaken(ValueError):
-    """A folder that a run may not write to; the message says what is there and what to do."""
+    """Folder that a run may not write to; the message gives the reason and the remedy."""
 
 
 LOCK = ".pdsurrogate-run"
 
 _occupied: dict[Path, int] = {}
-"""Folders that this process holds, and the thread that does."""
+"""Folders that this process holds, with the thread that holds each."""
 
 
 @contextmanager
 def occupied(folder: Path) -> Iterator[None]:
-    """Context in which no other run writes to a folder, which is made if need be, and goes again if nothing was put into it.
+    """Reserve a folder for this run during a context; create the folder if necessary, and remove it if it stays empty.
 
-    The same thread may enter it again.
-
-    A file that is created exclusively holds the number of the process and its host; that of a process that no longer lives on this host is
-    taken over.
+    The same thread may enter again. A lock file holds the number of the process and its host; a run replaces the lock of a process that no
+    longer lives on this host.
 
     Raises
     ------
     FolderTaken
-        If another run writes there.
+        If another run is writing there.
     """
     with made(folder), _held(folder.resolve()):
         yield
@@ -81,7 +79,7 @@ def _held(place: Path) -> Iterator[None]:
 
 
 def _remove_if_left(lock: Path, folder: Path) -> None:
-    """Remove the lock of a process that no longer lives; FolderTaken if it may."""
+    """Remove the lock of a process that no longer lives; raise FolderTaken if it may still live."""
     try:
         owner = lock.read_text("utf-8")
     except FileNotFoundError:
@@ -91,7 +89,7 @@ def _remove_if_left(lock: Path, folder: Path) -> None:
     if not here or folder in _occupied or (int(process) != os.getpid() and _lives(int(process))):
         who = f"process {process} on {host}" if host else "another process"
         raise FolderTaken(f"{folder}: {who} is writing a run there; give another folder (if there is no such run, remove {lock})")
-    # Moved first, so that of two who find it left neither removes what the other has made since.
+    # Moved first: of two processes that find the same old lock, neither removes the new lock of the other.
     aside = lock.with_name(f"{LOCK}-{os.getpid()}-{threading.get_ident()}")
     try:
         lock.rename(aside)
@@ -104,7 +102,7 @@ def _remove_if_left(lock: Path, folder: Path) -> None:
 
 
 def _lives(process: int) -> bool:
-    if os.name == "nt":  # there a signal of 0 ends the process
+    if os.name == "nt":  # on Windows signal 0 ends the process
         return True
     try:
         os.kill(process, 0)
@@ -115,24 +113,31 @@ def _lives(process: int) -> bool:
     return True
 
 
+_HEADS = {
+    HISTORY: rb"step,(stretch|t),evaluations|\Z",
+    CONVERGENCE: rb"(stretch|t),increment,evaluation|\Z",
+    CHECKPOINT: rb'(?s).*description\.npy.*\{"format": |\Z',
+}
+"""Patterns of the first bytes of files that have the same name in every run; an empty or damaged file of a run still matches."""
+
 WAY_OUT = "give another folder, or --overwrite (overwrite=True in Python)"
 
 
 def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> None:
-    """See whether the results of a run may go to a folder: those of the same run, come to its end, are there to be replaced by their like.
+    """Check that the results of a run may go to a folder; only results of the same run, run to its end, are replaced by default.
 
     Parameters
     ----------
     folder : Path
     contents : Contents
-        Of the run.
+        Contents of the run.
     overwrite : bool
-        Also in the place of other runs, and of one that did not come to its end.
+        Whether to replace other runs, and runs that did not reach their end.
 
     Raises
     ------
     FolderTaken
-        If the folder holds another run, or the same one that was interrupted, or a file called like a run's that no run wrote.
+        If the folder holds another run, the same run interrupted, or a file with the name of a result that no run wrote.
     """
     check_names(folder, contents.scene["name"])
     names, name = _scenes_in(folder), contents.scene["name"]
@@ -140,14 +145,14 @@ def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> Non
         return
     if others := sorted(names - {name}):
         raise FolderTaken(f"{folder} holds the results of another scene ({', '.join(others)}); {WAY_OUT}")
-    summary = _summary(folder / SUMMARY)
+    summary = read_summary(folder)
     found = Contents.read(summary or identity_in(folder))
     if found is None:
         raise FolderTaken(f"{folder} holds results of {name} that do not tell their scene; {WAY_OUT}")
     if differences := found.differences(contents):
         raise FolderTaken(f"{folder} holds the results of another run of {name}: {differences}; {WAY_OUT}")
     ended = summary is not None and summary.get("status") not in (RUNNING, INTERRUPTED)
-    if not ended and (folder / CHECKPOINT).exists():  # without one nothing can go on from there
+    if not ended and (folder / CHECKPOINT).exists():  # without a checkpoint nothing can be resumed
         raise FolderTaken(
             f"{folder} holds this run, ended before its time: go on with it by --resume, or begin it anew by --overwrite (resume=True or "
             "overwrite=True in Python)"
@@ -155,8 +160,8 @@ def check_room(folder: Path, contents: Contents, overwrite: bool = False) -> Non
 
 
 def check_names(folder: Path, name: str, resumed: bool = False) -> None:
-    """Raise FolderTaken if a folder holds a file named like a result of a scene that no run wrote, but for a checkpoint to resume from."""
-    for path in (*(folder / kind for kind in _SIGNATURES), *_files_of(folder, name)):
+    """Raise FolderTaken if a file in a folder has the name of a result but no run wrote it; skip the checkpoint of a resumed run."""
+    for path in (*(folder / kind for kind in (SUMMARY, *_HEADS)), *_files_of(folder, name)):
         if path.name == CHECKPOINT and resumed:
             continue
         if path.exists() and not _is_ours(path):
@@ -164,33 +169,33 @@ def check_names(folder: Path, name: str, resumed: bool = False) -> None:
 
 
 def make_room(folder: Path, contents: Contents, overwrite: bool = False) -> None:
-    """Remove the files of earlier runs from a folder, and nothing else; see `check_room`."""
+    """Remove the files of earlier runs from a folder, after `check_room`, and nothing else."""
     check_room(folder, contents, overwrite)
     name = contents.scene["name"]
     remove_leftovers(folder)
     for scene in _scenes_in(folder) | {name}:
         for path in filter(_is_ours, _files_of(folder, scene)):
             path.unlink()
-    for kind in _SIGNATURES:
+    for kind in (SUMMARY, *_HEADS):
         (folder / kind).unlink(missing_ok=True)
 
 
 def check_report(path: Path, asked: dict, overwrite: bool = False) -> None:
-    """Check that a report may be written; one whose entry ``asked`` states the same question is replaced.
+    """Check that a report may be written; a report with the same entry ``asked`` may be replaced.
 
     Parameters
     ----------
     path : Path
-        Of a JSON file.
+        Path of a JSON file.
     asked : dict
-        Plain values.
+        Settings that determine the report, as plain values.
     overwrite : bool
-        Also in the place of any other file.
+        Whether to replace any other file.
 
     Raises
     ------
     FolderTaken
-        If there is a report that answers something else, or a file that is none.
+        If there is a report with other settings, or a file that is no report.
     """
     if overwrite or not path.exists():
         return
@@ -204,7 +209,7 @@ def check_report(path: Path, asked: dict, overwrite: bool = False) -> None:
 
 
 def state_files(folder: Path, name: str) -> list[tuple[int, Path]]:
-    """Files of a scene's states, each with the number of its state: a VTU, or one for each piece with the PVTU that lists them."""
+    """Return the files of a scene's states, each with the number of its state: VTU files, also of pieces, and PVTU files."""
     pattern = re.compile(re.escape(name) + r"-(\d{3,})(\.pvtu|(\.piece\d+)?\.vtu)")
     found = ((pattern.fullmatch(path.name), path) for path in sorted(folder.glob("*vtu")))
     return [(int(match[1]), path) for match, path in found if match]
@@ -217,7 +222,9 @@ def _files_of(folder: Path, name: str) -> list[Path]:
 
 def _is_ours(path: Path) -> bool:
     """Return whether a run wrote a file that has the name of one of its own."""
-    return _SIGNATURES[path.name](path) if path.name in _SIGNATURES else is_marked(path)
+    if path.name == SUMMARY:
+        return read_summary(path.parent) is not None
+    return bool(re.match(_HEADS[path.name], head_of(path))) if path.name in _HEADS else is_marked(path)
 
 
 def is_marked(path: Path) -> bool:
@@ -226,9 +233,9 @@ def is_marked(path: Path) -> bool:
 
 
 def _scenes_in(folder: Path) -> set[str]:
-    """Names of the scenes of which a folder holds runs."""
+    """Return the names of the scenes whose runs a folder holds."""
     scenes = {path.stem for path in folder.glob("*.pvd") if _is_index(path)}
-    summary = _summary(folder / SUMMARY)
+    summary = read_summary(folder)
     if summary is not None:
         return scenes | {summary["scene"]}
     begun = Contents.read(identity_in(folder))
@@ -246,35 +253,13 @@ def _is_index(path: Path) -> bool:
     return bool(listed) and all(re.fullmatch(re.escape(path.stem) + r"-\d{3,}\.p?vtu", file) for file in listed)
 
 
-def saved_scene(folder: Path) -> str | None:
-    """Name of the scene whose results a folder holds; None where it holds none."""
-    summary = _summary(folder / SUMMARY)
-    return None if summary is None else summary["scene"]
-
-
-def _summary(path: Path) -> dict | None:
-    """The summary of a run; None where there is none."""
+def read_summary(folder: Path) -> dict | None:
+    """Return the summary of the run whose results a folder holds; None where there is none."""
     try:
-        read = json.loads(path.read_text("utf-8"))
+        read = json.loads((folder / SUMMARY).read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return None
     if not (isinstance(read, dict) and isinstance(read.get("levels"), list)):
         return None
     scene = read.get("scene")
-    return read if isinstance(scene, str) and scene and scene == Path(scene).name else None  # no path: files are named after it
-
-
-def _is_table(path: Path, *columns: str) -> bool:
-    """Return whether a table begins with the columns of a run's table, or is empty."""
-    head = head_of(path)
-    return head == b"" or head.startswith(tuple(",".join(columns).replace("PARAMETER", name).encode() for name in ("stretch", "t")))
-
-
-_SIGNATURES = {
-    SUMMARY: lambda path: _summary(path) is not None,
-    HISTORY: lambda path: _is_table(path, "step", "PARAMETER", "evaluations"),
-    CONVERGENCE: lambda path: _is_table(path, "PARAMETER", "increment", "evaluation"),
-    # The head alone, so that a damaged checkpoint is one.
-    CHECKPOINT: lambda path: (head := head_of(path)) == b"" or (b"description.npy" in head and b'{"format": ' in head),
-}
-"""The files that every run calls alike, and how one that a run wrote is told from any other."""
+    return read if isinstance(scene, str) and scene and scene == Path(scene).name else None  # not a path: files are named after it

@@ -1,7 +1,8 @@
-"""Measures of a deformed body: its energy, displacements of its edges, fields on its points."""
+"""Measures of a deformed body: energy, displacements of the edges, fields on the points."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,33 +16,31 @@ from ..materials.stretches import principal_stretches
 
 
 def strain_energy(force: InternalForce) -> float:
-    """Stored energy in the state last evaluated, in the plane per unit thickness.
+    """Return the stored energy in the state last evaluated, of a sheet per unit thickness.
 
-    The force's own; of a force map, which has none, that of the points' deformation gradients.
+    A force map has no energy; the energy of the law at the deformation gradients of the points replaces it.
     """
     if force.has_energy:
         return force.energy()
     F, J3, energy_at = force.deformation_gradients(), force.volume_ratios(), PLANES[force.plane].energy_at
-    volumes = force.body.share.counted(force.body.volumes)
+    volumes = force.body.volumes * force.body.share.own
     energies = (law.shear_modulus * (energy_at(law, F[points], J3[points]) * volumes[points]).sum() for law, points in force.laws)
     return float(sum(energies))
 
 
 def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Displacement along `axis` of the two edges that bound the body along it, extrapolated to them.
+    """Return the displacements along `axis` of the two edges that bound a sheet along it.
 
-    Points are taken line by line across the body, the lines one cell wide; the two outermost points of each line
-    are continued linearly to the outermost coordinate of the body plus half a cell.
+    Points form lines along the axis, one cell wide; the two outermost points of each line are extrapolated linearly to the outermost
+    coordinate of the body plus half a cell.
 
     Returns
     -------
     position, lower, upper : ndarray, shape (lines,)
         Coordinate of each line along the other axis, and the displacement of its lower and upper end.
     """
-    along = body.points[:, 1 - axis]
-    line = np.floor((along - along.min()) / body.cell[1 - axis] + 0.5).astype(int)
-    order = np.lexsort((body.points[:, axis], line))
-    starts = np.flatnonzero(np.r_[True, np.diff(line[order]) > 0])
+    order, line = _lines_along(body, axis)
+    starts = np.flatnonzero(np.diff(line, prepend=-1) > 0)
     stops = np.r_[starts[1:], len(order)]
     full = stops - starts >= 2
     starts, stops = starts[full], stops[full]
@@ -51,23 +50,29 @@ def edge_displacements(body: Body, displacements: np.ndarray, axis: int) -> tupl
     def continued(outer, inner, place):
         return u[outer] + (u[outer] - u[inner]) * (place - x[outer]) / (x[outer] - x[inner])
 
-    return along[order][starts], continued(starts, starts + 1, low), continued(stops - 1, stops - 2, high)
+    return body.points[order[starts], 1 - axis], continued(starts, starts + 1, low), continued(stops - 1, stops - 2, high)
 
 
 def roughness(body: Body, displacements: np.ndarray, axis: int) -> float:
-    """Roughness of the lateral displacement along the loaded axis: zero-energy modes show in it.
+    """Return the roughness of the lateral displacement along the loaded axis, which reveals zero-energy modes.
 
-    Root mean square of its second differences between neighbouring points, over its greatest value.  A smooth field
-    of wavelength L gives about (2 pi cell/L)^2 / 2; a mode that changes sign from point to point, of order 1.
+    It is the root mean square of second differences between neighbouring points, over the greatest displacement.  A smooth field of
+    wavelength L gives about (2 pi cell/L)^2 / 2; a mode that changes sign from point to point, about 1.
     """
-    lateral = 1 - axis
-    line = np.floor((body.points[:, lateral] - body.points[:, lateral].min()) / body.cell[lateral] + 0.5).astype(int)
-    order = np.lexsort((body.points[:, axis], line))
-    u, x, line = displacements[order, lateral], body.points[order, axis], line[order]
+    order, line = _lines_along(body, axis)
+    u, x = displacements[order, 1 - axis], body.points[order, axis]
     neighbours = (line[2:] == line[:-2]) & (np.abs(x[2:] - x[:-2] - 2 * body.cell[axis]) < 0.1 * body.cell[axis])
     second = (u[2:] - 2 * u[1:-1] + u[:-2])[neighbours]
     greatest = np.abs(u).max()
     return float(np.sqrt((second**2).mean()) / greatest) if len(second) and greatest > 0 else 0.0
+
+
+def _lines_along(body: Body, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return points of a sheet in order along lines one cell wide, and the number of the line of each."""
+    across = body.points[:, 1 - axis]
+    line = np.floor((across - across.min()) / body.cell[1 - axis] + 0.5).astype(int)
+    order = np.lexsort((body.points[:, axis], line))
+    return order, line[order]
 
 
 class PointState:
@@ -76,26 +81,26 @@ class PointState:
     Parameters
     ----------
     force : InternalForce
-        Asked for what it says of the points at these positions, without forces.
+        Force model on the body.
     positions : ndarray, shape (n, d)
     damage : ndarray, shape (n,), optional
-        Of a run in which bonds break.
+        Share of broken bonds, in a run with fracture.
 
     Attributes
     ----------
     plane : str
-        What the thickness does, or "space".
+        State of stress or strain: "stress", "strain" or "space".
     laws : list of tuple
-        The laws, each with the points that are of it.
+        Material laws, each with its points.
     position, displacement : ndarray, shape (n, d)
-        In the undeformed body, and since.
+        Places in the undeformed body, and displacements from them.
     F : ndarray, shape (n, d, d)
     volume_ratio : ndarray, shape (n,)
-        Where the volumetric energy is taken: J3 under plane stress, det F or what a selective energy has in its place otherwise.
+        Volume ratio of the volumetric energy: J3 under plane stress, otherwise det F or its smoothed value in a selective energy.
     stress : ndarray, shape (n, 3, 3)
         First Piola-Kirchhoff stress, see `InternalForce.stress_and_energy`.
     energy_density : ndarray, shape (n,)
-        Per volume of the undeformed body.
+        Stored energy per undeformed volume.
     deviation : ndarray, shape (n,), or None
         See `InternalForce.learnt`.
     member_deviation : ndarray, shape (n,), or None
@@ -112,7 +117,7 @@ class PointState:
 
     @cached_property
     def deformation_gradient(self) -> np.ndarray:
-        """F, in the plane with the stretch of the thickness, shape (n, 3, 3)."""
+        """Deformation gradient, of a sheet with the stretch of the thickness, shape (n, 3, 3)."""
         if self.plane == "space":
             return self.F
         gradient = np.zeros((len(self.F), 3, 3))
@@ -122,13 +127,13 @@ class PointState:
 
     @cached_property
     def cauchy_stress(self) -> np.ndarray:
-        """P F^T / det F, shape (n, 3, 3)."""
+        """Cauchy stress P F^T / det F, shape (n, 3, 3)."""
         F = self.deformation_gradient
         return self.stress @ F.swapaxes(1, 2) / np.linalg.det(F)[:, None, None]
 
     @cached_property
     def principal_stretches(self) -> np.ndarray:
-        """Square roots of the eigenvalues of F^T F, that of the thickness among them, the greatest first, shape (n, 3)."""
+        """Principal stretches in falling order, including that of the thickness, shape (n, 3)."""
         within = principal_stretches(self.F)
         if self.plane == "space":
             return within
@@ -136,35 +141,35 @@ class PointState:
         return -np.sort(-stretches, axis=1)
 
     def greatest_stretch(self) -> np.ndarray:
-        """Greatest principal stretch, of a body in the plane that within the plane, shape (n,)."""
+        """Return the greatest principal stretch, of a sheet the greatest in its plane, shape (n,)."""
         if self.plane == "space":
             return self.principal_stretches[:, 0].copy()
         return principal_stretches(self.F)[:, 0]
 
     def pressure(self) -> np.ndarray:
-        """Minus a third of the trace of the Cauchy stress, shape (n,)."""
+        """Return minus a third of the trace of the Cauchy stress, shape (n,)."""
         return -np.trace(self.cauchy_stress, axis1=1, axis2=2) / 3
 
     def von_mises(self) -> np.ndarray:
-        """Root of 3/2 s:s, s the deviator of the Cauchy stress, shape (n,)."""
+        """Return the root of 3/2 s:s, with the deviator s of the Cauchy stress, shape (n,)."""
         deviator = self.cauchy_stress + self.pressure()[:, None, None] * np.eye(3)
         return np.sqrt(1.5 * (deviator * deviator).sum(axis=(1, 2)))
 
     def thickness(self) -> np.ndarray | None:
-        """C33, the square of the stretch of the thickness of a body in the plane, shape (n,)."""
+        """Return C33, the squared stretch of the thickness of a sheet, shape (n,); None of a solid."""
         return None if self.plane == "space" else self.deformation_gradient[:, 2, 2] ** 2
 
 
 @dataclass(frozen=True)
 class PointField:
-    """A field on the points, for result files.
+    """Field on the points, for result files.
 
     Attributes
     ----------
     values : callable
-        Function of a `PointState`; None where the field has no meaning.
+        Function of a `PointState`; it returns None where the field has no meaning.
     components : int
-        Of a point; a tensor has 9, row by row.
+        Number of values at a point; a tensor has 9, row by row.
     unit : {"length", "stress", None}
         Which of the scene's units the values have; None if they have none.
     """
@@ -174,14 +179,14 @@ class PointField:
     unit: str | None = None
 
 
-def _in_space(vectors: np.ndarray) -> np.ndarray:
-    """Vectors with three components, shape (n, 3)."""
+def _with_three_components(vectors: np.ndarray) -> np.ndarray:
+    """Return vectors with three components, shape (n, 3)."""
     return np.pad(vectors, ((0, 0), (0, 3 - vectors.shape[1])))
 
 
 POINT_FIELDS = {
-    "position": PointField(lambda state: _in_space(state.position), 3, "length"),
-    "displacement": PointField(lambda state: _in_space(state.displacement), 3, "length"),
+    "position": PointField(lambda state: _with_three_components(state.position), 3, "length"),
+    "displacement": PointField(lambda state: _with_three_components(state.displacement), 3, "length"),
     "principal_stretch": PointField(PointState.greatest_stretch),
     "principal_stretches": PointField(lambda state: state.principal_stretches, 3),
     "volume_ratio": PointField(lambda state: state.volume_ratio.copy()),
@@ -196,14 +201,53 @@ POINT_FIELDS = {
     "member_deviation": PointField(lambda state: state.member_deviation, unit="stress"),
     "damage": PointField(lambda state: state.damage),
 }
-"""All fields on the points, by their names in result files: a new one is one line."""
+"""Fields on the points by their names in result files."""
 
 
 def point_fields(state: PointState) -> dict[str, np.ndarray]:
-    """The fields of `POINT_FIELDS` that have a meaning in a state, shape (n,) or (n, components)."""
+    """Return the fields of `POINT_FIELDS` that have a meaning in a state, shape (n,) or (n, components)."""
     fields = {}
     for name, field in POINT_FIELDS.items():
         values = field.values(state)
         if values is not None:
             fields[name] = values if field.components == 1 else values.reshape(-1, field.components)
     return fields
+
+
+def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
+    """Return the values of a field, or of a component of it, see `Result.field`.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    base, indices = _split(name) if name not in fields else (name, ())
+    if base not in fields:
+        raise ValueError(f"field: the state has no {name!r}; there are {', '.join(fields)}, and components as stress_22")
+    values = fields[base]
+    values = values.reshape(-1, 3, 3) if values.ndim == 2 and values.shape[1] == 9 else values
+    if indices and values.ndim - 1 != len(indices):
+        needed = {1: "no components", 2: f"one component, as {base}_1", 3: f"two indices, as {base}_22"}[values.ndim]
+        raise ValueError(f"field: {name!r} does not fit: {base} has {needed}")
+    return values[(slice(None), *indices)]
+
+
+def scalars_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
+    """Return a number for each point, shape (n,): a component, or of a vector its length; raise ValueError for a tensor."""
+    values = values_of(fields, name)
+    if values.ndim == 3:
+        raise ValueError(f"field: {name} has nine components; say which, as {name}_22")
+    return values if values.ndim == 1 else np.linalg.norm(values, axis=1)
+
+
+def unit_of(name: str) -> str | None:
+    """Return the kind of unit (of a scene's units) of a field or component; None if it has none."""
+    field = POINT_FIELDS.get(name) or POINT_FIELDS.get(_split(name)[0])
+    return field and field.unit
+
+
+def _split(name: str) -> tuple[str, tuple[int, ...]]:
+    """Return a field's name and the indices of the component that its digits name: ("stress", (1, 1)) for ``stress_22``."""
+    found = re.fullmatch(r"(.+)_([123]{1,2})", name)
+    return (found[1], tuple(int(digit) - 1 for digit in found[2])) if found else (name, ())

@@ -17,7 +17,7 @@ from .. import __version__
 
 
 def provenance() -> dict:
-    """Return what distinguishes a run from the same run elsewhere or at another time; of it, only versions can change a result."""
+    """Return versions, commit, date and machine of a run; only the versions can change a result."""
     return {
         "version": __version__,
         "git": git_state(),
@@ -32,7 +32,7 @@ def provenance() -> dict:
 
 @cache
 def processor() -> str:
-    """Name of the processor, as the system gives it."""
+    """Return the name of the processor that the system reports."""
     try:
         for line in Path("/proc/cpuinfo").read_text().splitlines():
             if line.startswith("model name"):
@@ -44,7 +44,7 @@ def processor() -> str:
 
 @cache
 def git_state() -> dict | None:
-    """Commit of the checkout that the package runs from, and whether files of it have changed since; None where it runs from none."""
+    """Return the commit of the checkout that the package runs from and whether files differ from it; None without a checkout."""
     root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():
         return None

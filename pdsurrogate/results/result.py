@@ -1,11 +1,7 @@
-"""The result of a simulation, and how it is stored."""
+"""Result of a simulation: access to it, writing to a folder and reading from one."""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -14,17 +10,13 @@ import numpy as np
 
 from ..arguments import check_path
 from ..body import Body, CellMesh
-from ..html_tables import html_facts, html_table
-from ..scenes import Scene, Units
+from ..html_tables import html_facts
+from ..scenes import Scene
 from .contents import Contents
-from .deformed import deformed_cells
-from .files import write_json, write_text
-from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occupied, saved_scene
-from .measures import POINT_FIELDS
-from .states import SavedStates, States, StatesInFiles, StatesInMemory, StatesInPieces
-
-ENERGIES = ("energy", "work", "kinetic_energy", "damped_energy", "strain_energy", "released_energy")
-"""Columns of the history that are energies."""
+from .folder import CONVERGENCE, DONE, FAILED, HISTORY, SUMMARY, make_room, occupied, read_summary
+from .measures import unit_of, values_of
+from .states import States, StatesInFiles, StatesInMemory, deformed_cells
+from .tables import column_unit, html_history, read_table, write_tables
 
 
 @dataclass(repr=False)
@@ -35,12 +27,12 @@ class Result:
     ----------
     scene : Scene
     body : Body or None
-        None where the result was read from files.
+        None for a result that was read from files.
     summary : dict
-        What ``summary.json`` holds: identity, size, convergence, cost, ``levels``, the scene as run and where the result comes from.
+        Content of ``summary.json``: identity, size, convergence, cost, ``levels``, scene as run and provenance.
     history : list of dict
-        Rows of ``history.csv``, whose headers have units behind the names used here: a row for every output in equilibrium, and for every
-        few steps of dynamics.
+        Rows of ``history.csv``, whose headers add units to these names: a row for every output in equilibrium, and for every few steps of
+        dynamics.
     states : States
         Fields on the points at every level, and at every output of dynamics that follow grips: pairs of a moment and fields, see
         `pdsurrogate.results.states.Moment` and `pdsurrogate.results.measures.POINT_FIELDS`.
@@ -71,34 +63,34 @@ class Result:
 
     @property
     def status(self) -> str:
-        """Status of the run: "done", "failed" or "interrupted"; "running" if it is under way, or was killed."""
+        """Status of the run: "done", "failed" or "interrupted"; "running" during the run, and of a killed one."""
         return self.summary.get("status", DONE if self.summary.get("converged", True) else FAILED)
 
     @property
     def in_pieces(self) -> bool:
-        """Whether each of several ranks has written the fields of its own points; `save` draws no pictures of them then."""
-        return isinstance(self.states, StatesInPieces)
+        """Whether several ranks wrote the fields in pieces, one for the points of each; `save` then draws no pictures of them."""
+        return isinstance(self.states, StatesInFiles) and self.states.in_pieces
 
     def displacement(self, level: int = -1) -> np.ndarray:
-        """Displacements at a level, shape (n, d)."""
+        """Return the displacements at a level, shape (n, d)."""
         return self._fields(level)["displacement"][:, : self.scene.dimension]
 
     def save(self, folder: str | Path, overwrite: bool = False) -> None:
         """Write ``summary.json``, ``history.csv``, ``convergence.csv``, a VTU series with its PVD index and a figure of the deformed body.
 
-        Every file is written whole; the summary last, whose ``status`` says how the run ended.  Results of the same run in the folder, of
-        this scene with this force, are removed before.  A run that was given the folder has all there but the figures.
+        Every file is written whole, and the summary last; its ``status`` states how the run ended.  Earlier results of the same scene and
+        force in the folder are removed first.  A run that was given the folder has already written everything but the figures there.
 
         Parameters
         ----------
         folder : str or path
         overwrite : bool
-            Remove those of other runs as well.
+            Whether to remove the results of other runs as well.
 
         Raises
         ------
         FolderTaken
-            If the folder holds results of another run, or a file called like one of these that no run wrote, or a run is writing there.
+            If the folder holds results of another run or a file with the name of a result that no run wrote, or a run is writing there.
         ValueError
             If the result was read from another folder.
         """
@@ -107,33 +99,24 @@ class Result:
             self._write(folder, overwrite)
 
     def _write(self, folder: Path, overwrite: bool) -> None:
-        from . import animation, figures
-
-        in_files = isinstance(self.states, StatesInFiles | StatesInPieces | SavedStates)
-        streamed = in_files and self.states.folder.resolve() == folder.resolve()
+        streamed = isinstance(self.states, StatesInFiles) and self.states.folder.resolve() == folder.resolve()
         if not streamed and self.body is None:
             raise ValueError(f"the result was read from files, and those are what it would write: copy them to {folder}")
         if not streamed:
             make_room(folder, Contents.read(self.summary), overwrite)
-        if self.states:
-            if not streamed:
-                written = StatesInFiles(folder, self.body, self.scene.name)
+            if self.states:
+                written = StatesInFiles(folder, self.scene.name, self.body)
                 for state in self.states:
                     written.append(*state)
-            moves = not self.scene.stretched or self.scene.dynamics is not None
-            if moves:
-                figures.save(self.loading_figure(), folder / f"{self.scene.name}-loading.png")
-            if not self.in_pieces:
-                figures.save(self.figure(), folder / f"{self.scene.name}.png")
-                if moves:
-                    animation.save(self, folder / f"{self.scene.name}.gif")
+        if self.states:
+            _drawings().save_drawings(self, folder)
         write_tables(folder, self.summary, self.history, self.convergence, self.scene.units)
 
     def figure(self):
-        """The deformed body at every level, coloured by the displacement across the loaded direction (Fig. 6).
+        """Return a figure of the deformed body at every level, coloured by the displacement across the loaded direction (Fig. 6).
 
-        Of a general programme at a few outputs, coloured by the size of the displacement; where bonds break, by damage.  Of a body in space
-        the view from outside and a cut through the middle.
+        A general programme is shown at a few outputs, coloured by the size of the displacement; breaking bonds, by damage.  A solid is
+        shown from outside and cut through the middle.
         """
         chosen = self.chosen_states()
         if self.scene.fracture is not None and chosen[-1] in self.in_dynamics():
@@ -142,23 +125,23 @@ class Result:
             field = "displacement"
         else:
             field = f"displacement_{(self.scene.loaded_axis + 1) % self.scene.dimension + 1}"
-        return self._picture(field, chosen)
+        return _drawings().states_figure(self, field, chosen)
 
     def cells(self, level: int = -1) -> tuple[CellMesh, np.ndarray]:
-        """Cells of the body at a level, apart where a crack is open, and the displacements of their nodes, shape (k, d)."""
-        if isinstance(self.states, SavedStates):
+        """Return the cells of the body at a level, apart where a crack is open, and the displacements of their nodes, shape (k, d)."""
+        if self.body is None:
             return self.states.cells(level)
         return deformed_cells(self.body, self.states[level][1])
 
     def field(self, name: str, level: int = -1) -> np.ndarray:
-        """Values of a field on the points at a level.
+        """Return the values of a field on the points at a level.
 
         Parameters
         ----------
         name : str
-            One of `field_names`; a component by its numbers behind it, as ``stress_22`` or ``displacement_1``.
+            One of `field_names`, with the indices of a component appended if desired: ``stress_22``, ``displacement_1``.
         level : int
-            Number of the state, from 0; of the last one by default.
+            Number of the state, from 0; the last one by default.
 
         Returns
         -------
@@ -184,7 +167,7 @@ class Result:
         return values_of(self._fields(level), name)
 
     def field_names(self, level: int = -1) -> list[str]:
-        """Fields that a state has; what each is: docs/guide/results.md."""
+        """Return the names of the fields of a state, which docs/guide/results.md defines."""
         return list(self._fields(level))
 
     def _fields(self, level: int) -> dict[str, np.ndarray]:
@@ -194,12 +177,12 @@ class Result:
         return self.states[level][1]
 
     def plot(self, field: str = "displacement", level: int = -1, limits: tuple[float, float] | None = None):
-        """Figure of the deformed body at a level, coloured by a field.
+        """Return a figure of the deformed body at a level, coloured by a field.
 
         Parameters
         ----------
         field : str
-            As for `field`; of a vector without component its length is shown.
+            Field or component as for `field`; a vector is shown by its length.
         level : int
         limits : tuple of float, optional
             Values at the ends of the scale of colours; by default the least and the greatest.
@@ -211,23 +194,10 @@ class Result:
         Raises
         ------
         ValueError, IndexError
-            As `field` does, and of a tensor without component.
+            If there is no such field or state, or the field is a tensor and no component is named.
         """
         self._fields(level)
-        return self._picture(field, [range(len(self.states))[level]], limits)
-
-    def _picture(self, field: str, numbers: list[int], limits: tuple[float, float] | None = None):
-        """Figure of states coloured by a field."""
-        from . import figures, views
-
-        # Once: a state may have to be read from its file.
-        states = [self.states[number][1] for number in numbers]
-        values = [scalars_of(fields, field) for fields in states]
-        cells, titles = [self.cells(number) for number in numbers], [self.title(number) for number in numbers]
-        label = self.label(field)
-        if self.scene.dimension == 3:
-            return views.contour_figure(cells, values, label, titles, limits)
-        return figures.contour_figure([figures.polygons_of(*pair) for pair in cells], values, label, titles, limits)
+        return _drawings().states_figure(self, field, [range(len(self.states))[level]], limits)
 
     def label(self, field: str) -> str:
         """Return the label of a field or a component: its name and its unit."""
@@ -236,12 +206,12 @@ class Result:
         return self.scene.units.label(name, kind) if kind else name
 
     def table(self):
-        """The history as a table: step, loading parameter, forces and displacements of all that holds or loads the body, energies.
+        """Return the history as a table: steps, loading parameter, forces and displacements where the body is held or loaded, energies.
 
         Returns
         -------
         pandas.DataFrame or list of dict
-            The former where pandas is installed, with the units in ``.attrs["units"]``; else the rows, as in `history`.
+            A DataFrame with the units in ``.attrs["units"]`` if pandas is installed; otherwise the rows, as in `history`.
         """
         try:
             import pandas
@@ -258,44 +228,42 @@ class Result:
         return f"<Result of {summary['scene']} with {summary['force']}: {summary['n_points']} points, {states}{end}>"
 
     def _repr_html_(self) -> str:
-        summary, units = self.summary, self.scene.units
+        return self.facts() + html_history(self.history[-5:], self.scene.units, without="moment_")
+
+    def facts(self) -> str:
+        """Return a table in HTML of force, material, size, cost and end of the run."""
+        summary = self.summary
         facts = {
             "force": summary["force"],
             "material": ", ".join(f"{key} {value}" for key, value in summary["material"].items()),
-            "points": f"{summary['n_points']:,}, {summary['n_bonds']:,} bonds",
+            "points, bonds": f"{summary['n_points']:,}, {summary['n_bonds']:,}",
+            "spacing, horizon": f"{summary['spacing']:g}, {self.scene.units.amount(summary['horizon'], 'length', 'g')}",
             "states": len(self.states),
             "evaluations": f"{summary['n_force_evaluations']:,} in {summary['seconds_total']:.3g} s",
             "ended": "as asked" if summary["converged"] else summary["failure"],
         }
-        shown = self.history[-5:]
-        columns = [column for column in dict.fromkeys(key for row in shown for key in row) if not column.startswith("moment_")]
-        header = [column_title(column, units) for column in columns]
-        rows = [[f"{row[column]:.6g}" if column in row else "" for column in columns] for row in shown]
-        return html_facts(f"Result of {summary['scene']}", facts) + (html_table(header, rows) if rows else "")
+        return html_facts(f"Result of {summary['scene']}", facts)
 
     def in_dynamics(self) -> list[int]:
-        """Numbers of the states that were recorded in dynamics."""
+        """Return the numbers of the states that were recorded in dynamics."""
         if self.scene.stretched:
             return list(range(len(self.levels), len(self.states)))
         return [number for number, level in enumerate(self.levels) if "time" in level]
 
     def chosen_states(self, most: int = 4) -> list[int]:
-        """Numbers of the states that a figure shows: all levels, or a few outputs of the dynamics while its crack runs."""
-        moving, last = self.in_dynamics(), len(self.states) - 1
-        if self.scene.stretched and self.scene.dynamics is None:
-            return list(range(len(self.states)))
-        if self.scene.stretched and not moving:
-            return [last] if last >= 0 else []
-        if not self.scene.stretched and not (moving and self.scene.fracture is not None):
-            return sorted(set(np.linspace(0, last, min(most, last + 1)).round().astype(int).tolist()))
-        first = len(self.levels) if self.scene.stretched else moving[0]
-        chosen = np.linspace(first, last, most)
-        if self.scene.fracture is not None:
+        """Return the numbers of the states that a figure shows: all levels, or a few outputs, spread over the growth of cracks."""
+        moving, last, stretched = self.in_dynamics(), len(self.states) - 1, self.scene.stretched
+        if last < 0 or (stretched and self.scene.dynamics is None):
+            return list(range(last + 1))
+        if stretched and not moving:
+            return [last]
+        cracks = bool(moving) and self.scene.fracture is not None
+        chosen = np.linspace(moving[0] if stretched or cracks else 0, last, most)
+        if cracks:
             broken = np.array([entry["broken_bonds"] for entry in self.summary["crack"]["tips"]])
             if broken[-1] > 0:
                 # Evenly over the growth of the crack, which takes a small part of the time.
-                grown = np.searchsorted(broken, np.linspace(0.1, 1.0, most) * broken[-1])
-                chosen = np.array(moving)[grown]
+                chosen = np.array(moving)[np.searchsorted(broken, np.linspace(0.1, 1.0, most) * broken[-1])]
         return sorted(set(chosen.round().astype(int).tolist()))
 
     def title(self, number: int) -> str:
@@ -308,32 +276,19 @@ class Result:
         return f"{at}, {self.scene.units.amount(moment.time, 'time', '.4g')}" if moving else at
 
     def loading_figure(self):
-        """Over levels and dynamics: nominal stress against stretch, or, of a general programme, forces against t."""
-        from . import figures
-
-        if not self.scene.stretched:
-            rows = [{"t": 0.0}, *(row for row in self.history if any(key.startswith("force_") for key in row))]
-            columns = list(dict.fromkeys(key for row in rows for key in row if key.startswith("force_")))
-            forces = {column.removeprefix("force_"): [row.get(column, 0.0) for row in rows] for column in columns}
-            greatest = max((max(map(abs, values)) for values in forces.values()), default=0.0)
-            shown = {name: values for name, values in forces.items() if max(map(abs, values)) > 1e-3 * greatest}
-            return figures.forces_figure([row["t"] for row in rows], shown, self.scene.units)
-        rows = [*self.levels, *(row for row in self.history if "time" in row)]
-        references = [(level["stretch"], level["nominal_stress_reference"]) for level in self.levels if "nominal_stress_reference" in level]
-        stress = [row["nominal_stress"] for row in rows]
-        return figures.loading_figure([row["stretch"] for row in rows], stress, references, self.scene.units)
+        """Return a figure of nominal stress against stretch or, of a general programme, of forces against t."""
+        return _drawings().loading_figure(self)
 
 
-def write_tables(folder: Path, summary: dict, history: list[dict], convergence: list[dict], units: Units) -> None:
-    """Write the tables of a run, and its summary last."""
-    write_text(folder / HISTORY, _as_csv(history, units))
-    if convergence:
-        write_text(folder / CONVERGENCE, _as_csv(convergence, units))
-    write_json(folder / SUMMARY, summary)
+def _drawings():
+    """Return the module that draws; it loads matplotlib, which a simulation does not need."""
+    from . import drawings
+
+    return drawings
 
 
 def load_result(folder: str | Path) -> Result:
-    """The result of a run from the folder that it was saved to; of one under way, or killed, what it has reached.
+    """Return the result of a run from the folder that it was saved to; an unfinished or killed run gives the part that it reached.
 
     Parameters
     ----------
@@ -342,14 +297,14 @@ def load_result(folder: str | Path) -> Result:
     Returns
     -------
     Result
-        Whose states are read from their files when asked for; its `body` is None: points are in the field ``position``.
+        Result that reads its states from their files on access; its `body` is None, and points are in the field ``position``.
 
     Raises
     ------
     FileNotFoundError
         If the folder holds no result.
     ValueError
-        If it was saved by a version that did not keep the scene, or is damaged.
+        If the result is damaged, or was saved by a version that did not keep the scene.
 
     Examples
     --------
@@ -362,104 +317,16 @@ def load_result(folder: str | Path) -> Result:
     """
     check_path(folder, "folder")
     folder = Path(folder)
-    name = saved_scene(folder)
-    if name is None:
+    summary = read_summary(folder)
+    if summary is None:
         raise FileNotFoundError(f"{folder}: there is no result of a run: no {SUMMARY} that one wrote")
-    summary = json.loads((folder / SUMMARY).read_text("utf-8"))
     if "scene_as_run" not in summary:
         raise ValueError(f"{folder / SUMMARY}: the scene as run is not in it, as earlier versions left it out: run the scene again")
+    name = summary["scene"]
     try:
         scene = Scene.model_validate(summary["scene_as_run"])
-        states = SavedStates(folder, name, summary.get("states")) if (folder / f"{name}.pvd").exists() else StatesInMemory()
-        history, convergence = (_from_csv(folder / table) for table in (HISTORY, CONVERGENCE))
+        states = StatesInFiles.saved(folder, name, summary.get("states")) if (folder / f"{name}.pvd").exists() else StatesInMemory()
+        history, convergence = (read_table(folder / table) for table in (HISTORY, CONVERGENCE))
     except (ValueError, KeyError, OSError, ElementTree.ParseError) as error:
         raise ValueError(f"{folder}: the result cannot be read: {' '.join(str(error).split())}") from None
     return Result(scene, None, summary, history, states, convergence)
-
-
-def values_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
-    """Values of a field, or of a component of it, see `Result.field`.
-
-    Raises
-    ------
-    ValueError
-        If there is none.
-    """
-    base, indices = parts_of(name) if name not in fields else (name, ())
-    if base not in fields:
-        raise ValueError(f"field: the state has no {name!r}; there are {', '.join(fields)}, and components as stress_22")
-    values = fields[base]
-    values = values.reshape(-1, 3, 3) if values.ndim == 2 and values.shape[1] == 9 else values
-    if not indices:
-        return values
-    if values.ndim - 1 != len(indices):
-        needed = {1: "no components", 2: f"one component, as {base}_1", 3: f"two indices, as {base}_22"}[values.ndim]
-        raise ValueError(f"field: {name!r} does not fit: {base} has {needed}")
-    return values[(slice(None), *(index - 1 for index in indices))]
-
-
-def scalars_of(fields: dict[str, np.ndarray], name: str) -> np.ndarray:
-    """A number for each point, shape (n,): a component, or of a vector its length; ValueError of a tensor."""
-    values = values_of(fields, name)
-    if values.ndim == 3:
-        raise ValueError(f"field: {name} has nine components; say which, as {name}_22")
-    return values if values.ndim == 1 else np.linalg.norm(values, axis=1)
-
-
-def parts_of(name: str) -> tuple[str, tuple[int, ...]]:
-    """A field's name and the numbers of a component, which are behind it: ("stress", (2, 2)) of ``stress_22``."""
-    found = re.fullmatch(r"(.+)_([123]{1,2})", name)
-    return (found[1], tuple(map(int, found[2]))) if found else (name, ())
-
-
-def unit_of(field: str) -> str | None:
-    """Return the kind of unit (of a scene's units) of a field or component; None if it has none."""
-    name = field if field in POINT_FIELDS else parts_of(field)[0]
-    return POINT_FIELDS[name].unit if name in POINT_FIELDS else None
-
-
-def column_unit(column: str, units: Units) -> str | None:
-    """Unit of a column of the history; None where it has none."""
-    if column == "time":
-        return units.time
-    if column == "nominal_stress":
-        return units.stress
-    if column in ENERGIES or column.startswith("moment_"):
-        return units.energy
-    if column.startswith("force_"):
-        return units.force
-    return units.length if column.startswith("displacement_") or "_displacement_" in column else None
-
-
-def column_title(column: str, units: Units) -> str:
-    """Header of a column of the history: its name, and in brackets its unit where it has one."""
-    unit = column_unit(column, units)
-    return f"{column} [{unit}]" if unit else column
-
-
-def _as_csv(rows: list[dict], units: Units) -> str:
-    text = io.StringIO()
-    if rows:
-        # Equilibrium and dynamics fill different columns.
-        columns = list(dict.fromkeys(key for row in rows for key in row))
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow([column_title(column, units) for column in columns])
-        writer.writerows([row.get(column) for column in columns] for row in rows)
-    return text.getvalue()
-
-
-def _from_csv(path: Path) -> list[dict]:
-    """Rows as `_as_csv` wrote them; none where there is no file."""
-    if not path.exists():
-        return []
-    with path.open(encoding="utf-8", newline="") as file:
-        return [{key.split(" [")[0]: _plain(value) for key, value in row.items() if value != ""} for row in csv.DictReader(file)]
-
-
-def _plain(text: str) -> int | float | str:
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text

@@ -11,7 +11,8 @@ from typing import Protocol
 import numpy as np
 
 from ..body import Body, CellMesh
-from .deformed import deformed_cells
+from ..ranks import Share
+from . import vtk
 from .folder import is_marked, state_files
 
 Fields = dict[str, np.ndarray]
@@ -19,7 +20,7 @@ Fields = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Moment:
-    """When a state was.
+    """Place of a state in the run.
 
     Attributes
     ----------
@@ -27,9 +28,9 @@ class Moment:
         Place on the one axis of the whole run, on which states follow each other: 1 at the first level in equilibrium, 2 at the second,
         and so on; from the last level on the time of the dynamics is added.
     stretch : float or None
-        Of a scene with grips.
+        Distance of the grips over its undeformed value, in a scene with grips.
     time : float
-        That all dynamics have taken; 0 at a level before them.
+        Time that all dynamics have taken; 0 at a level before them.
     t : float or None
         Loading parameter of a scene with steps.
     """
@@ -52,8 +53,6 @@ class States(Protocol):
 
     def __getitem__(self, number: int) -> tuple[Moment, Fields]: ...
 
-    def __iter__(self) -> Iterator[tuple[Moment, Fields]]: ...
-
 
 class StatesInMemory(list):
     """States kept in memory."""
@@ -69,7 +68,7 @@ class StatesInMemory(list):
 
 
 class Moments:
-    """Moments alone, on ranks other than the first: what was recorded then is there."""
+    """Moments alone, on ranks other than the first, which has the fields."""
 
     def __init__(self, moments: list[Moment] | None = None) -> None:
         self.moments = list(moments or [])
@@ -82,192 +81,130 @@ class Moments:
         return len(self.moments)
 
     def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        raise IndexError("the fields of a run on several ranks are on the first of them")
-
-    def __iter__(self) -> Iterator[tuple[Moment, Fields]]:
-        raise IndexError("the fields of a run on several ranks are on the first of them")
-
-
-def state_path(folder: Path, name: str, number: int) -> Path:
-    """File of a state: a VTU, but where it was written in pieces, as by a run on several ranks."""
-    path = folder / f"{name}-{number:03d}.pvtu"
-    return path if path.exists() else path.with_suffix(".vtu")
-
-
-def write_index_of(folder: Path, name: str, moments: list[Moment]) -> None:
-    """Write the PVD of a scene's states."""
-    from . import vtk
-
-    entries = [(moment.run_time, state_path(folder, name, number).name) for number, moment in enumerate(moments)]
-    vtk.write_index(folder / f"{name}.pvd", entries)
-
-
-def remove_later(folder: Path, name: str, count: int) -> None:
-    """Remove the files of states beyond the first `count` that a run wrote."""
-    for number, path in state_files(folder, name):
-        if number >= count and is_marked(path):
-            path.unlink()
+        raise RuntimeError("the fields of a run on several ranks are on the first of them")
 
 
 class StatesInFiles:
-    """States that are written as a VTU series with a PVD index when they are reached, and read back when they are used.
+    """States as a VTU series with a PVD index, written when they are reached, and read back when they are used.
+
+    Every rank of a divided body writes a piece of each state, for its own points.
 
     Parameters
     ----------
     folder : Path
-    body : Body
-        Whose cells are written.
     name : str
         Stem of the file names.
-    moments : list of Moment
+    body : Body, optional
+        Body with the cells to write; in a divided run the share of this rank. States without a body are only read.
+    moments : list of Moment, optional
         States that are there already, of a run that is resumed; files of later ones are removed.
     """
 
-    def __init__(self, folder: Path, body: Body, name: str, moments: list[Moment] | None = None) -> None:
-        self.folder, self.body, self.name = folder, body, name
+    def __init__(self, folder: Path, name: str, body: Body | None = None, moments: list[Moment] | None = None) -> None:
+        self.folder, self.name, self.body = folder, name, body
         self.moments = list(moments or [])
-        if moments is not None:
+        if moments is not None and body.share.leads:
             self._write_index()
-            remove_later(folder, name, len(moments))
+            for number, path in state_files(folder, name):
+                if number >= len(moments) and is_marked(path):
+                    path.unlink()
+
+    @classmethod
+    def saved(cls, folder: Path, name: str, most: int | None = None) -> StatesInFiles:
+        """Return the states of a run that has ended, or was killed.
+
+        Parameters
+        ----------
+        folder, name
+            Parameters of the class.
+        most : int, optional
+            Number of states in the summary of the run; a run that was killed may have written one more.
+
+        Raises
+        ------
+        OSError, ValueError
+            If the index is not there or cannot be read.
+        """
+        states = cls(folder, name)
+        for run_time, path in vtk.read_index(folder / f"{name}.pvd")[:most]:
+            values = vtk.read_values(path)
+            states.moments.append(Moment(run_time, values.get("stretch"), values.get("time", 0.0), values.get("t")))
+        return states
+
+    @property
+    def in_pieces(self) -> bool:
+        """Whether each rank writes a piece of a state."""
+        return self.body is not None and self.body.share.divided
 
     def append(self, moment: Moment, fields: Fields) -> None:
-        """Write a state, and the index with it."""
-        from . import vtk
-
+        """Write a state, and the index with it; an error of one rank is raised on all of them."""
+        share, path = self.body.share, self._path(len(self.moments))
         values = {name: value for name, value in asdict(moment).items() if value is not None}
         cells, nodes = deformed_cells(self.body, fields)
-        vtk.write_state(self._path(len(self.moments)), cells, nodes, fields, values)
+        if self.in_pieces:  # the halo was needed for the nodes between pieces
+            path = path.with_suffix(".pvtu")
+            cells, used = cells.only(share.own)
+            nodes = nodes[used]
+            fields = {name: field[share.own] for name, field in fields.items()} | {vtk.NUMBER: share.numbers[share.own]}
+        with _for_all(share):
+            vtk.write_state(_piece(path, share.ranks.rank) if self.in_pieces else path, cells, nodes, fields, values)
         self.moments.append(moment)
-        self._write_index()
+        with _for_all(share):
+            if self.in_pieces and share.leads:
+                pieces = [_piece(path, rank).name for rank in range(share.ranks.size)]
+                vtk.write_pieces(path, pieces, {name: field[:1].size for name, field in fields.items()})
+            if share.leads:
+                self._write_index()
 
     def _write_index(self) -> None:
-        write_index_of(self.folder, self.name, self.moments)
+        entries = [(moment.run_time, self._path(number).name) for number, moment in enumerate(self.moments)]
+        vtk.write_index(self.folder / f"{self.name}.pvd", entries)
 
     def _path(self, number: int) -> Path:
-        return state_path(self.folder, self.name, number)
+        """Return the file of a state: a VTU, or the PVTU of one that was written in pieces."""
+        path = self.folder / f"{self.name}-{number:03d}.pvtu"
+        return path if path.exists() else path.with_suffix(".vtu")
 
     def __len__(self) -> int:
         return len(self.moments)
 
     def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        from . import vtk
-
         number = range(len(self.moments))[number]
-        return self.moments[number], vtk.read_fields(self._path(number))
+        return self.moments[number], vtk.read_state(self._path(number))[2]
 
-    def __iter__(self) -> Iterator[tuple[Moment, Fields]]:
-        return (self[number] for number in range(len(self)))
+    def cells(self, number: int) -> tuple[CellMesh, np.ndarray]:
+        """Return the cells of a state, and the displacements of their nodes."""
+        return vtk.read_state(self._path(range(len(self.moments))[number]))[:2]
 
 
-class StatesInPieces:
-    """States of a body that is divided among ranks, written by each of them for its own points, with one index.
+def _piece(path: Path, rank: int) -> Path:
+    return path.with_suffix(f".piece{rank}.vtu")
+
+
+def deformed_cells(body: Body, fields: Fields) -> tuple[CellMesh, np.ndarray]:
+    """Return the cells of a body, apart where a crack is open, and the displacements of their nodes, shape (k, d).
 
     Parameters
     ----------
-    folder : Path
     body : Body
-        The part of this rank, of cells of a lattice; of the points around its own it knows the fields as well.
-    name, moments
-        As for `StatesInFiles`.
+    fields : dict of ndarray
+        Fields of a state, with its displacement and deformation gradient.
     """
-
-    def __init__(self, folder: Path, body: Body, name: str, moments: list[Moment] | None = None) -> None:
-        self.folder, self.body, self.name = folder, body, name
-        self.moments = list(moments or [])
-        if moments is not None and body.share.ranks.rank == 0:
-            self._write_index()
-            remove_later(folder, name, len(moments))
-
-    def append(self, moment: Moment, fields: Fields) -> None:
-        """Write a state, every rank its piece, and the index with it; a rank that cannot ends it for all."""
-        from . import vtk
-
-        share, number = self.body.share, len(self.moments)
-        path = self.folder / f"{self.name}-{number:03d}.pvtu"
-        values = {name: value for name, value in asdict(moment).items() if value is not None}
-        cells, nodes = deformed_cells(self.body, fields)  # with those around the rank's own, which say where the common nodes are
-        cells, used = cells.only(share.own)
-        fields = {name: field[share.own] for name, field in fields.items()} | {vtk.NUMBER: share.numbers[share.own]}
-        with _for_all(share):
-            vtk.write_state(self._piece(path, share.ranks.rank), cells, nodes[used], fields, values)
-        self.moments.append(moment)
-        with _for_all(share):
-            if share.ranks.rank == 0:
-                pieces = [self._piece(path, rank).name for rank in range(share.ranks.size)]
-                vtk.write_pieces(path, pieces, {name: field[:1].size for name, field in fields.items()})
-                self._write_index()
-
-    @staticmethod
-    def _piece(path: Path, rank: int) -> Path:
-        return path.with_suffix(f".piece{rank}.vtu")
-
-    def _write_index(self) -> None:
-        write_index_of(self.folder, self.name, self.moments)
-
-    def __len__(self) -> int:
-        return len(self.moments)
-
-    def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        from . import vtk
-
-        number = range(len(self.moments))[number]
-        return self.moments[number], vtk.read_fields(state_path(self.folder, self.name, number))
-
-    def __iter__(self) -> Iterator[tuple[Moment, Fields]]:
-        return (self[number] for number in range(len(self)))
+    d, cells = body.dimension, body.cells
+    F = fields["deformation_gradient"].reshape(-1, 3, 3)[:, :d, :d]
+    state = body.points, fields["displacement"][:, :d], F
+    # Only where bonds are cut or break can neighbours come apart.
+    if np.any(fields.get("damage", 0)) or body.separates is not None:
+        cells = cells.torn(*state)
+    return cells, cells.moved(*state)
 
 
 @contextmanager
-def _for_all(part) -> Iterator[None]:
+def _for_all(share: Share) -> Iterator[None]:
     """Run a block that writes on every rank, and raise the error of one rank on all of them."""
     error = None
     try:
         yield
     except OSError as found:
         error = found
-    part.agree(error)
-
-
-class SavedStates:
-    """States of a run that has ended, or was killed, read from its files when they are used.
-
-    Parameters
-    ----------
-    folder : Path
-    name : str
-        Stem of the file names.
-    most : int, optional
-        States that the run told of; a later one was not told of yet when it was killed.
-
-    Raises
-    ------
-    OSError, ValueError
-        If the index is not there or cannot be read.
-    """
-
-    def __init__(self, folder: Path, name: str, most: int | None = None) -> None:
-        from . import vtk
-
-        self.folder = folder
-        self._paths, self.moments = [], []
-        for run_time, path in vtk.read_index(folder / f"{name}.pvd")[:most]:
-            values = vtk.read_values(path)
-            self._paths.append(path)
-            self.moments.append(Moment(run_time, values.get("stretch"), values.get("time", 0.0), values.get("t")))
-
-    def __len__(self) -> int:
-        return len(self.moments)
-
-    def __getitem__(self, number: int) -> tuple[Moment, Fields]:
-        from . import vtk
-
-        return self.moments[number], vtk.read_fields(self._paths[number])
-
-    def __iter__(self) -> Iterator[tuple[Moment, Fields]]:
-        return (self[number] for number in range(len(self)))
-
-    def cells(self, number: int) -> tuple[CellMesh, np.ndarray]:
-        """Cells of a state, and the displacements of their nodes."""
-        from . import vtk
-
-        return vtk.read_cells(self._paths[number])
+    share.agree(error)

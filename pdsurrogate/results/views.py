@@ -13,17 +13,17 @@ from ..body import CellMesh
 from .figures import STYLE, limits_of
 
 ELEVATION, AZIMUTH = 22.0, -58.0
-"""Where the body is seen from, in degrees: from the front right, a little above; x3 points up."""
+"""Direction of view in degrees: from the front right, a little above; x3 points up."""
 
 _UP, _ROUND = np.radians([ELEVATION, AZIMUTH])
 EYE = np.array([np.cos(_UP) * np.cos(_ROUND), np.cos(_UP) * np.sin(_ROUND), np.sin(_UP)])
-"""Direction towards it."""
+"""Direction from the body to the eye."""
 
 EDGES_OF_CELLS = {
     4: ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)),
     8: ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
 }
-"""By the number of corners."""
+"""Pairs of corners that an edge joins, by the number of corners of a cell."""
 
 
 def contour_figure(
@@ -33,16 +33,16 @@ def contour_figure(
     titles: list[str],
     scale: tuple[float, float] | None = None,
 ) -> Figure:
-    """One row a state: the body from outside, and its cut through the middle across the thinnest direction, coloured by values.
+    """Return a figure with a row for each state: the body from outside, and its cut through the middle across the thinnest direction.
 
     Parameters
     ----------
     moved : list of tuple
         Cells of recorded states, with the displacements of their nodes.
     values : list of ndarray, shape (n,)
-        What they are coloured by.
+        Values of the cells, which colours show.
     label : str
-        Of the colour bars.
+        Label of the colour bars.
     titles : list of str
     scale : tuple of float, optional
         Ends of the scale of colours of all; by default those of the values of each.
@@ -73,8 +73,8 @@ def contour_figure(
 
 
 def cut_of(cells: CellMesh) -> tuple[int, float]:
-    """The plane that a body of such cells is cut by for a picture: the axis that it is normal to, and where on it."""
-    # The last of directions alike, so that a cube is cut along x1, in which bodies are pulled.
+    """Return the plane that cuts a body in a picture: its normal axis, and its place on that axis."""
+    # The last of equal sides, so that the cut of a cube shows x1, the direction of loading.
     sides = np.ptp(cells.nodes, axis=0)[::-1]
     axis = 2 - int(np.argmin((sides / sides.max()).round(9)))
     return axis, float(cells.nodes[:, axis].min() + cells.nodes[:, axis].max()) / 2
@@ -89,7 +89,7 @@ def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray)
     outer = beside[:, 1] < 0
     sides, owners = nodes[corners[outer]], beside[outer, 0]
     normals = np.cross(sides[:, 2] - sides[:, 0], sides[:, 3] - sides[:, 1])
-    # A triangle repeats its last corner; whichever way the corners of a mesh's cell turn, its normal points away from the cell.
+    # A triangle repeats its last corner, so the cross product of its diagonals vanishes.
     normals = np.where(
         np.linalg.norm(normals, axis=1, keepdims=True) > 0, normals, np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
     )
@@ -104,26 +104,26 @@ def draw_outside(axes, cells: CellMesh, nodes: np.ndarray, of_cells: np.ndarray)
 
 
 def section(cells: CellMesh, nodes: np.ndarray, axis: int, position: float) -> tuple[list[np.ndarray], np.ndarray]:
-    """Cells cut by a plane of the undeformed body, as polygons where their corners have moved to.
+    """Return the cells that a plane of the undeformed body cuts, as deformed polygons.
 
     Parameters
     ----------
     cells : CellMesh
-        In space.
+        Cells of a solid.
     nodes : ndarray, shape (k, 3)
-        Where its nodes are.
+        Deformed positions of their nodes.
     axis : int
-        That the plane is normal to.
+        Normal axis of the plane.
     position : float
-        Coordinate along it.
+        Coordinate of the plane along the axis.
 
     Returns
     -------
     polygons : list of ndarray, each of shape (corners, 3)
     owners : ndarray of int
-        Their cells.
+        Numbers of the cells of the polygons.
     """
-    # Not through the corners themselves: a cell that is only touched has no cut, and one of two that share a side there has all of it.
+    # Corners on the plane count as below it: of two cells that share a side there, one has the cut.
     above = cells.nodes[:, axis] > position
     polygons, owners, begin = [], [], 0
     for block in cells.blocks:

@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..body import rows_of
+from ..ranks import Rows
 from ..results.checkpoint import Checkpoint, CheckpointError
 from ..results.states import Moment
+from .state import State
 
 if TYPE_CHECKING:
     from .run import Run
@@ -22,12 +25,6 @@ CHECKPOINT_SHARE = 20
 
 ACCEPTED = "accepted_"
 """Beginning of the names of arrays that belong to the last equilibrium on the way to an output."""
-
-KEPT = (
-    *("parameter", "stage", "outputs", "begin", "elapsed", "steps", "crack", "dynamics"),
-    *("levels", "history", "convergence", "beyond_data", "greatest_drive", "wasted"),
-)
-"""Attributes of a run that a checkpoint holds as they are."""
 
 
 class Checkpoints:
@@ -58,7 +55,7 @@ class Checkpoints:
     def identity(self) -> dict:
         """Return the identity that a checkpoint of the run must have."""
         run = self.run
-        sizes = {"n_points": self._share.size(len(run.body)), "n_pairs": self._share.total(run.counted_pairs())}
+        sizes = {"n_points": self._share.size, "n_pairs": self._share.total(run.counted_pairs())}
         return {**run.contents.describe(), **sizes}
 
     def write(self, progress: dict, arrays: dict[str, np.ndarray]) -> None:
@@ -68,7 +65,7 @@ class Checkpoints:
             return
         began = time.monotonic()
         common = {
-            **{name: getattr(run, name) for name in KEPT},
+            "state": vars(run.state),
             "earlier": None if run.earlier is None else run.earlier[0],
             "moments": [astuple(moment) for moment in run.states.moments],
             "evaluations": run.force.evaluations,
@@ -78,7 +75,7 @@ class Checkpoints:
         held = {**self._held(), **arrays}
         if run.earlier is not None:
             held["earlier"] = run.earlier[1]
-        whole = {key: self._share.to_whole(array, run.body, self._rows_of(key)) for key, array in held.items()}
+        whole = {key: self._rows_of(key).gather(array) for key, array in held.items()}
         kept = Checkpoint(self.identity, {**common, **progress}, whole)  # on all ranks, which form its sums together
         if run.ranks.rank == 0:
             kept.write(run.folder)
@@ -95,8 +92,7 @@ class Checkpoints:
             held |= run.force.state_arrays()
         for key, array in held.items():
             array[:] = found.arrays[key]
-        for name in KEPT:
-            setattr(run, name, progress[name])
+        vars(run.state).update(vars(State(**progress["state"])))
         if progress["earlier"] is not None:
             run.earlier = progress["earlier"], found.arrays["earlier"].copy()
         run.states = run.states_of([Moment(*moment) for moment in progress["moments"]])
@@ -118,7 +114,7 @@ class Checkpoints:
     def _read(self, held: dict[str, np.ndarray]) -> Checkpoint:
         """Read a checkpoint on the first rank and return every rank's rows of it; the present arrays give the names of those required."""
         run, share, identity = self.run, self._share, self.identity
-        counts = {key: share.rows_of_whole(len(array), run.body, self._rows_of(key)) for key, array in held.items()}
+        counts = {key: self._rows_of(key).total for key, array in held.items()}
         shapes = {key: ((counts[key], *array.shape[1:]), array.dtype) for key, array in held.items()}
         whole = error = None
         if run.ranks.rank == 0:
@@ -128,9 +124,10 @@ class Checkpoints:
                 error = found
         share.agree(error)
         progress, keys = run.ranks.to_all(whole and (whole.progress, list(whole.arrays)))
-        arrays = {key: share.from_whole(whole and whole.arrays[key], run.body, self._rows_of(key)) for key in keys}
+        arrays = {key: self._rows_of(key).hand_out(whole and whole.arrays[key]) for key in keys}
         return Checkpoint(identity, progress, arrays)
 
-    def _rows_of(self, key: str) -> str:
-        """Return what an array of a checkpoint has a row for, see `Share.to_whole`."""
-        return "pairs" if key in ("broken", "recent") else self.run.force.state_rows.get(key.removeprefix(ACCEPTED), "points")
+    def _rows_of(self, key: str) -> Rows:
+        """Return the rows of the whole body that an array of a checkpoint holds."""
+        kind = "pairs" if key in ("broken", "recent") else self.run.force.state_rows.get(key.removeprefix(ACCEPTED), "points")
+        return rows_of(self.run.body, kind)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..body import Body
+from ..body import Body, rows_of
 from ..engine.block_arrays import BLOCK
 from ..engine.threads import chunks_of
 from ..kernels.damage import find_overstretched
@@ -91,8 +91,9 @@ class Damage:
         Within an event the order is that of the pairs in the whole body, the same on any number of ranks.
         """
         body, share = self.body, self.body.share
-        numbers = share.pair_numbers(body)[pairs]
-        pairs, numbers = pairs[numbers >= 0], numbers[numbers >= 0]  # those that are counted here
+        rows = rows_of(body, "pairs")
+        pairs = pairs[rows.own[pairs]]
+        numbers = rows.numbers[pairs]
         points, events = body.all_points, self.recent[pairs]
         places = (points[body.bonds.first[pairs]] + points[body.bonds.second[pairs]]) / 2
         places, events, numbers = (np.concatenate(share.everywhere(rows)) for rows in (places, events, numbers))

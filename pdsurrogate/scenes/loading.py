@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from .amplitudes import Amplitude
 from .regions import RegionReference
-from .strict_model import Finite, Positive, SpacePoint, StrictModel, Vector, Whole
+from .strict_model import Finite, Positive, SpaceDirection, StrictModel, Vector, Whole
 
 LoadName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
 
@@ -49,7 +48,7 @@ class Prescribed(StrictModel):
     x3: Finite | None = None
     rotation: Finite | None = None
     about: Vector | None = None
-    axis: SpacePoint | None = None
+    axis: SpaceDirection | None = None
     amplitude: Amplitude = "ramp"
     name: LoadName | None = None
 
@@ -59,8 +58,8 @@ class Prescribed(StrictModel):
             raise ValueError("nothing is prescribed: give x1, x2, in space x3, or a rotation; 0 holds a component")
         if (self.rotation is None) != (self.about is None):
             raise ValueError("a rotation needs the place that it is about, and only a rotation has one: give both or neither")
-        if self.axis is not None and (self.rotation is None or not math.hypot(*self.axis) > 0):
-            raise ValueError("axis is the direction of the axis of a rotation: not zero, and only a rotation has one")
+        if self.axis is not None and self.rotation is None:
+            raise ValueError("axis is the direction of the axis of a rotation, and only a rotation has one")
         return self
 
     @property
@@ -109,6 +108,8 @@ class Load(StrictModel):
     'traction'
     """
 
+    kinds: ClassVar[tuple[str, ...]] = ("traction", "pressure", "body_force", "force")
+
     region: RegionReference = "body"
     traction: Vector | None = None
     pressure: Finite | None = None
@@ -121,11 +122,11 @@ class Load(StrictModel):
     @property
     def kind(self) -> str:
         """Return the kind of the load."""
-        return next(kind for kind in ("traction", "pressure", "body_force", "force") if getattr(self, kind) is not None)
+        return next(kind for kind in self.kinds if getattr(self, kind) is not None)
 
     @model_validator(mode="after")
     def _one_kind(self) -> Load:
-        given = [kind for kind in ("traction", "pressure", "body_force", "force") if getattr(self, kind) is not None]
+        given = [kind for kind in self.kinds if getattr(self, kind) is not None]
         if len(given) != 1:
             raise ValueError("a load is exactly one of traction, pressure, body_force and force")
         if given != ["body_force"] and "region" not in self.model_fields_set:
@@ -135,17 +136,35 @@ class Load(StrictModel):
         return self
 
 
-class StepDynamics(StrictModel):
-    """Explicit dynamics during a step.
+class DynamicsSettings(StrictModel):
+    """Settings of explicit dynamics, during a step or after the last equilibrium.
+
+    Attributes
+    ----------
+    density : float
+        Mass per volume, in stress * time^2 / length^2; with kPa and cm, 1e-4 is 1000 kg/m^3 and time is in seconds.
+    damping : float
+        Rate c of M (a + c v) = f, per unit time.
+    viscosity : float, optional
+        Retardation time tau of a Kelvin-Voigt solid: damps waves as short as bonds, where a crack lets material snap back.  With
+        fracture by default 0.7 spacings over the speed of shear waves, else none.
+    safety : float
+        Time step over the critical one.
+    """
+
+    density: Positive
+    damping: Annotated[Finite, Field(ge=0)] = 0.0
+    viscosity: Annotated[Finite, Field(ge=0)] | None = None
+    safety: Annotated[Positive, Field(le=1)] = 0.7
+
+
+class StepDynamics(DynamicsSettings):
+    """Explicit dynamics during a step; the other settings are those of `pdsurrogate.scenes.Dynamics`.
 
     Attributes
     ----------
     duration : float
         Time that the step takes; the loading parameter goes evenly from the last step's end to this one's.
-    density : float
-        Mass per volume, in stress * time^2 / length^2.
-    damping, viscosity, safety
-        As of `pdsurrogate.scenes.Dynamics`.
 
     Examples
     --------
@@ -155,10 +174,6 @@ class StepDynamics(StrictModel):
     """
 
     duration: Positive
-    density: Positive
-    damping: Annotated[Finite, Field(ge=0)] = 0.0
-    viscosity: Annotated[Finite, Field(ge=0)] | None = None
-    safety: Annotated[Positive, Field(le=1)] = 0.7
 
 
 class Step(StrictModel):

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 
-from .strict_model import Point, Positive, SpacePoint, StrictModel, Vector, Whole
+from .strict_model import Direction, Point, Positive, SpaceDirection, SpacePoint, StrictModel, Vector, Whole
 
 FACES = ("left", "right", "bottom", "top", "back", "front")
 """Faces of the bounding box of a body in space; the first four are the edges of one in the plane."""
+
+
+EDGES = {name: (number // 2, 2 * (number % 2) - 1) for number, name in enumerate(FACES)}
+"""Coordinate held by each edge or face of the bounding box, and the side of the body it lies on."""
 
 
 def edge_names(dimension: int) -> tuple[str, ...]:
@@ -45,13 +48,7 @@ class HalfPlane(StrictModel):
     """All on one side of a straight line through a point: the side that the normal points to, the line itself included."""
 
     point: Point
-    normal: Point
-
-    @model_validator(mode="after")
-    def _has_a_direction(self) -> HalfPlane:
-        if not math.hypot(*self.normal) > 0:
-            raise ValueError("the normal of a half-plane must not be zero")
-        return self
+    normal: Direction
 
 
 class Ball(StrictModel):
@@ -65,13 +62,7 @@ class HalfSpace(StrictModel):
     """All on one side of a plane through a point: the side that the normal points to, the plane itself included."""
 
     point: SpacePoint
-    normal: SpacePoint
-
-    @model_validator(mode="after")
-    def _has_a_direction(self) -> HalfSpace:
-        if not math.hypot(*self.normal) > 0:
-            raise ValueError("the normal of a half-space must not be zero")
-        return self
+    normal: SpaceDirection
 
 
 class Region(StrictModel):
@@ -123,36 +114,30 @@ class Region(StrictModel):
 
     @model_validator(mode="after")
     def _said_once(self) -> Region:
-        given = [name for name, field in type(self).model_fields.items() if getattr(self, name) is not None]
-        if len(given) != 1:
-            names = [field.alias or name for name, field in type(self).model_fields.items()]
-            raise ValueError(f"a region is said in exactly one way, by one of {', '.join(names)}")
+        fields = type(self).model_fields
+        if sum(getattr(self, name) is not None for name in fields) != 1:
+            names = ", ".join(field.alias or name for name, field in fields.items())
+            raise ValueError(f"a region is given in exactly one way, by one of {names}")
         if self.box is not None and not all(low <= high for low, high in zip(*self.box, strict=False)):
             raise ValueError("a box is given by its corners where all coordinates are least, and greatest")
         return self
 
     def misfit(self, dimension: int) -> str | None:
         """Return what is wrong with the region in two or three dimensions, apart from numbers of components; None if nothing is."""
-        for key, other, its_own in (
-            ("disc", "ball", 2),
-            ("half_plane", "half_space", 2),
-            ("ball", "disc", 3),
-            ("half_space", "half_plane", 3),
-        ):
-            if getattr(self, key) is not None and dimension != its_own:
-                here, there = ("space", "the plane") if dimension == 3 else ("the plane", "space")
-                return f"{key} is a region of {there}; in {here} give {other}"
+        here, there = ("space", "the plane") if dimension == 3 else ("the plane", "space")
+        for pair in (("disc", "ball"), ("half_plane", "half_space")):
+            own, other = pair if dimension == 2 else pair[::-1]
+            if getattr(self, other) is not None:
+                return f"{other} is a region of {there}; in {here} give {own}"
         if self.edge is not None and self.edge not in edge_names(dimension):
             return f"a body in the plane has no {self.edge}; its edges are {', '.join(edge_names(dimension))}"
         return None
 
     def members(self) -> Iterator[tuple[str, str | Region]]:
         """The regions that this one is combined of, each with its key in it: and.0, and.1, or.0, not."""
-        for key, members in (("and", self.both), ("or", self.either)):
-            for number, member in enumerate(members or ()):
-                yield f"{key}.{number}", member
-        if self.other is not None:
-            yield "not", self.other
+        yield from ((f"and.{number}", member) for number, member in enumerate(self.both or ()))
+        yield from ((f"or.{number}", member) for number, member in enumerate(self.either or ()))
+        yield from () if self.other is None else [("not", self.other)]
 
 
 def _name_or_table(value: Any) -> Any:
@@ -161,15 +146,12 @@ def _name_or_table(value: Any) -> Any:
     return value
 
 
-def _way_of(value: Any) -> str:
-    """Return whether a region is given by its name or in place."""
-    return "name" if isinstance(value, str) else "region"
-
-
 RegionReference = Annotated[
-    Annotated[str, Tag("name")] | Annotated[Region, Tag("region")], Discriminator(_way_of), BeforeValidator(_name_or_table)
+    Annotated[str, Tag("name")] | Annotated[Region, Tag("region")],
+    Discriminator(lambda value: "name" if isinstance(value, str) else "region"),
+    BeforeValidator(_name_or_table),
 ]
-"""The name of a region, or a region said on the spot."""
+"""The name of a region, or a region given in place."""
 
 Region.model_rebuild()
 

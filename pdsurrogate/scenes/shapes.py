@@ -57,7 +57,7 @@ class Rectangle(Outline):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Rectangle(size=(3.0, 1.0)).size
+    >>> pds.shapes.Rectangle(size=(3.0, 1.0)).size
     (3.0, 1.0)
     """
 
@@ -84,7 +84,7 @@ class Ellipse(Outline):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Ellipse(centre=(0.0, 0.0), semi_axes=(2.0, 1.0)).shape
+    >>> pds.shapes.Ellipse(centre=(0.0, 0.0), semi_axes=(2.0, 1.0)).shape
     'ellipse'
     """
 
@@ -109,7 +109,7 @@ class Circle(Outline):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> hole = pds.Circle(centre=(1.5, 0.5), radius=0.2)
+    >>> hole = pds.shapes.Circle(centre=(1.5, 0.5), radius=0.2)
     >>> hole.shape
     'circle'
     """
@@ -135,7 +135,7 @@ class Polygon(Outline):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Polygon(vertices=((0.0, 0.0), (2.0, 0.0), (0.0, 2.0))).shape
+    >>> pds.shapes.Polygon(vertices=((0.0, 0.0), (2.0, 0.0), (0.0, 2.0))).shape
     'polygon'
     """
 
@@ -270,7 +270,7 @@ class Mesh(StrictModel):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Mesh(file="sheet.msh").dimension
+    >>> pds.shapes.Mesh(file="sheet.msh").dimension
     2
     """
 
@@ -285,7 +285,7 @@ class Precut(StrictModel):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).end
+    >>> pds.shapes.Precut(start=(0.0, 1.5), end=(3.0, 1.5)).end
     (3.0, 1.5)
     """
 

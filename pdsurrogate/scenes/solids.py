@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import model_validator
 
 from .shapes import AnyOutline, Circle, Ellipse, Outline, Rectangle, Shape
-from .strict_model import Finite, Positive, SpacePoint, StrictModel
-
-AXES = {"x1": 0, "x2": 1, "x3": 2}
-"""Number of each coordinate."""
+from .strict_model import Finite, Positive, SpaceDirection, SpacePoint, StrictModel
 
 
 class Solid(Shape):
@@ -27,58 +23,57 @@ class Solid(Shape):
         """Whether the shape is known to be convex."""
 
 
-class Prism(Solid):
-    """A plane section along one axis, between two flat ends."""
+class Straight(NamedTuple):
+    """A plane section along one axis, between two flat ends.
 
-    @property
-    @abstractmethod
-    def along(self) -> int:
-        """Number of the axis."""
+    Attributes
+    ----------
+    along : int
+        Number of the axis.
+    section : Outline
+        Outer boundary, in the two coordinates of `across`.
+    bores : tuple of Outline
+        Holes along all of it, likewise.
+    span : tuple of float
+        Coordinate of either end.
+    """
 
-    @property
-    @abstractmethod
-    def span(self) -> tuple[float, float]:
-        """Coordinate of either end."""
-
-    @property
-    @abstractmethod
-    def section(self) -> Outline:
-        """Outer boundary, in the two coordinates of `across`."""
-
-    @property
-    def bores(self) -> tuple[Outline, ...]:
-        """Holes along all of it, likewise."""
-        return ()
+    along: int
+    section: Outline
+    bores: tuple[Outline, ...]
+    span: tuple[float, float]
 
     @property
     def across(self) -> list[int]:
-        """The other two axes, in the order that makes a right-handed system with `along` last."""
+        """Return the other two axes, in the order that makes a right-handed system with `along` last."""
         return [(self.along + 1) % 3, (self.along + 2) % 3]
+
+
+class Prism(Solid):
+    """A solid that is a plane section along one axis."""
+
+    @property
+    @abstractmethod
+    def straight(self) -> Straight:
+        """Section and axis."""
 
     @property
     def convex(self) -> bool:
-        return not self.bores and isinstance(self.section, Rectangle | Circle | Ellipse)
+        return not self.straight.bores and isinstance(self.straight.section, Rectangle | Circle | Ellipse)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
-        low, high = self.span
-        inside = (points[:, self.along] > low) & (points[:, self.along] < high)
+        straight = self.straight
+        along, section, bores, (low, high) = straight
+        inside = (points[:, along] > low) & (points[:, along] < high)
         within = np.flatnonzero(inside)
-        inside[within] = in_section(points[within][:, self.across], self.section, self.bores)
+        places = points[within][:, straight.across]
+        inside[within] = section.contains(places) & ~np.any([bore.contains(places) for bore in bores], axis=0)
         return inside
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        corners = np.empty((2, 3))
-        corners[:, self.across] = self.section.bounds()
-        corners[:, self.along] = self.span
+        straight, corners = self.straight, np.empty((2, 3))
+        corners[:, straight.across], corners[:, straight.along] = straight.section.bounds(), straight.span
         return corners[0], corners[1]
-
-
-def in_section(places: np.ndarray, section: Outline, bores: tuple[Outline, ...]) -> np.ndarray:
-    """Return which places (n, 2) lie in a section and in none of its bores."""
-    inside = section.contains(places)
-    for bore in bores:
-        inside &= ~bore.contains(places)
-    return inside
 
 
 class Box(Prism):
@@ -87,7 +82,7 @@ class Box(Prism):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Box(size=(1.0, 1.0, 2.0)).dimension
+    >>> pds.shapes.Box(size=(1.0, 1.0, 2.0)).dimension
     3
     """
 
@@ -96,16 +91,14 @@ class Box(Prism):
     lower: SpacePoint = (0.0, 0.0, 0.0)
 
     @property
-    def along(self) -> int:
-        return 2
+    def straight(self) -> Straight:
+        return self.straight_along(2)
 
-    @property
-    def span(self) -> tuple[float, float]:
-        return self.lower[2], self.lower[2] + self.size[2]
-
-    @property
-    def section(self) -> Outline:
-        return Rectangle(size=self.size[:2], lower=self.lower[:2])
+    def straight_along(self, axis: int) -> Straight:
+        """Return the box as a section along an axis."""
+        across = (axis + 1) % 3, (axis + 2) % 3
+        section = Rectangle(size=tuple(self.size[other] for other in across), lower=tuple(self.lower[other] for other in across))
+        return Straight(axis, section, (), (self.lower[axis], self.lower[axis] + self.size[axis]))
 
 
 class Round(Prism):
@@ -115,17 +108,12 @@ class Round(Prism):
     axis: Literal["x1", "x2", "x3"] = "x3"
     base: SpacePoint = (0.0, 0.0, 0.0)
 
-    @property
-    def along(self) -> int:
-        return AXES[self.axis]
-
-    @property
-    def span(self) -> tuple[float, float]:
-        low = self.base[self.along]
-        return low, low + self.length
-
-    def _circle(self, radius: float) -> Circle:
-        return Circle(radius=radius, centre=tuple(self.base[axis] for axis in self.across))
+    def _straight(self, radius: float, *bores: float) -> Straight:
+        """Return the body with an outer radius, and those of its bores."""
+        along = int(self.axis[1:]) - 1
+        centre = self.base[(along + 1) % 3], self.base[(along + 2) % 3]
+        outer, *inner = (Circle(radius=each, centre=centre) for each in (radius, *bores))
+        return Straight(along, outer, tuple(inner), (self.base[along], self.base[along] + self.length))
 
 
 class Cylinder(Round):
@@ -134,7 +122,7 @@ class Cylinder(Round):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Cylinder(radius=1.0, length=2.0).shape
+    >>> pds.shapes.Cylinder(radius=1.0, length=2.0).shape
     'cylinder'
     """
 
@@ -142,8 +130,8 @@ class Cylinder(Round):
     radius: Positive
 
     @property
-    def section(self) -> Outline:
-        return self._circle(self.radius)
+    def straight(self) -> Straight:
+        return self._straight(self.radius)
 
 
 class Tube(Round):
@@ -152,7 +140,7 @@ class Tube(Round):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Tube(outer_radius=1.0, inner_radius=0.5, length=2.0).dimension
+    >>> pds.shapes.Tube(outer_radius=1.0, inner_radius=0.5, length=2.0).dimension
     3
     """
 
@@ -167,12 +155,8 @@ class Tube(Round):
         return self
 
     @property
-    def section(self) -> Outline:
-        return self._circle(self.outer_radius)
-
-    @property
-    def bores(self) -> tuple[Outline, ...]:
-        return (self._circle(self.inner_radius),)
+    def straight(self) -> Straight:
+        return self._straight(self.outer_radius, self.inner_radius)
 
 
 class Extrusion(Prism):
@@ -181,7 +165,7 @@ class Extrusion(Prism):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Extrusion(outline=pds.Rectangle(size=(1.0, 2.0)), thickness=0.5).dimension
+    >>> pds.shapes.Extrusion(outline=pds.shapes.Rectangle(size=(1.0, 2.0)), thickness=0.5).dimension
     3
     """
 
@@ -192,20 +176,8 @@ class Extrusion(Prism):
     lower: Finite = 0.0
 
     @property
-    def along(self) -> int:
-        return 2
-
-    @property
-    def span(self) -> tuple[float, float]:
-        return self.lower, self.lower + self.thickness
-
-    @property
-    def section(self) -> Outline:
-        return self.outline
-
-    @property
-    def bores(self) -> tuple[Outline, ...]:
-        return self.holes
+    def straight(self) -> Straight:
+        return Straight(2, self.outline, self.holes, (self.lower, self.lower + self.thickness))
 
 
 class Sphere(Solid):
@@ -216,7 +188,7 @@ class Sphere(Solid):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> pds.Sphere(radius=1.0).dimension
+    >>> pds.shapes.Sphere(radius=1.0).dimension
     3
     """
 
@@ -281,7 +253,7 @@ class ParallelogramCut(FlatCut):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> cut = pds.ParallelogramCut(corner=(0.0, 0.0, 0.5), sides=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    >>> cut = pds.shapes.ParallelogramCut(corner=(0.0, 0.0, 0.5), sides=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     >>> cut.covers([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5]]).tolist()
     [True, False]
     """
@@ -312,20 +284,14 @@ class DiscCut(FlatCut):
     Examples
     --------
     >>> import pdsurrogate as pds
-    >>> cut = pds.DiscCut(centre=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0))
+    >>> cut = pds.shapes.DiscCut(centre=(0.0, 0.0, 1.0), radius=0.4, normal=(0.0, 0.0, 1.0))
     >>> cut.covers([[0.3, 0.0, 1.0], [0.5, 0.0, 1.0]]).tolist()
     [True, False]
     """
 
     centre: SpacePoint
     radius: Positive
-    normal: SpacePoint
-
-    @model_validator(mode="after")
-    def _has_a_direction(self) -> DiscCut:
-        if not math.hypot(*self.normal) > 0:
-            raise ValueError("normal: it must not be zero")
-        return self
+    normal: SpaceDirection
 
     def plane(self) -> tuple[np.ndarray, np.ndarray, float]:
         normal = np.array(self.normal)

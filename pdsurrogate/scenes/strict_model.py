@@ -24,7 +24,16 @@ Point = tuple[Finite, Finite]
 """A place or a direction in the plane, for parts that lie in the plane alone."""
 
 SpacePoint = tuple[Finite, Finite, Finite]
-"""The same in space."""
+"""A place in three dimensions, for parts that belong to bodies in space."""
+
+
+def _not_zero(value: tuple[float, ...]) -> tuple[float, ...]:
+    if not any(value):
+        raise ValueError("it is a direction, of any length but zero")
+    return value
+
+
+Direction, SpaceDirection = Annotated[Point, AfterValidator(_not_zero)], Annotated[SpacePoint, AfterValidator(_not_zero)]
 
 
 class Components(tuple):

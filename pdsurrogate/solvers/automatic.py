@@ -38,7 +38,7 @@ class Automatic(EquilibriumSolver):
         return self._method(force).preconditioner(force)
 
     def _method(self, force) -> EquilibriumSolver:
-        """The quicker method that suits the force."""
+        """Return the quicker method that suits the force."""
         if self._quick is None:
             self._quick = (EnergyMinimiser if force.nearly_incompressible and force.has_energy else QuasiNewton)(*self._settings)
             self.gave_up |= not force.nearly_incompressible and self.share.total(len(self.volumes)) > self.MOST_POINTS
@@ -55,7 +55,7 @@ class Automatic(EquilibriumSolver):
                     raise
                 self.gave_up = True
                 positions[:] = start
-        most = max(self.LEAST_RELAXED, int(self.RELAXED * self.share.extent(force.body.points) / force.body.spacing))
+        most = max(self.LEAST_RELAXED, int(self.RELAXED * force.body.extent / force.body.spacing))
         self._sure.most_evaluations = min(self.most_evaluations, most)
         found = self._sure.solve(force, positions, tolerance, report, least_drive)
         return replace(found, evaluations=force.evaluations - began)

@@ -1,4 +1,4 @@
-"""Conjugate gradients for whoever solves with a matrix that is known by its products alone."""
+"""Conjugate gradients for matrices that are known by their products alone."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ def steps(
     share_left: float,
     most: int,
 ) -> Iterator[tuple[float, np.ndarray, float]]:
-    """Share and direction of every step, and the square of what was left before it, until no more than a share is left, or after `most`.
+    """Yield length and direction of every step, and the square of the rest before it, until the rest is small enough, or after `most`.
 
-    The solution is the sum of the shares times the directions; what a caller sums from them it need not be.
+    The solution is the sum of the lengths times the directions.
 
     Parameters
     ----------
     left : ndarray
-        The right hand side, changed in place to what is left of it.
+        Right hand side, changed in place to the rest that the solution leaves.
     precondition : callable
-        Nearly the inverse of the matrix: fixed, symmetric and positive definite.
+        Approximate inverse of the matrix: fixed, symmetric and positive definite.
     image_of : callable
-        The matrix times a direction.
+        Product of the matrix and a direction.
     dot : callable
         Inner product.
     share_left : float
-        Of the right hand side, both measured in the inverse of what `precondition` stands for.
+        Size of the rest at the end over that of the right hand side, both in the norm of `precondition`.
     most : int
     """
     direction = better = precondition(left)
@@ -42,9 +42,17 @@ def steps(
         if not size > least:
             return
         image = image_of(direction)
-        share = size / dot(direction, image)
-        yield share, direction, size
-        left -= share * image
+        length = size / dot(direction, image)
+        yield length, direction, size
+        left -= length * image
         better = precondition(left)
         size, before = dot(left, better), size
         direction = better + size / before * direction
+
+
+def solution(left: np.ndarray, *settings) -> np.ndarray:
+    """Return the solution for a right hand side, the sum of all `steps`; the arguments are theirs."""
+    found = np.zeros_like(left)
+    for length, direction, _ in steps(left, *settings):
+        found += length * direction
+    return found

@@ -9,12 +9,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..body.body import sums_at_points
 from ..forces import InternalForce
 from .conditions import HeldPoints, Loading, Reactions, displaced
 from .equilibrium import TooFar
 from .extension import Samples, affine_extension, greatest_bond_strain
 from .motion import Motion
-from .preconditioner import Extension, extension_of
+from .preconditioner import Extension
 
 COMPRESSED = 0.05
 """Compression anywhere, over the greatest tension in the body, beyond which the body may buckle: free edges, whose horizons are incomplete,
@@ -82,7 +83,7 @@ class Pull:
 
     def growth(self, before: float, after: float) -> float:
         """Return the change of the body's extent between two stretches."""
-        return abs(after - before) * self._loading.body.share.extent(self._loading.body.points)
+        return abs(after - before) * self._loading.body.extent
 
     def pushes(self, force: InternalForce, least: float = 0.0) -> bool:
         """Return whether the grips push in the state last evaluated, by more than the `least` force."""
@@ -210,25 +211,23 @@ class Paths:
         """
         n, bonds, positions = len(self.body), self.body.bonds, force.positions
         arms, pulls = positions[bonds.second] - positions[bonds.first], force.pair_forces()
-        within = bonds.second < n
         stress = np.empty((n, self.body.dimension, self.body.dimension))
         for i in range(self.body.dimension):
             for j in range(self.body.dimension):
                 product = (pulls[:, i] * arms[:, j] + pulls[:, j] * arms[:, i]) / 4
-                summed = np.bincount(bonds.first, product, n) + np.bincount(bonds.second[within], product[within], n)
-                stress[:, i, j] = summed / self.body.volumes
+                stress[:, i, j] = sums_at_points(n, bonds.first, bonds.second, product, 1) / self.body.volumes
         least, *_, greatest = np.linalg.eigvalsh(stress).T
-        least, greatest = -self._share.maximum(-least), self._share.maximum(greatest)
+        least, greatest = -self._share.greatest(-least), self._share.greatest(greatest)
         return bool(least < -max(COMPRESSED * greatest, NO_STRESS[force.precision] * self._shear_modulus))
 
     def response(self, displacements: np.ndarray) -> np.ndarray:
         """Return the displacements of the body, shape (n, d), near held components that are displaced by (n, d)."""
         still = np.zeros((len(self._loading.planes), self.body.dimension))
-        return self._stiffness.response(self.body, self._shear_modulus, displacements, still)
+        return self._stiffness.response(displacements, still)
 
     @cached_property
     def _stiffness(self) -> Extension:
-        return extension_of(self.body, self._springs, self._loading.free)
+        return Extension(self.body, self._springs, self._loading.free)
 
     def _followed(self, positions: np.ndarray, before: float, after: float) -> np.ndarray:
         """Return the guess that follows held parts, in so many portions of the way that none turns far, so that points go round."""
@@ -252,15 +251,15 @@ class Paths:
         self._share.fill(start)
         samples = self._samples(start, planes, goal_planes, t)
         changes = samples.goals - samples.places[np.arange(len(samples.goals)), samples.components]
-        farthest = self._share.greatest(np.abs(changes).max(initial=0.0))
+        farthest = self._share.greatest(np.abs(changes))
         if farthest == 0:
             return start.copy()
-        everywhere = Samples(*(self._share.of_all(rows, samples.points) for rows in (samples.places, samples.components, samples.goals)))
-        gradient, shift = affine_extension(everywhere, lambda direction: self._share.spread(start @ direction))
+        everywhere = Samples(*(self._share.joined(rows, samples.points) for rows in (samples.places, samples.components, samples.goals)))
+        gradient, shift = affine_extension(everywhere, lambda direction: self._spread(start @ direction))
         guess = start @ gradient.T + shift
         mapped = (samples.places @ gradient.T + shift)[np.arange(len(samples.goals)), samples.components]
         left = samples.goals - mapped
-        if self._share.greatest(np.abs(left).max(initial=0.0)) > 1e-6 * min(farthest, self.body.spacing):
+        if self._share.greatest(np.abs(left)) > 1e-6 * min(farthest, self.body.spacing):
             moved, at, of_planes = np.zeros_like(start), 0, np.zeros(goal_planes.shape[:2])
             turns = self._turns_left(planes, goal_planes, gradient)
             for part in self._loading.held:
@@ -270,16 +269,21 @@ class Paths:
             for number, (sources, held) in enumerate(zip(self._loading.beside_planes, self._loading.planes, strict=True)):
                 for component in held.components:
                     # Along its plane the affine map need not follow every place alike.
-                    of_planes[number, component] = self._share.of_all(left[at : at + len(sources)], sources).mean()
+                    of_planes[number, component] = self._share.joined(left[at : at + len(sources)], sources).mean()
                     at += len(sources)
                 if turns is not None and len(held.components) == self.body.dimension:
                     of_planes[number] = goal_planes[number, :, -1] - gradient @ planes[number, :, -1] - shift
-            guess += self._stiffness.response(self.body, self._springs, moved, of_planes, turns)
+            guess += self._stiffness.response(moved, of_planes, turns)
         for part in self._loading.held:
             goal = self._goal(part, t, start)
             for component in part.components:
                 guess[part.points, component] = goal[:, component]
         return guess
+
+    def _spread(self, values: np.ndarray) -> float:
+        """Return the standard deviation of values at the points, shape (n,)."""
+        mean = self._share.sum(values) / self._share.size
+        return float(np.sqrt(self._share.sum(np.square(values - mean)) / self._share.size))
 
     def _turns_left(self, planes: np.ndarray, goal_planes: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
         """Return the remainder of the planes' turns after an affine map of a given gradient, as in `Ghosts.shifts`; None if none turns.

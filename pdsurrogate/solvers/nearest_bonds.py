@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 from scipy import sparse
 
 from ..body import Body
-from . import conjugate_gradients
+from ..body.body import sums_at_points
+from ..ranks import Share
 from .multigrid import Multigrid, factor_of
 
 REACH = 1.3
@@ -37,43 +38,16 @@ Stretch and pressure stiffen the tangent. Of 1, 1.25, 1.5 and 2 (bonded blocks o
 middle two take a fifth to a quarter fewer evaluations than 1, and 2 no fewer.
 """
 
-EXTENDED = 3e-4
-"""Share of the forces of held components that a first guess may leave, in the norm of the energy."""
 
-MOST_STEPS = 100
-"""Most steps of conjugate gradients for a first guess; some tens are taken."""
-
-
-class Preconditioner(Protocol):
+class Preconditioner(ABC):
     """An approximation of the tangent that is cheap to solve with."""
 
-    def update(self) -> None:
+    def update(self) -> None:  # noqa: B027 - most are the same in all states
         """Adapt to the state in which the force was last evaluated."""
 
+    @abstractmethod
     def solve(self, forces: np.ndarray) -> np.ndarray:
         """Return the displacements under forces, shape (n, d)."""
-
-
-class Extension(Protocol):
-    """Map from displacements of held components to displacements of the whole body."""
-
-    def response(
-        self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Return the displacements of the body, shape (n, d), where held components and planes of reflection are displaced.
-
-        Parameters
-        ----------
-        body : Body
-        shear_moduli : float or ndarray, shape (n,)
-            Both as given when the extension was made.
-        held : ndarray, shape (n, d)
-            Displacements in held components, 0 in free ones.
-        planes : ndarray, shape (planes, d)
-            Displacements of the planes.
-        turns : ndarray, shape (planes, d, d), optional
-            Turns of planes, see `pdsurrogate.body.Ghosts.shifts`.
-        """
 
 
 class NearestBonds:
@@ -114,8 +88,7 @@ class NearestBonds:
         if not share.any(near.any()):
             near[:] = True
         moment = stiffness * length**2
-        counted = share.counted_pairs(bonds.first)
-        of_all = moment if counted is None else moment * counted
+        of_all = moment * share.own[bonds.first]
         self.stiffness = stiffness[near] * share.total(of_all.sum()) / share.total(of_all[near].sum())
         self.along = vector[near] / length[near, None]
         self.first, self.second = bonds.first[near].astype(np.int64), bonds.second[near].astype(np.int64)
@@ -126,10 +99,16 @@ class NearestBonds:
         """Return the sign with which each component of the second end follows its source, shape (k, d)."""
         return np.concatenate([np.ones_like(self.body.points), self.body.ghosts.parity])[self.second]
 
+    def entries(self, values: np.ndarray, parity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return rows, columns and values of the stiffness of springs of given values (k,); a ghost's force is not among the unknowns."""
+        first, second, within = self.first, self.second, self.within
+        rows = np.concatenate([first, first, second[within], second[within]])
+        columns = np.concatenate([first, self.sources, second[within], first[within]])
+        return rows, columns, np.concatenate([values, -values * parity, values[within], -values[within]])
+
     def on_points(self, forces: np.ndarray) -> np.ndarray:
         """Return the forces on the points, shape (n, d), from those on the first ends (k, d)."""
-        first, second, within, n = self.first, self.second, self.within, len(self.body)
-        return np.stack([np.bincount(first, force, n) - np.bincount(second[within], force[within], n) for force in forces.T], axis=1)
+        return sums_at_points(len(self.body), self.first, self.second, forces, -1)
 
 
 class Springs:
@@ -163,20 +142,15 @@ class Springs:
         Between points (n,) that are `rigid` there are no springs.
         """
         bonds, blocks, (n, d) = self.bonds, self.blocks, self.bonds.body.points.shape
-        first, second, within, sources, parity = bonds.first, bonds.second, bonds.within, bonds.sources, bonds.parity()
         if rigid is not None:
-            blocks = blocks * ~(rigid[first] & rigid[sources])[:, None, None]
+            blocks = blocks * ~(rigid[bonds.first] & rigid[bonds.sources])[:, None, None]
         rows, columns, values = [], [], []
         for i in range(d):
-            for j in range(d):
-                block = blocks[:, i, j]
-                rows += [d * first + i, d * first + i]
-                columns += [d * first + j, d * sources + j]
-                values += [block, -block * parity[:, j]]
-                # The second end of a bond within the body; a ghost's force is not one of the unknowns.
-                rows += [d * second[within] + i, d * second[within] + i]
-                columns += [d * second[within] + j, d * first[within] + j]
-                values += [block[within], -block[within]]
+            for j, parity in enumerate(bonds.parity().T):
+                row, column, value = bonds.entries(blocks[:, i, j], parity)
+                rows.append(d * row + i)
+                columns.append(d * column + j)
+                values.append(value)
         entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
         matrix = sparse.coo_matrix(entries, shape=(d * n, d * n)).tocsc()
         return (matrix + matrix.T) / 2
@@ -202,14 +176,11 @@ class Laplacian:
 
     def matrices(self) -> list[sparse.csr_array]:
         """Return the matrix of each component, shape (n, n); one object serves components that ghosts continue with equal parity."""
-        bonds, n = self.bonds, len(self.bonds.body)
-        first, second, within, stiffness, made = bonds.first, bonds.second, bonds.within, bonds.stiffness, {}
+        bonds, n, made = self.bonds, len(self.bonds.body), {}
         keys = [column.tobytes() for column in bonds.body.ghosts.parity.T]
         for key, parity in zip(keys, bonds.parity().T, strict=True):
             if key not in made:
-                rows = np.concatenate([first, second[within], first, second[within]])
-                columns = np.concatenate([first, second[within], bonds.sources, first[within]])
-                values = np.concatenate([stiffness, stiffness[within], -stiffness * parity, -stiffness[within]])
+                rows, columns, values = bonds.entries(bonds.stiffness, parity)
                 matrix = sparse.csr_array((values, (rows, columns)), shape=(n, n))
                 made[key] = (matrix + matrix.T) / 2
         return [made[key] for key in keys]
@@ -228,61 +199,21 @@ def by_components(operators: list[Callable[[np.ndarray], np.ndarray]], values: n
     return np.stack([operator(column) for operator, column in zip(operators, values.T, strict=True)], axis=1)
 
 
-def drifting_axes(body: Body, free: np.ndarray) -> list[int]:
+def drifting_axes(body: Body, free: np.ndarray) -> np.ndarray:
     """Return the axes along which nothing holds a body.
 
     A uniform force along them has no place in equilibrium, and is left out rather than divided by the shift.
     """
-    held = (body.ghosts.parity < 0).any(axis=0)
-    return [axis for axis in range(body.dimension) if not held[axis] and free[:, axis].all()]
+    return np.flatnonzero(~body.share.any((body.ghosts.parity < 0).any(axis=0) | (free == 0).any(axis=0)))
 
 
-def remove_drift(displacements: np.ndarray, axes: list[int]) -> None:
+def remove_drift(values: np.ndarray, axes: np.ndarray, share: Share) -> None:
     """Subtract the mean along some axes, in place."""
     for axis in axes:
-        displacements[:, axis] -= displacements[:, axis].mean()
+        values[:, axis] -= share.sum(values[:, axis]) / share.size
 
 
-def extended(
-    network: Springs | Laplacian,
-    solve: Callable[[np.ndarray], np.ndarray],
-    held: np.ndarray,
-    planes: np.ndarray,
-    turns: np.ndarray | None,
-) -> np.ndarray:
-    """Return `Extension.response` for a network, with what solves for the displacements under its forces."""
-    body = network.bonds.body
-    ghosts, held = body.ghosts, held.copy()
-    body.share.fill(held)
-    images = held[ghosts.source] * ghosts.parity + ghosts.moved_by_planes(body.points, planes, turns)
-    found = solve(network.forces(np.vstack([held, images]))) + held
-    body.share.fill(found)
-    return found
-
-
-def extended_by_laplacian(
-    laplacian: Laplacian,
-    precondition: Callable[[np.ndarray], np.ndarray],
-    free: np.ndarray,
-    *changes: np.ndarray | None,
-) -> np.ndarray:
-    """Return `Extension.response` by conjugate gradients, which leave `EXTENDED` of the forces; `changes` are those of `extended`."""
-    body = laplacian.bonds.body
-
-    def image_of(direction: np.ndarray) -> np.ndarray:
-        body.share.fill(direction)
-        return -laplacian.forces(np.vstack([direction, direction[body.ghosts.source] * body.ghosts.parity])) * free
-
-    def solve(forces: np.ndarray) -> np.ndarray:
-        left, found = forces * free, np.zeros_like(forces)
-        for length, direction, _ in conjugate_gradients.steps(left, precondition, image_of, body.share.dot, EXTENDED, MOST_STEPS):
-            found += length * direction
-        return found
-
-    return extended(laplacian, solve, *changes)
-
-
-class NearestBondStiffness:
+class NearestBondStiffness(Preconditioner):
     """The factorised stiffness of `Springs`.
 
     Its low modes are those of the true tangent within a factor that does not grow with the number of points, and its factor takes seconds
@@ -298,26 +229,17 @@ class NearestBondStiffness:
     """
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        self._free, self._drifting = free.ravel(), drifting_axes(body, free)
+        self._free, self._drifting, self._share = free.ravel(), drifting_axes(body, free), body.share
         self._factor = factor_of(held_matrix(Springs(body, shear_moduli).matrix(), self._free))
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
         """Return the displacements under forces, shape (n, d)."""
         displacements = self._factor.solve(forces.ravel() * self._free).reshape(forces.shape)
-        remove_drift(displacements, self._drifting)
+        remove_drift(displacements, self._drifting, self._share)
         return displacements
 
-    def update(self) -> None:
-        """Do nothing: it is the same in all states."""
 
-    def response(
-        self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
-    ) -> np.ndarray:
-        """See `Extension`."""
-        return extended(Springs(body, shear_moduli), self.solve, held, planes, turns)
-
-
-class NearestBondLaplacian:
+class NearestBondLaplacian(Preconditioner):
     """Inverse of `Laplacian`, each component by itself: a factor, or a cycle of multigrid for large bodies.
 
     Parameters
@@ -328,7 +250,7 @@ class NearestBondLaplacian:
     """
 
     def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
-        self._free, self._drifting, made = free, drifting_axes(body, free), {}
+        self._free, self._drifting, self._share, made = free, drifting_axes(body, free), body.share, {}
         matrices = Laplacian(body, shear_moduli).matrices()
         keys = [(id(matrix), column.tobytes()) for matrix, column in zip(matrices, free.T, strict=True)]
         width = body.dimension if len(set(keys)) == 1 else 1
@@ -340,14 +262,8 @@ class NearestBondLaplacian:
     def solve(self, forces: np.ndarray) -> np.ndarray:
         """Return the displacements under forces, shape (n, d)."""
         displacements = by_components(self._inverses, forces * self._free)
-        remove_drift(displacements, self._drifting)
+        remove_drift(displacements, self._drifting, self._share)
         return displacements * self._free
-
-    def response(
-        self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
-    ) -> np.ndarray:
-        """See `Extension`."""
-        return extended_by_laplacian(Laplacian(body, shear_moduli), self.solve, self._free, held, planes, turns)
 
 
 def _inverse(body: Body, matrix: sparse.sparray, free: np.ndarray, width: int) -> Callable[[np.ndarray], np.ndarray]:

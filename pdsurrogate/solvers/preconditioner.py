@@ -1,21 +1,26 @@
-"""Preconditioners of quasi-Newton methods: the stiffness of the nearest bonds, and what a great bulk modulus adds to it."""
+"""Preconditioners of quasi-Newton methods, chosen by the force, and extensions of held displacements into the body."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 
 from ..body import Body
 from ..forces import InternalForce
 from . import conjugate_gradients
-from .nearest_bonds import Extension, NearestBondLaplacian, NearestBondStiffness, Preconditioner
+from .nearest_bonds import Laplacian, NearestBondLaplacian, NearestBondStiffness, Preconditioner, Springs
 from .rigid import RigidStiffness
-from .schwarz import SchwarzLaplacian, SchwarzStiffness
+from .schwarz import EXACTLY, SchwarzLaplacian, SchwarzStiffness
+
+EXTENDED = 3e-4
+"""Share of the forces of held components that a first guess may leave, in the norm of the energy."""
 
 NEARLY_SOLVED = 0.1
 """Share of a change of volume that may be left, over mu/K: the energy of what is left is then small against that of the shear."""
 
 MOST_STEPS = 100
-"""Most steps for the pressures in one solution; some tens are taken at K = 1000 mu."""
+"""Most steps of conjugate gradients for the pressures or a first guess; some tens are taken."""
 
 EXPONENT_ERROR = 0.5
 """Greatest relative error of the polynomial that preconditions the system of the pressures."""
@@ -24,24 +29,76 @@ EXPONENT_ERROR = 0.5
 def preconditioner_of(force: InternalForce, free: np.ndarray) -> Preconditioner:
     """Return the preconditioner that suits the tangent of a force in which components (n, d) are free."""
     body, moduli = force.body, force.stiffness_moduli
-    if getattr(force, "rigid", None):
+    if getattr(force, "rigid", ()):
         return RigidStiffness(force, free)
     if force.nearly_incompressible:
-        return IncompressibleStiffness(force, (SchwarzLaplacian if body.share.divided else NearestBondLaplacian)(body, moduli, free))
+        return IncompressibleStiffness(force, _inverse_of_laplacian(body, moduli, free))
     return (SchwarzStiffness if body.share.divided else NearestBondStiffness)(body, moduli, free)
 
 
-def extension_of(body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> Extension:
-    """Return the map from displacements of held components to the body; in 3D a factor of all components would fill too much memory."""
-    whole, divided = (NearestBondLaplacian, SchwarzLaplacian) if body.dimension == 3 else (NearestBondStiffness, SchwarzStiffness)
-    return (divided if body.share.divided else whole)(body, shear_moduli, free)
+def _inverse_of_laplacian(body: Body, moduli: float | np.ndarray, free: np.ndarray) -> Preconditioner:
+    return (SchwarzLaplacian if body.share.divided else NearestBondLaplacian)(body, moduli, free)
 
 
-class IncompressibleStiffness:
+class Extension:
+    """Map from displacements of held components to displacements of the whole body, through a network of springs.
+
+    In 3D the network is the Laplacian, and conjugate gradients solve it: a factor of all components would fill too much memory.
+
+    Parameters
+    ----------
+    body : Body
+    shear_moduli : float or ndarray, shape (n,)
+    free : ndarray, shape (n, d)
+        1 where a component may move, 0 where it is held.
+    """
+
+    def __init__(self, body: Body, shear_moduli: float | np.ndarray, free: np.ndarray) -> None:
+        self._body, self._free = body, free
+        if body.dimension == 3:
+            self._network, self._precondition = Laplacian(body, shear_moduli), _inverse_of_laplacian(body, shear_moduli, free).solve
+            self._solve = self._by_conjugate_gradients
+            return
+        self._network = Springs(body, shear_moduli)
+        if body.share.divided:
+            self._solve = partial(SchwarzStiffness(body, shear_moduli, free).solve, left=EXACTLY)
+        else:
+            self._solve = NearestBondStiffness(body, shear_moduli, free).solve
+
+    def response(self, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None) -> np.ndarray:
+        """Return the displacements of the body, shape (n, d), where held components and planes of reflection are displaced.
+
+        Parameters
+        ----------
+        held : ndarray, shape (n, d)
+            Displacements in held components, 0 in free ones.
+        planes : ndarray, shape (planes, d)
+            Displacements of the planes.
+        turns : ndarray, shape (planes, d, d), optional
+            Turns of planes, see `pdsurrogate.body.Ghosts.shifts`.
+        """
+        ghosts, held, share = self._body.ghosts, held.copy(), self._body.share
+        share.fill(held)
+        images = held[ghosts.source] * ghosts.parity + ghosts.moved_by_planes(self._body.points, planes, turns)
+        found = self._solve(self._network.forces(np.vstack([held, images]))) + held
+        share.fill(found)
+        return found
+
+    def _by_conjugate_gradients(self, forces: np.ndarray) -> np.ndarray:
+        settings = self._precondition, self._image_of, self._body.share.dot, EXTENDED, MOST_STEPS
+        return conjugate_gradients.solution(forces * self._free, *settings)
+
+    def _image_of(self, direction: np.ndarray) -> np.ndarray:
+        self._body.share.fill(direction)
+        images = direction[self._body.ghosts.source] * self._body.ghosts.parity
+        return -self._network.forces(np.vstack([direction, images])) * self._free
+
+
+class IncompressibleStiffness(Preconditioner):
     """An approximation of the tangent of a nearly incompressible body, A + D^T C D, that is solved for displacements (theory (58), (59)).
 
     A is the Laplacian of the nearest bonds, D the derivative of the points' dilatation in the present state and C their stiffness against
-    it.  D is not approximated: what is over of a change of volume costs K.  With pressures p for the unknowns the system has the size
+    it.  D is not approximated: a remainder of a change of volume costs K.  With pressures p for the unknowns the system has the size
     of the bulk compliance and not of K, (C^-1 + D A^-1 D^T) p = D A^-1 f, and a few steps of conjugate gradients solve it.
 
     Parameters
@@ -49,7 +106,7 @@ class IncompressibleStiffness:
     force : InternalForce
         Nearly incompressible.
     laplacian : Preconditioner
-        What solves with A, or nearly: a fixed operator, symmetric and positive definite.
+        Exact or approximate inverse of A: a fixed operator, symmetric and positive definite.
 
     Attributes
     ----------
@@ -70,7 +127,7 @@ class IncompressibleStiffness:
         self._dilatation.take()
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Displacements under forces, shape (n, d)."""
+        """Return the displacements under forces, shape (n, d)."""
         laplacian, dilatation = self._laplacian, self._dilatation
         compliance = 1 / dilatation.stiffness
         displacements = laplacian.solve(forces)
@@ -88,16 +145,16 @@ class IncompressibleStiffness:
         return displacements
 
     def _precondition(self, left: np.ndarray) -> np.ndarray:
-        """V mu (mu/K + W^4)^-1 nearly: D has the smoothing W, and the bonds' means smooth about as much again."""
+        """Return about V mu (mu/K + W^4)^-1 of a rest: D has the smoothing W, and the bonds' means smooth about as much again."""
         return self._modulus * self._volumes * self._inverse(left)
 
     def _dot(self, first: np.ndarray, second: np.ndarray) -> float:
-        """Inner product of values at the points, shape (n,)."""
+        """Return the inner product of values at the points, shape (n,)."""
         return self._share.dot(first[:, None], second[:, None])
 
 
 def _inverse_polynomial(compliance: float) -> np.ndarray:
-    """Chebyshev coefficients on [0, 1] of a polynomial near 1/(compliance + s^2), of the least degree that keeps to `EXPONENT_ERROR`."""
+    """Return Chebyshev coefficients on [0, 1] of a polynomial near 1/(compliance + s^2), of the least degree within `EXPONENT_ERROR`."""
     s = (1 - np.cos(np.pi * (np.arange(400) + 0.5) / 400)) / 2
     for degree in range(2, 64):
         table = np.polynomial.chebyshev.chebvander(2 * s - 1, degree) * (compliance + s * s)[:, None]

@@ -1,29 +1,32 @@
-"""Preconditioners of a body in parts: what inverts the stiffness of every part and what is beside it, and what the parts do as a whole."""
+"""Preconditioners of a body divided among ranks: inverses of overlapping parts, and the affine motions of each part."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from ..body import Body
+from ..body.body import sums_at_points
 from . import conjugate_gradients
 from .multigrid import factor_of
 from .nearest_bonds import (
     Laplacian,
     NearestBondLaplacian,
     NearestBonds,
+    Preconditioner,
     Springs,
     by_components,
-    extended,
-    extended_by_laplacian,
+    drifting_axes,
     held_matrix,
+    remove_drift,
 )
+from .stability import random_vector
 
 SOLVED, EXACTLY = 0.05, 1e-6
-"""What is left of the forces by inner conjugate gradients, and by those that stand in the place of a factor.
+"""Shares of the forces that inner conjugate gradients leave, and those that stand for a factor.
 
 Restricted Schwarz alone, which exchanges less, was tried for few parts: a ring under pressure then takes 173 evaluations on two
 ranks and 273 on three, where one takes 76 and conjugate gradients 78 on two."""
@@ -31,14 +34,14 @@ ranks and 273 on three, where one takes 76 and conjugate gradients 78 on two."""
 MOST_STEPS = 200
 
 LEFT_BY_CHEBYSHEV = 0.2
-"""What Chebyshev's method may leave of any component of an error.  A cycle of multigrid, which takes the place of a factor in
+"""Share of any component of an error that Chebyshev's method may leave.  A cycle of multigrid, which takes the place of a factor in
 large bodies that are all there, leaves as much."""
 
 LANCZOS_STEPS = 20
 """Steps after which the ends of a spectrum are known well enough for Chebyshev's method."""
 
 MARGIN = 1.1
-"""By which the greatest Ritz value is raised: beyond the end of what it is told Chebyshev's method magnifies."""
+"""Factor of the greatest Ritz value: Chebyshev's method magnifies components beyond the end of its interval."""
 
 
 class TwoLevels:
@@ -77,37 +80,34 @@ class TwoLevels:
         multiply: Callable[[np.ndarray], np.ndarray],
         free: np.ndarray,
     ) -> None:
-        share, n, d = body.share, len(body), body.dimension
+        share = body.share
         self._share, self._multiply, self._free, self._body = share, multiply, free, body
         self._around = free.copy()
         share.fill(self._around)
         bonds = NearestBonds(body, shear_moduli)
-        degrees = (np.bincount(bonds.first, minlength=n) + np.bincount(bonds.second[bonds.within], minlength=n)).astype(float)
+        degrees = sums_at_points(len(body), bonds.first, bonds.second, np.ones(len(bonds.first)), 1)
         of_owners = degrees.copy()
         share.fill(of_owners)
         self.inside = self._around * (degrees == of_owners)[:, None]
-        held = share.any_of((body.ghosts.parity < 0).any(axis=0))
-        held |= share.any_of((self._around == 0).any(axis=0))
-        self._drifting = [axis for axis in range(d) if not held[axis]]
+        self._drifting = drifting_axes(body, self._around)
         self._coarse: tuple[np.ndarray, np.ndarray] | None = None
 
     def balanced(self, values: np.ndarray) -> np.ndarray:
-        """Values that are zero on the halo, less their mean along the axes along which nothing holds the body; changed in place.
+        """Return values less their mean along the axes in which nothing holds the body, with zeros on the halo; changed in place.
 
         Of a body that drifts only balanced forces have an answer: others have conjugate gradients go on for ever.
         """
-        for axis in self._drifting:
-            values[:, axis] -= self._share.sum(values[:, axis]) / self._share.size(len(values))
+        remove_drift(values, self._drifting, self._share)
         self._share.clear(values)
         return values
 
     def applied(self, displacements: np.ndarray) -> np.ndarray:
-        """The stiffness times displacements, whose halo is brought up to date."""
+        """Return the stiffness times displacements, whose halo is filled first."""
         self._share.fill(displacements)
         return self._multiply(displacements) * self._free
 
     def both(self, forces: np.ndarray) -> np.ndarray:
-        """What both levels say of forces that are zero on the halo."""
+        """Return the displacements of both levels under forces that are zero on the halo."""
         around = forces.copy()
         self._share.fill(around)
         found = self.invert(around * self.inside) * self.inside
@@ -115,22 +115,22 @@ class TwoLevels:
         modes, inverse = self._affine()
         pulls = np.concatenate(self._share.everywhere(modes.T @ forces.ravel()))
         k = modes.shape[1]
-        found += (modes @ (inverse @ pulls)[k * self._share.rank : k * (self._share.rank + 1)]).reshape(forces.shape)
+        found += (modes @ (inverse @ pulls)[k * self._share.ranks.rank : k * (self._share.ranks.rank + 1)]).reshape(forces.shape)
         return found * self._free
 
     def _affine(self) -> tuple[np.ndarray, np.ndarray]:
-        """Affine motions of the own points as far as they are free, shape (d n, k), and the inverse stiffness of those of all parts."""
+        """Return the affine motions of own free components, shape (d n, k), and the inverse stiffness of those of all parts."""
         if self._coarse is None:
             points, share, (n, d) = self._body.points, self._share, self._free.shape
             middle = np.stack(share.everywhere(points[share.own].mean(axis=0)))[share.owners]
             # In one unit for all: each rank forms the motions of its neighbours as well.
-            arms = (points - middle) / self._share.extent(points)
+            arms = (points - middle) / self._body.extent
             functions = np.column_stack([np.ones(n), arms])
             motions = np.zeros((d, d + 1, n, d))
             for axis in range(d):
                 motions[axis, :, :, axis] = functions.T * self._around[:, axis]
             motions = motions.reshape(-1, n, d)
-            k, count = len(motions), len(share.everywhere(0))
+            k, count = len(motions), share.ranks.size
             own = (motions * share.own[:, None]).reshape(k, -1).T.copy()
             rows = np.zeros((k, k * count))
             for rank in np.unique(share.owners):
@@ -142,29 +142,22 @@ class TwoLevels:
         return self._coarse
 
     def iterated(self, forces: np.ndarray, left: float) -> np.ndarray:
-        """Conjugate gradients, until no more than a share of the forces is left."""
+        """Return the solution of conjugate gradients that leaves a share of the forces."""
         rest = self.balanced(forces * self._free)
-        found = np.zeros_like(rest)
-        for share, direction, _ in self._steps(rest, left, MOST_STEPS):
-            found += share * direction
-        return self.balanced(found)
-
-    def _steps(self, rest: np.ndarray, left: float, most: int) -> Iterator[tuple[float, np.ndarray, float]]:
-        return conjugate_gradients.steps(rest, self.both, self.applied, self._share.dot, left, most)
+        return self.balanced(conjugate_gradients.solution(rest, self.both, self.applied, self._share.dot, left, MOST_STEPS))
 
     def spectrum(self) -> tuple[float, float]:
-        """Least and greatest Ritz value of what both levels make of the stiffness, by conjugate gradients on random forces."""
-        n, d = self._free.shape
-        random = np.random.default_rng(0).standard_normal((self._share.size(n), d))
-        rest = self.balanced(self._share.take(random) * self._free)
-        shares, sizes = np.array([(1 / share, size) for share, _, size in self._steps(rest, EXACTLY, LANCZOS_STEPS)]).T
+        """Return the least and greatest Ritz value of the preconditioned stiffness, by conjugate gradients on random forces."""
+        rest = self.balanced(random_vector(self._share, self._free))
+        steps = conjugate_gradients.steps(rest, self.both, self.applied, self._share.dot, EXACTLY, LANCZOS_STEPS)
+        shares, sizes = np.array([(1 / length, size) for length, _, size in steps]).T
         growths, diagonal = sizes[1:] / sizes[:-1], shares.copy()
         diagonal[1:] += growths * shares[:-1]
         values = eigh_tridiagonal(diagonal, np.sqrt(growths) * shares[:-1], eigvals_only=True)
         return float(values[0]), float(values[-1])
 
 
-class SchwarzStiffness:
+class SchwarzStiffness(Preconditioner):
     """Inverse of `Springs` for a body in parts, by conjugate gradients with a factor for every part.
 
     Parameters
@@ -182,21 +175,12 @@ class SchwarzStiffness:
         factor = factor_of(held_matrix(matrix, self._levels.inside.ravel()))
         self._levels.invert = lambda forces: factor.solve(forces.ravel()).reshape(forces.shape)
 
-    def update(self) -> None:
-        """Do nothing: it is the same in all states."""
-
-    def solve(self, forces: np.ndarray) -> np.ndarray:
-        """Return the displacements under forces, shape (n, d), right on the points that are owned."""
-        return self._levels.iterated(forces, SOLVED)
-
-    def response(
-        self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
-    ) -> np.ndarray:
-        """See `Extension`."""
-        return extended(Springs(body, shear_moduli), lambda forces: self._levels.iterated(forces, EXACTLY), held, planes, turns)
+    def solve(self, forces: np.ndarray, left: float = SOLVED) -> np.ndarray:
+        """Return the displacements under forces, shape (n, d), right on the points that are owned; a share of the forces may be left."""
+        return self._levels.iterated(forces, left)
 
 
-class SchwarzLaplacian:
+class SchwarzLaplacian(Preconditioner):
     """Approximate inverse of `Laplacian` for a body in parts, by some steps of Chebyshev's method.
 
     Unlike conjugate gradients these are the same operator for all forces, symmetric and positive definite, and need no sums over all ranks.
@@ -241,9 +225,3 @@ class SchwarzLaplacian:
             found += step
             ratio = following
         return levels.balanced(found)
-
-    def response(
-        self, body: Body, shear_moduli: float | np.ndarray, held: np.ndarray, planes: np.ndarray, turns: np.ndarray | None = None
-    ) -> np.ndarray:
-        """See `Extension`."""
-        return extended_by_laplacian(Laplacian(body, shear_moduli), self.solve, self._free, held, planes, turns)

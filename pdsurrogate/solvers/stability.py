@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
-from ..body.share import SERIAL, Share
 from ..forces import InternalForce
-from ..kernels.steps import greatest_strain
+from ..ranks import Share
+from .extension import strain_of_step
 from .nearest_bonds import Preconditioner
 
 
@@ -29,15 +29,14 @@ class FrequencyEstimate:
         Whether it has yet to be improved for the first time.
     """
 
-    def __init__(self, mass: np.ndarray, free: np.ndarray, share: Share = SERIAL) -> None:
+    def __init__(self, mass: np.ndarray, free: np.ndarray, share: Share | None = None) -> None:
         self._mass = mass[:, None]
-        self._free, self._share = free, share
-        whole = share.size(len(free)), free.shape[1]
-        self.vector = share.take(np.random.default_rng(0).standard_normal(whole)) * free
+        self._free, self._share = free, share or Share.whole(len(free))
+        self.vector = random_vector(self._share, free)
         self.fresh = True
 
     def __call__(self, force: InternalForce, positions: np.ndarray) -> float:
-        """Greatest eigenvalue of M^-1 K at the given positions (square of the highest frequency)."""
+        """Return the greatest eigenvalue of M^-1 K at the given positions, the square of the highest frequency."""
         if not self._share.any(self.vector.any()):
             return 0.0
         probe = 1e-6 * force.body.spacing
@@ -45,14 +44,20 @@ class FrequencyEstimate:
         force(positions, at_rest)
         value = 0.0
         for _ in range(25 if self.fresh else 6):
-            self.vector /= self._share.maximum(np.abs(self.vector))
+            self.vector /= self._share.greatest(np.abs(self.vector))
             force(positions + probe * self.vector, moved)
             image = (at_rest - moved) / probe / self._mass * self._free
             # The norm bounds the Rayleigh quotient from above for a tangent that is not quite symmetric.
-            value = np.sqrt(self._share.sum_in_order(image**2) / self._share.sum_in_order(self.vector**2))
+            value = np.sqrt(self._share.sum(image**2, in_order=True) / self._share.sum(self.vector**2, in_order=True))
             self.vector = image
         self.fresh = False
         return float(value)
+
+
+def random_vector(share: Share, free: np.ndarray) -> np.ndarray:
+    """Return normally distributed numbers in the free components, shape (n, d), the same for a point on any number of ranks."""
+    whole = np.random.default_rng(0).standard_normal((share.size, free.shape[1]))
+    return whole[share.numbers] * free
 
 
 PROBES = {"float64": 1e-6, "float32": 1e-3}
@@ -69,7 +74,7 @@ KNOWN = 1 / 3
 """Bound of the error of the least Ritz value, over the value, with which a positive one is taken for the least curvature."""
 
 NEGATIVE = -0.01
-"""Least curvature, over that of the body at rest, that is told from zero."""
+"""Curvature, over that of the body at rest, that counts as negative."""
 
 
 def least_curvature(
@@ -78,7 +83,7 @@ def least_curvature(
     free: np.ndarray,
     stiffness: Preconditioner,
 ) -> float:
-    """An upper bound of the least curvature of the energy over that of the body at rest, which is near the truth where it is negative.
+    """Return an upper bound of the least curvature of the energy over that at rest, which is close where it is negative.
 
     Lanczos' method on P^-1 K, with K v from force differences and P an approximation of it, stopped at the first negative
     value: a Ritz value is the curvature along some displacement, so that a negative one proves that the state is not stable.  It is stopped
@@ -93,14 +98,14 @@ def least_curvature(
         1 where a component may move.
     stiffness : Preconditioner
     """
-    bonds, points, share = force.body.bonds, force.body.points, force.body.share
+    share = force.body.share
     strain, one_sided = PROBES[force.precision], force.precision == "float64"
     ahead, behind = np.empty_like(positions), np.empty_like(positions)
     if one_sided:
         force(positions, behind)
     # K-conjugate bases: displacements q and the forces p = P q, with q_i . p_j = 1 if i = j, else 0.
     displacements, duals, diagonal, off_diagonal = [], [], [], []
-    p = share.take(np.random.default_rng(0).standard_normal((share.size(len(free)), free.shape[1]))) * free
+    p = random_vector(share, free)
     # The least Ritz value, and the last component of its vector: with the next off-diagonal entry that bounds the value's error.
     least, last = np.inf, 1.0
     for _ in range(MOST_PRODUCTS):
@@ -117,8 +122,7 @@ def least_curvature(
         p, q = p / norm, q / norm
         displacements.append(q)
         duals.append(p)
-        share.fill(q)
-        probe = strain / max(share.greatest(greatest_strain[q.shape[1]](q, points, bonds.first, bonds.second)), 1e-300)
+        probe = strain / max(strain_of_step(force.body, q), 1e-300)
         force(positions + probe * q, ahead)
         if not one_sided:
             force(positions - probe * q, behind)

@@ -121,7 +121,7 @@ class DampedExplicit(SteppingSolver):
     def prepare(self, force, positions, caution):
         step_length = 2 * np.sqrt(self.SAFETY / caution / self.frequency(force, positions))
         # Critical for the slowest longitudinal mode of a bar of the body's extent, held at both ends, with E = 3 mu.
-        extent = self.share.extent(force.body.points)
+        extent = force.body.extent
         damping = 2 * np.pi / extent * np.sqrt(3 * force.law.shear_modulus)
         velocities = np.zeros_like(positions)
 

@@ -11,8 +11,8 @@ import pdsurrogate as pds
 scene = pds.Scene(
     name="strip-with-hole",
     spacing=0.1,
-    body=pds.Rectangle(size=(3.0, 1.0)),
-    holes=(pds.Circle(centre=(1.5, 0.5), radius=0.25),),
+    body=pds.shapes.Rectangle(size=(3.0, 1.0)),
+    holes=(pds.shapes.Circle(centre=(1.5, 0.5), radius=0.25),),
     material={"law": "neo-hookean", "shear_modulus": 100.0, "bulk_modulus": 10_000.0},
     prescribed=(pds.Prescribed(region="left", x1=0.0, x2=0.0), pds.Prescribed(region="right", x1=1.5, x2=0.0)),
     steps=(pds.Step(to=1.0, outputs=3),),

@@ -9,13 +9,13 @@ import pdsurrogate as pds
 data = pds.load_test_data("treloar").up_to(3.0)
 laws = {}
 for name in ("neo-hookean", "gent", "mooney-rivlin"):
-    laws[name] = pds.LawRegressor(name).fit(data.stretches, data.nominal_stress, data.balanced_weights())
+    laws[name] = pds.identification.LawRegressor(name).fit(data.stretches, data.nominal_stress, data.balanced_weights())
     print(name, laws[name].law_, laws[name].score(data.stretches, data.nominal_stress))
 
 # %% A polynomial in the two isochoric features, cross-validated.
 law = laws["gent"].law_
 samples = pds.training_samples(law, n_samples=2000, stretch_range=(0.6, 2.5), random_state=0)
-model = pds.surrogate_pipeline(pds.ChebyshevRegressor((10, 5)), features="isochoric")
+model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric")
 folds = pds.cross_validate(model, samples, folds=3)
 print("relative errors left out:", [f"{fold['rms']:.1e}" for fold in folds])
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from pdsurrogate.body import ReflectionPlane
-from pdsurrogate.ranks import communicator, divided
+from pdsurrogate.body import ReflectionPlane, divided, rows_of
+from pdsurrogate.ranks import communicator
 from pdsurrogate.stress_test.bodies import notched
 
 
@@ -34,15 +34,15 @@ def main():
         whole = notched(d, planes=planes, separates=cut)
         expected = names(whole, np.arange(len(whole)), len(whole))
         body = divided(notched(d, planes=planes, separates=cut), ranks)
-        part, here = body.share, names(body, body.share.numbers, len(whole))
+        here = names(body, body.share.numbers, len(whole))
         for kind, values in here.items():
-            assert part.rows_of_whole(len(values), body, kind) == len(expected[kind]), kind
-            there = part.to_whole(values, body, kind)
+            rows = rows_of(body, kind)
+            assert rows.total == len(expected[kind]), kind
+            assert np.array_equal(expected[kind][rows.numbers], values)
+            there = rows.gather(values)
             if ranks.rank == 0:
                 assert np.array_equal(there, expected[kind]), (d, kind)
-            assert np.array_equal(part.from_whole(there, body, kind), values), (d, kind, ranks.rank)
-        counted = part.pair_numbers(body)
-        assert np.array_equal(expected["pairs"][counted[counted >= 0]], here["pairs"][counted >= 0])
+            assert np.array_equal(rows.hand_out(there), values), (d, kind, ranks.rank)
     if ranks.rank == 0:
         print("in order")
 

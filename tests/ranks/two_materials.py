@@ -5,12 +5,12 @@ import json
 
 import numpy as np
 
-from pdsurrogate.body import Body, ReflectionPlane
+from pdsurrogate.body import Body, ReflectionPlane, divided
 from pdsurrogate.engine.compile import compilation_clock
 from pdsurrogate.forces import FORCES, ForceSettings, Portion, bind_portions
 from pdsurrogate.forces.interfaces import SIGHT
 from pdsurrogate.materials import NeoHookean
-from pdsurrogate.ranks import communicator, divided
+from pdsurrogate.ranks import communicator
 from pdsurrogate.stress_test.conformance import Deformation
 
 CASES = ("analytic", "stress"), ("bond-energy", "stress"), ("bond-energy", "strain"), ("bond-energy", "space")
@@ -32,7 +32,7 @@ def digests(name, plane, ranks):
     middle = (body.points.min(axis=0) + body.points.max(axis=0)) / 2
     if ranks.size > 1:
         body = divided(body, ranks, SIGHT)
-        assert len(body) < body.share.size(len(body))
+        assert len(body) < body.share.size
     # A slanted interface, which cuts are not along.
     stiff = (body.points - middle) @ np.array([0.8, 0.6, 0.2])[:d] > 0.1 * body.spacing
     model = FORCES[name]()
@@ -44,8 +44,7 @@ def digests(name, plane, ranks):
     energy = body.share.total(force.energy()) if force.has_energy else None
     bonds, within = body.bonds, body.bonds.second < len(body)
     across = within & (stiff[bonds.first] != stiff[np.where(within, bonds.second, bonds.first)])
-    counted = body.share.counted_pairs(bonds.first)
-    jumps = int(body.share.total(int((across if counted is None else across * counted).sum())))
+    jumps = int(body.share.total(int((across * body.share.own[bonds.first]).sum())))
     found = {"case": f"{name}, {plane}", "energy": energy, "beside": jumps}
     for what, values in (("forces", forces), ("ratios", force.volume_ratios())):
         whole = body.share.gather(np.ascontiguousarray(values))

@@ -1,0 +1,82 @@
+"""Division of a body among ranks, and the place of its arrays' rows in the whole body."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..ranks import Communicator, Rows, Share, bisected, bond_counts
+from .body import Body
+
+HALO = 1.0
+"""Width of the halo in horizons.
+
+One horizon holds the bonds of a rank's own points. Quantities of halo points that need all of their bonds (deformation gradients, moments)
+come from their owners. The alternative is a halo of two horizons for force maps, three for bond energies and five with smoothed
+dilatations: a share of 60 points a side of a solid would then hold 2.1 times its own points.
+"""
+
+
+def divided(body: Body, ranks: Communicator, halo: float = HALO) -> Body:
+    """Return the share of a body that falls to this rank; bonds of the body must not have been used yet.
+
+    Parameters
+    ----------
+    body : Body
+    ranks : Communicator
+    halo : float
+        Horizons around a rank's own points within which it has those of others.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer points than ranks, or a horizon reaches beyond the ranks beside one.
+    """
+    n = len(body)
+    if n < 4 * ranks.size:
+        raise ValueError(f"{n} points are too few for {ranks.size} ranks; take fewer")
+    part = slice(n * ranks.rank // ranks.size, n * (ranks.rank + 1) // ranks.size)
+    weights = np.concatenate(ranks.everywhere(bond_counts(body.points, body.horizon, part)))
+    owners = bisected(body.points, weights, ranks.size)
+    own = np.flatnonzero(owners == ranks.rank)
+    reach = halo * body.horizon * (1 + 1e-9)
+    lower, upper = body.points[own].min(axis=0) - 2 * reach, body.points[own].max(axis=0) + 2 * reach
+    near = np.flatnonzero(((body.points >= lower) & (body.points <= upper)).all(axis=1))
+    distance, _ = cKDTree(body.points[own]).query(body.points[near], distance_upper_bound=2 * reach)
+    numbers = near[distance <= reach]
+    share = Share(numbers, owners[numbers], n, ranks)
+    groups = {name: share.local(np.sort(members)) for name, members in body.groups.items()}
+    return replace(body, points=body.points[numbers], volumes=body.volumes[numbers], groups=groups, mesh_cells=None, share=share)
+
+
+def rows_of(body: Body, kind: str) -> Rows:
+    """Return the rows of the whole body that arrays of this body hold.
+
+    `kind` names what the arrays have a row for: "points", "images" (points and images), "bonds" (directed bonds), or "pairs".
+    """
+    share, bonds, ghosts = body.share, body.bonds, body.ghosts
+    if kind == "points":
+        return Rows(share.ranks, share.numbers, share.own, share.size)
+    if kind == "images":
+        names, own = body.names[len(body) :], share.own[ghosts.source]
+        whole = np.sort(np.concatenate(share.everywhere(names[own])))
+        numbers = np.concatenate([share.numbers, share.size + np.searchsorted(whole, names)])
+        return Rows(share.ranks, numbers, np.concatenate([share.own, own]), share.size + len(whole))
+    pointers = bonds.pointers if kind == "bonds" else bonds.pair_pointers
+    counts = np.diff(pointers).astype(np.int64)
+    whole = share.gather(counts)
+    total = share.ranks.to_all(None if whole is None else int(whole.sum()))
+    starts = Rows(share.ranks, share.numbers, share.own, share.size).hand_out(None if whole is None else np.cumsum(whole) - whole)
+    numbers = np.repeat(starts - pointers[:-1].astype(np.int64), counts) + np.arange(counts.sum())
+    own = np.repeat(share.own, counts)
+    if kind == "bonds" and share.divided:
+        body.bond_halo.fill(numbers)
+    elif share.divided:
+        # Pairs whose first point is in the halo, from that point's owner, as values of the bond from there.
+        directed = numbers[bonds.pair_of]
+        body.bond_halo.fill(directed)
+        forward = body.bond_owners == bonds.first[bonds.pair_of]
+        numbers[bonds.pair_of[forward]] = directed[forward]
+    return Rows(share.ranks, numbers, own, total)

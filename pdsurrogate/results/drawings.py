@@ -1,0 +1,104 @@
+"""Drawings of a result: its states, its curves, and an animation of its dynamics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+from . import figures, views
+from .files import MARK, replacing
+from .measures import scalars_of
+from .tables import column_title, columns_of
+
+if TYPE_CHECKING:
+    from .result import Result
+
+FRAMES_PER_SECOND = 8
+
+SHOWN_SHARE = 1e-3
+"""Share of the greatest force that a component reaches which is drawn: smaller ones are residuals."""
+
+
+def states_figure(result: Result, field: str, numbers: list[int], limits: tuple[float, float] | None = None) -> Figure:
+    """Return a figure of states coloured by a field."""
+    # A state may have to be read from its file.
+    states = [result.states[number][1] for number in numbers]
+    draw = views.contour_figure if result.scene.dimension == 3 else figures.contour_figure
+    values, titles = [scalars_of(fields, field) for fields in states], [result.title(number) for number in numbers]
+    return draw([result.cells(number) for number in numbers], values, result.label(field), titles, limits)
+
+
+def loading_figure(result: Result) -> Figure:
+    """Return a figure of nominal stress against stretch or, of a general programme, of forces against t."""
+    units = result.scene.units
+    if result.scene.stretched:
+        rows = [*result.levels, *(row for row in result.history if "time" in row)]
+        curves = {"peridynamics": [row["nominal_stress"] for row in rows]}
+        known = [level for level in result.levels if "nominal_stress_reference" in level]
+        references = [(level["stretch"], level["nominal_stress_reference"]) for level in known]
+        labels = "stretch", units.label("nominal stress", "stress")
+        return figures.curves_figure([row["stretch"] for row in rows], curves, *labels, references)
+    rows = [{"t": 0.0}, *(row for row in result.history if any(key.startswith("force_") for key in row))]
+    columns = [column for column in columns_of(rows) if column.startswith("force_")]
+    forces = {column.removeprefix("force_"): [row.get(column, 0.0) for row in rows] for column in columns}
+    sizes = {name: max(map(abs, values)) for name, values in forces.items()}
+    shown = {name: forces[name] for name, size in sizes.items() if size > SHOWN_SHARE * max(sizes.values())}
+    return figures.curves_figure([row["t"] for row in rows], shown, "t", units.label("force on the body", "force"))
+
+
+def energies_figure(result: Result) -> Figure | None:
+    """Return a figure of the energies of the history over time or the loading parameter; None where there are none."""
+    rows, units = [row for row in result.history if "strain_energy" in row], result.scene.units
+    timed = [row for row in rows if "time" in row]
+    rows, key = (timed, "time") if timed else (rows, "stretch" if result.scene.stretched else "t")
+    names = [column for column in columns_of(rows) if column == "work" or column.endswith("_energy")]
+    if not names:
+        return None
+    energies = {name.replace("_", " "): [row.get(name, 0.0) for row in rows] for name in names}
+    return figures.curves_figure([row[key] for row in rows], energies, column_title(key, units), units.label("energy", "energy"))
+
+
+def save_drawings(result: Result, folder: Path) -> None:
+    """Write the pictures of a result that its folder holds."""
+    name = result.scene.name
+    moves = not result.scene.stretched or result.scene.dynamics is not None
+    if moves:
+        figures.save(loading_figure(result), folder / f"{name}-loading.png")
+    if not result.in_pieces:
+        figures.save(result.figure(), folder / f"{name}.png")
+        if moves:
+            _save_animation(result, folder / f"{name}.gif")
+
+
+def _save_animation(result: Result, path: Path) -> None:
+    """Write a GIF of the dynamics of a body in the plane, coloured by damage or else by the greatest stretch."""
+    numbers = result.in_dynamics()
+    if not numbers or result.scene.dimension == 3:  # ParaView shows a series of solids
+        return
+    fields = result.states[numbers[-1]][1]
+    quantity = "damage" if "damage" in fields else "principal_stretch"
+    limits = (0.0, 1.0) if quantity == "damage" else (1.0, float(fields[quantity].max()))
+    corners = figures.polygons_of(*result.cells(numbers[-1]))
+    extent = np.ptp(corners, axis=(0, 1))
+    size = extent / extent.max() * 6.0
+    with matplotlib.rc_context(figures.STYLE):
+        figure = Figure(figsize=(size[0] + 1.2, size[1] + 0.4), dpi=100, layout="constrained")
+        canvas, axis = FigureCanvasAgg(figure), figure.subplots()
+        drawn = figures.draw_cells(axis, corners, fields[quantity], clim=limits)
+        figure.colorbar(drawn, ax=axis, label=quantity, fraction=0.05, pad=0.01)
+        frames = []
+        for number in numbers:
+            drawn.set_verts(figures.polygons_of(*result.cells(number)))
+            drawn.set_array(result.states[number][1][quantity])
+            axis.set_title(result.title(number), pad=2)
+            canvas.draw()
+            frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+    with replacing(path) as temporary:
+        series = {"save_all": True, "append_images": frames[1:], "duration": 1000 // FRAMES_PER_SECOND, "loop": 0}
+        frames[0].save(temporary, format="GIF", comment=MARK, **series)

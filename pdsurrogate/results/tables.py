@@ -1,0 +1,83 @@
+"""Tables of a run: history and convergence as CSV and HTML, with units in their headers, and the summary."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+
+from ..html_tables import html_table
+from ..scenes import Units
+from .files import write_json, write_text
+from .folder import CONVERGENCE, HISTORY, SUMMARY
+
+UNITS_OF_COLUMNS = {
+    r"time": "time",
+    r"nominal_stress": "stress",
+    r"energy|work|(kinetic|damped|strain|released)_energy|moment_.*": "energy",
+    r"force_.*": "force",
+    r"(.*_)?displacement_.*": "length",
+}
+"""Units of a scene by patterns of the columns that have them."""
+
+
+def column_title(column: str, units: Units) -> str:
+    """Return the header of a column of the history: its name, and in brackets its unit where it has one."""
+    unit = column_unit(column, units)
+    return f"{column} [{unit}]" if unit else column
+
+
+def column_unit(column: str, units: Units) -> str | None:
+    """Return the unit of a column of the history; None where it has none."""
+    return next((getattr(units, kind) for pattern, kind in UNITS_OF_COLUMNS.items() if re.fullmatch(pattern, column)), None)
+
+
+def columns_of(rows: Iterable[dict]) -> list[str]:
+    """Return the columns of all rows in order of appearance; rows of equilibrium and of dynamics have different ones."""
+    return list(dict.fromkeys(column for row in rows for column in row))
+
+
+def write_tables(folder: Path, summary: dict, history: list[dict], convergence: list[dict], units: Units) -> None:
+    """Write the tables of a run, and its summary last."""
+    title = partial(column_title, units=units)
+    write_text(folder / HISTORY, as_csv(history, title))
+    if convergence:
+        write_text(folder / CONVERGENCE, as_csv(convergence, title))
+    write_json(folder / SUMMARY, summary)
+
+
+def as_csv(rows: list[dict], title: Callable[[str], str] = str) -> str:
+    """Return rows as CSV, each column with its title; missing values are empty."""
+    text, columns = io.StringIO(), columns_of(rows)
+    if rows:
+        writer = csv.DictWriter(text, columns, lineterminator="\n")
+        writer.writerow({column: title(column) for column in columns})
+        writer.writerows(rows)
+    return text.getvalue()
+
+
+def read_table(path: Path) -> list[dict]:
+    """Return the rows of a table that `write_tables` wrote; none where there is no file."""
+    if not path.exists():
+        return []
+    with path.open(encoding="utf-8", newline="") as file:
+        return [{key.split(" [")[0]: _plain(value) for key, value in row.items() if value != ""} for row in csv.DictReader(file)]
+
+
+def _plain(text: str) -> int | float | str:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def html_history(rows: Sequence[dict], units: Units, without: str = "", digits: int = 5) -> str:
+    """Return rows of the history as HTML, without the columns that begin with a text; nothing of no rows."""
+    columns = [column for column in columns_of(rows) if not (without and column.startswith(without))]
+    cells = [[f"{row[column]:.{digits}g}" if column in row else "" for column in columns] for row in rows]
+    return html_table([column_title(column, units) for column in columns], cells) if rows else ""

@@ -1,0 +1,319 @@
+"""Cards that were edited by hand: refused in a line with the file, the field and what would be right, or of no matter to a run."""
+
+import copy
+import json
+import re
+import shutil
+import warnings
+
+import numpy as np
+import pytest
+from conftest import SHIPPED
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import pdsurrogate as pds
+from pdsurrogate.artifacts import ArtifactError, load_card, load_surrogate
+from pdsurrogate.artifacts.shipped import SHIPPED_CARDS
+
+LAW = pds.materials.Gent(chain_limit=60.0)
+REFERENCES = ("", "#1", "#all")
+
+
+@pytest.fixture(scope="module")
+def committee(tmp_path_factory):
+    """A polynomial with two members, of a law with a shape, as identified from data."""
+
+    def fitted(law):
+        samples = pds.training_samples(law, 800, (0.6, 2.0), random_state=0)
+        return (
+            pds.surrogate_pipeline(pds.learning.ChebyshevRegressor((10, 5)), features="isochoric").fit(samples.X, samples.y),
+            samples,
+            law,
+        )
+
+    others = [pds.materials.Gent(2.0, 200.0, chain_limit=60.0), pds.materials.Gent(chain_limit=70.0)]
+    found = {"data": "mine.csv", "law": LAW.describe()}
+    place = tmp_path_factory.mktemp("edited")
+    text = pds.CardText("x", identification=found)
+    return pds.store(*fitted(LAW), place, "mine", "1", text, members=[fitted(other) for other in others])
+
+
+@pytest.fixture(scope="module")
+def isochoric(tmp_path_factory):
+    """A learnt isochoric energy by itself, with a hull of test data."""
+    law = pds.materials.NeoHookean()
+    samples = pds.training_samples(law, 300, (0.7, 1.8), random_state=0, target="isochoric-energy")
+    samples.design["hull"] = [[1.0, 0.0, 0.5], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.5]]
+    regressor = pds.learning.SobolevRegressor(4, "algebraic", max_iter=60, random_state=0)
+    model = pds.surrogate_pipeline(regressor, "isochoric-energy").fit(samples.X, samples.y)
+    return pds.store(model, samples, law, tmp_path_factory.mktemp("edited"), "iso", "1", "x")
+
+
+def card_of(folder):
+    return json.loads((folder / "card.json").read_text())
+
+
+def refused(folder, text: str, references=("",)) -> list[str]:
+    """What is said of an artefact with this for a card, of each way of reading it; None where it is taken."""
+    (kept := folder / "card.json.kept").exists() or shutil.copy(folder / "card.json", kept)
+    try:
+        (folder / "card.json").write_text(text)
+        said = []
+        for reference in references:
+            try:
+                load_surrogate(f"{folder}{reference}")
+                said.append(None)
+            except ArtifactError as error:
+                said.append(str(error))
+        return said
+    finally:
+        shutil.copy(kept, folder / "card.json")
+
+
+def changed(card: dict, path: tuple, value) -> dict:
+    """A card with another value at a place; `...` takes it away."""
+    card = copy.deepcopy(card)
+    place = card
+    for step in path[:-1]:
+        place = place[step]
+    if value is ...:
+        del place[path[-1]]
+    else:
+        place[path[-1]] = value
+    return card
+
+
+EDITS = [
+    (("format",), "another", "format: this is not the card"),
+    (("schema_version",), True, "schema_version: .* a whole number"),
+    (("name",), 3, "name: must be text, not 3"),
+    (("name",), "No", r"name: must match .*, not 'No'"),
+    (("version",), "one", "version: must match"),
+    (("kind",), "oracle", "kind: unknown kind 'oracle'; known are bond-force-network"),
+    (("kind",), "bond-force-network", "surrogate.npz holds no bond-force-network, the kind of its card: "),
+    (("kind",), ..., "kind: is missing"),
+    (("description",), None, "description: must be text, not None"),
+    (("colour",), "red", "colour: is unknown: take it out"),
+    (("material", "law"), "yeoh", "material.law: must be that of material.trained_with, 'gent', not 'yeoh'"),
+    (("material", "trained_with", "law"), "gnt", "material.law: must be that of material.trained_with"),
+    (("material", "trained_with", "chain_limit"), "60", "material.trained_with: .*chain_limit must be a number, not '60'"),
+    (("material", "trained_with", "chain_limit"), -3.0, "material.trained_with: .*chain_limit"),
+    (("material", "trained_with", "chain_limit"), 61.0, "material.shape.chain_limit: must be 61.0 by material.trained_with, not 60.0"),
+    (("material", "trained_with", "chain_limit"), ..., "material.trained_with.chain_limit: is missing"),
+    (("material", "trained_with", "colour"), 1.0, "material.trained_with: gent has no parameter 'colour'"),
+    (("material", "shape", "chain_limit"), 61.0, "material.shape.chain_limit: must be 60.0 by material.trained_with, not 61.0"),
+    (("material", "shape", "chain_limit"), True, "material.shape.chain_limit: must be a number, not True"),
+    (("material", "shape"), {}, "material.shape.chain_limit: must be 60.0 by material.trained_with, not not there"),
+    (("material", "shape", "x"), 1, "material.shape.x: must be not there by material.trained_with, not 1"),
+    (("features", "set"), "symmetric", "features.set: must be 'isochoric', of which surrogate.npz is, not 'symmetric'"),
+    (("features", "names"), ["a"], r"features.names: must be \[.*\], of which surrogate.npz is, not \['a'\]"),
+    (("features",), [], "features: must be a table, not a list"),
+    (("scaling",), 3, "scaling: must be a table, not 3"),
+    (("training", "identification"), "x", "training.identification: must be a table, not 'x'"),
+    (("training", "identification", "data"), 3, "training.identification.data: must be text, not 3"),
+    (("training", "identification", "law", "chain_limit"), 3, "training.identification.law: must be material.trained_with"),
+    (("training", "search"), {}, "training.search: must be a list, not a table"),
+    (("training", "design", "perturbation"), 0, "training.design.perturbation: must be a table with the number log_C33, not 0"),
+    (("domain", "least_stretch"), "0.6", "domain.least_stretch: must be a number, not '0.6'"),
+    (("domain", "least_stretch"), True, "domain.least_stretch: must be a number, not True"),
+    (("domain", "least_stretch"), -1, "domain.least_stretch: must be greater than 0, not -1"),
+    (("domain", "least_stretch"), 0.5, "domain.least_stretch: must be that of errors.box.stretch_range, 0.6, .* not 0.5"),
+    (("domain", "greatest_stretch"), 20.0, "domain.greatest_stretch: must be that of errors.box.stretch_range, 2.0, .* not 20.0"),
+    (("domain", "greatest_bulk"), 9.0, "domain: least_bulk and greatest_bulk must be .* by training.design.perturbation.log_C33"),
+    (("domain", "hull"), [[1, 0, 1]] * 3, "domain.hull: must be the same as training.design.hull"),
+    (("domain", "hull"), [], "domain.hull: must have at least 3 entries, not a list"),
+    (("errors",), {}, "errors.box: is missing"),
+    (("errors", "box", "on_surface", "rms"), "tiny", "errors.box.on_surface.rms: must be a number, not 'tiny'"),
+    (("errors", "box", "on_surface", "rms"), 0.3, "errors.box.on_surface.rms: must be at most 0.1"),
+    (("errors", "box", "on_surface", "rms"), -1, "errors.box.on_surface.rms: must be at least 0, not -1"),
+    (("errors", "box", "on_surface", "max"), 5.0, "errors.box.on_surface.max: must be from rms to rms sqrt"),
+    (("errors", "box", "on_surface"), ..., "errors.box.on_surface: is missing"),
+    (("errors", "box", "at_rest"), [], "errors.box.at_rest: must be a number, not a list"),
+    (("errors", "box", "n_samples"), 2.5, "errors.box.n_samples: must be a whole number, not 2.5"),
+    (("made_with", "numpy"), 2, "made_with.numpy: must be text, not 2"),
+    (("payloads", "surrogate.npz", "bytes"), 2**40, "surrogate.npz: the card states 1099511627776 bytes; at most"),
+    (("payloads", "surrogate.npz", "sha256"), "0" * 64, "surrogate.npz: the file is not the one that the card describes"),
+    (("payloads", "surrogate.npz", "sha256"), "0", "payloads.surrogate.npz.sha256: must match"),
+    (("payloads", "surrogate.npz"), ..., "payloads.surrogate.npz: is missing; with 2 members it has members.npz, surrogate.npz and maybe"),
+    (("payloads", "members.npz"), ..., "payloads.members.npz: is missing"),
+    (("payloads", "evil.so"), {"contains": "", "sha256": "0" * 64, "bytes": 0}, "payloads.evil.so: is unknown"),
+    (("members",), ..., "payloads.members.npz: is unknown; with 0 members it has surrogate.npz and maybe pipeline.joblib"),
+    (("members",), 3, "members: must be a list, not 3"),
+    (("members", 0, "material", "shape", "chain_limit"), 3.0, "members.0.material.shape.chain_limit: must be 60.0"),
+    (("members", 1, "domain", "least_stretch"), 0.3, "members.1.domain.least_stretch: must be that of errors.box.stretch_range"),
+    (("members", 1, "errors", "box", "on_surface", "max"), 0.0, "members.1.errors.box.on_surface.max: must be from"),
+    (("members", 0, "material"), ..., "members.0.material: is missing"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "message"), EDITS, ids=[f"{'.'.join(map(str, path))}={value}"[:60] for path, value, _ in EDITS])
+def test_what_is_said_of_an_edit(committee, path, value, message):
+    [said] = refused(committee, json.dumps(changed(card_of(committee), path, value)))
+    assert said is not None
+    assert re.search(message, said), said
+    assert "\n" not in said
+    assert "mine" in said
+    assert not re.search("Input should|pydantic|Traceback|For further", said)
+
+
+def test_contradictions_with_the_weights(committee):
+    """A card that agrees with itself, of another material than its weights; members taken away or exchanged."""
+    card = card_of(committee)
+    other = changed(card, ("material", "trained_with", "chain_limit"), 30.0)
+    other = changed(changed(other, ("material", "shape", "chain_limit"), 30.0), ("training", "identification"), ...)
+    [said] = refused(committee, json.dumps(other))
+    assert re.search(
+        "card.json: material: surrogate.npz is not of the material that the card states: mine@1 differs from the forces of gent", said
+    )
+    first, second = card["members"]
+    [said] = refused(committee, json.dumps({**card, "members": [first]}), ["#all"])
+    assert "card.json: members: must be as many as in members.npz, 2, not 1" in said
+    [said] = refused(committee, json.dumps({**card, "members": [second, first]}), ["#all"])
+    assert "card.json: material: members.npz is not of the material that the card states: mine@1#1 differs" in said
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda text: text.replace('"least_stretch": 0.6', '"least_stretch": 1e999', 1), "1e999 is too large a number"),
+        (lambda text: text.replace('"name": "mine"', '"name": "mine", "name": "yours"'), "'name' is there twice in one table"),
+        (lambda text: text[:-40], "not valid JSON"),
+        (lambda text: text.replace('"scaling": {', '"scaling": {"deep": ' + "[" * 900 + "]" * 900 + ", ", 1), None),
+    ],
+)
+def test_json_that_means_something_else_than_it_says(committee, edit, message):
+    [said] = refused(committee, edit((committee / "card.json").read_text()))
+    assert (said is None) if message is None else (message in said)
+
+
+def everywhere(text: str) -> dict:
+    """The chain limit that it was stored with times ten, in every place, and errors that allow for it."""
+    card = json.loads(text.replace("60.0", "600.0"))
+    for part in (card, *card["members"]):
+        part["errors"]["box"]["on_surface"] = {"rms": 0.09, "max": 0.5}
+    return card
+
+
+def moduli(text: str) -> dict:
+    card = json.loads(text)
+    for law in (card["material"]["trained_with"], card["training"]["identification"]["law"]):
+        law |= {"shear_modulus": 7.0, "bulk_modulus": 700.0}
+    return card
+
+
+def range_of_stretches(text: str) -> dict:
+    card = json.loads(text)
+    card["domain"]["greatest_stretch"] = card["errors"]["box"]["stretch_range"][1] = 2.5
+    return changed(card, ("errors", "box", "on_surface"), {"rms": 0.09, "max": 0.5})
+
+
+@pytest.mark.parametrize("edit", [everywhere, moduli, range_of_stretches])
+def test_what_is_edited_in_the_same_way_everywhere_is_not_believed(committee, edit):
+    """A card that agrees with itself and with its weights to the errors that it states: all of these were taken."""
+    text = json.dumps(edit((committee / "card.json").read_text()))
+    for said in refused(committee, text, REFERENCES):
+        assert "card.json: digest: what the card says of kind, material" in said
+        assert "is not what was stored with these weights: put back what was written, or store the artefact again" in said
+    (committee / "card.json").write_text(text)
+    try:
+        for load in (load_card, lambda folder: pds.load_pipeline(folder, trust=True)):
+            with pytest.raises(ArtifactError, match="digest"):
+                load(committee)
+    finally:
+        shutil.copy(committee / "card.json.kept", committee / "card.json")
+
+
+def of_schema_2(card: dict) -> str:
+    """The card as it was written before cards had a digest."""
+    return json.dumps(changed({**card, "schema_version": 2}, ("digest",), ...))
+
+
+def test_a_card_without_a_digest_is_read_with_a_remark(committee):
+    card = card_of(committee)
+    assert card["schema_version"] == 3
+    assert "digest: is missing" in refused(committee, json.dumps(changed(card, ("digest",), ...)))[0]
+    with pytest.warns(UserWarning, match=r"mine@1 was stored by an earlier pdsurrogate, whose cards have no digest: .*store it again"):
+        assert refused(committee, of_schema_2(card)) == [None]
+
+
+def test_shipped_cards_are_known_without_a_digest(tmp_path):
+    """Their bytes are unchanged and say nothing of a digest; a copy is held to them wherever it lies."""
+    folders = sorted(path.parent for path in SHIPPED.glob("*/*/card.json"))
+    assert {load_card(folder).payloads["surrogate.npz"].sha256 for folder in folders} == set(SHIPPED_CARDS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for folder in folders:
+            assert load_surrogate(folder).domain
+    copied = shutil.copytree(SHIPPED / "gent" / "1", tmp_path / "copy" / "4")
+    text = (copied / "card.json").read_text().replace("120.0", "119.999999")
+    assert "card.json: digest: what the card says" in refused(copied, text)[0]
+
+
+def test_hulls_of_energies(isochoric):
+    card = card_of(isochoric)
+    [said] = refused(isochoric, json.dumps(changed(card, ("domain", "hull", 0, 2), 0.7)))
+    assert "domain.hull: must be the same as training.design.hull" in said
+    both = changed(changed(card, ("domain", "hull", 0, 2), -0.1), ("training", "design", "hull", 0, 2), -0.1)
+    assert "domain.hull.0: must be n1, n2, d" in refused(isochoric, json.dumps(both))[0]
+
+
+FREE = {"name", "version", "description", "weight_function", "scaling", "training", "made_with"}
+"""Parts that no run is changed by, but for the name of the artefact; the identification is digested."""
+
+VALUES = st.one_of(
+    st.none(), st.booleans(), st.integers(-3, 3), st.floats(allow_nan=False, allow_infinity=False), st.text(max_size=3),
+    st.just([]), st.just({}), st.just(10**400), st.just([[]]), st.just(...), st.just({"": None}),
+)  # fmt: skip
+
+
+def places(value, path=()):
+    """Every place of a card."""
+    if path:
+        yield path
+    for key, inner in value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ():
+        yield from places(inner, (*path, key))
+
+
+def as_run(folder, reference):
+    """All of a surrogate that a run depends on."""
+    model, card = load_surrogate(f"{folder}{reference}"), load_card(f"{folder}{reference}")
+    members = [(member.law, member.ratio, as_run_of(member.model)) for member in model.members]
+    return as_run_of(model), members, card.material.trained_with
+
+
+def as_run_of(model):
+    payload = {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in model.payload().items()}
+    return type(model), payload, model.domain, model.law, dict(model.shape)
+
+
+@settings(max_examples=100)
+@given(data=st.data())
+def test_any_edit_is_refused_with_its_field_or_changes_nothing(committee, isochoric, data):
+    folder = data.draw(st.sampled_from([committee, isochoric]))
+    card = card_of(folder)
+    path = data.draw(st.sampled_from([*places(card)]))
+    if data.draw(st.booleans()) and isinstance(path[-1], str):
+        path = (*path[:-1], data.draw(st.sampled_from(["extra", "nmae"])))
+        value = data.draw(VALUES.filter(lambda value: value is not ...))
+    else:
+        value = data.draw(VALUES)
+    references = REFERENCES if folder == committee else ("",)
+    before = {reference: as_run(folder, reference) for reference in references}
+    text = json.dumps(changed(card, path, value))
+    said = dict(zip(references, refused(folder, text, references), strict=True))
+    words = [str(step) for step in path if isinstance(step, str)]
+    for reference, message in said.items():
+        if message is not None:
+            assert "\n" not in message
+            assert folder.parent.name in message
+            assert any(word in message for word in words) or path[0] in message, message
+            assert not re.search("Input should|pydantic", message), message
+            continue
+        if path[0] in FREE:
+            continue
+        (folder / "card.json").write_text(text)
+        try:
+            assert as_run(folder, reference) == before[reference]
+        finally:
+            shutil.copy(folder / "card.json.kept", folder / "card.json")

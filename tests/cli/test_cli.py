@@ -1,0 +1,353 @@
+"""The command line: words, files and exit statuses."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+from conftest import SHIPPED
+from rich.table import Table
+from typer.testing import CliRunner
+
+from pdsurrogate.artifacts.card import checked_card
+from pdsurrogate.cli import app, terminal
+
+FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def test_run_writes_results_and_a_table(tmp_path):
+    done = invoke("run", "uniaxial", *FAST, "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert "exact" in done.output
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["converged"] is True
+    assert abs(summary["levels"][0]["nominal_stress_error"]) < 5e-4
+
+
+@pytest.mark.parametrize(
+    "force", ["analytic", "nosb", "ba-nosb", "neo-hookean", "neo-hookean@1", "neo-hookean-paper", SHIPPED / "neo-hookean" / "1"]
+)
+def test_forces_by_every_kind_of_reference(force):
+    done = invoke("run", "uniaxial", *FAST, "--force", force)
+    assert done.exit_code == 0, done.output
+
+
+def test_the_cells_taken_are_told_where_the_spacing_does_not_divide():
+    done = invoke("run", "uniaxial", "--set", "spacing=0.12", "--set", "stretches=1.2", "--force", "analytic")
+    assert done.exit_code == 0, done.output
+    assert "Cells of 0.12 x 0.125 cm fill the body, the nearest to the spacing of 0.12; the horizon is 0.378 cm" in done.stdout
+    assert "Cells of" not in invoke("run", "uniaxial", *FAST, "--force", "analytic").stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "uniaxal"], "unknown scene 'uniaxal'"),
+        (["run", "uniaxial", "--force", "wizardry"], "unknown force 'wizardry'"),
+        (["run", "uniaxial", "--force", "neo-hookean@9"], "unknown force 'neo-hookean@9'"),
+        (["run", "uniaxial", "--set", "spcing=1"], "spcing: unknown key"),
+        (["run", "uniaxial", "--set", "spacing=5"], "larger than the body"),
+        (["run", "uniaxial", "--set", "stretches=0"], "stretches.0"),
+        (["run", "uniaxial", "--set", "stretches=nan"], "stretches.0"),
+        (["run", "uniaxial", "--set", "material.shear_modulus=inf"], "shear_modulus must be finite"),
+        (["run", "uniaxial", "--threads", "0"], "threads must be between"),
+        (["run", "missing.toml"], "cannot read scene file"),
+        (["evaluate", "nosb"], "no bond force of its own"),
+        (["evaluate", "nothing"], "unknown force 'nothing'"),
+        (["artifacts", "nothing"], "unknown force 'nothing'"),
+        (["fit", "Bad Name", "--samples", "300"], "not allowed"),
+        (["fit", "x", "--law", "granite"], "unknown law 'granite'"),
+        (["fit", "x", "--set", "shear_modulus=0"], "shear_modulus must be positive"),
+        (["fit", "x", "--features", "all"], "unknown features 'all'"),
+        (["fit", "x", "--least", "2", "--greatest", "1"], "0 < least < 1 < greatest, finite, not 2 and 1"),
+        (["fit", "x", "--least", "0"], "0 < least < 1 < greatest, finite, not 0 and 4"),
+        (["fit", "x", "--least", "nan"], "0 < least < 1 < greatest, finite, not nan and 4"),
+        (["evaluate", "analytic", "--greatest", "0.9"], "0 < least < 1 < greatest, finite, not 0.5 and 0.9"),
+        (["evaluate", "bond-energy", "--least", "1.5"], "0 < least < 1 < greatest, finite, not 1.5 and 4"),
+        (["fit", "x", "--data", "none.csv", "--units", "8,8,8,8"], "networks of one to 3 hidden layers, this one has 4"),
+        (["fit", "x", "--data", "none.csv", "--features", "symmetric"], "polynomials in two features (isochoric)"),
+        (["fit", "x", "--units", "4", "--activation", "sine"], "no activation 'sine'; there are algebraic"),
+        (["fit", "x", "--units", "0"], "every hidden layer needs at least one unit"),
+        (["fit", "x", "--units", "4", "--degree", "3"], "degree is of a polynomial, units of a network"),
+        (["fit", "x", "--activation", "tanh"], "give its units"),
+        (["fit", "x", "--folds", "1"], "folds must be 0, or from 2 to the number of samples"),
+        (["fit", "x", "--set", "law=ogden"], "not by --set law=ogden"),
+        (["fit", "x", "--data", "none.csv", "--version", "1/2"], "version '1/2' is not allowed"),
+        (["evaluate", "analytic", "--law", "granite"], "pdsurrogate: unknown law 'granite'; there are arruda-boyce, full-network, gent"),
+        (["evaluate", "bond-energy", "--law", "granite"], "pdsurrogate: unknown law 'granite'; there are arruda-boyce"),
+        (["evaluate", "neo-hookean@"], "unknown force 'neo-hookean@'"),
+        (["artifacts", "x" * 300], "cannot be read: File name too long"),
+        (["run", "uniaxial", "--force", "./nothing"], "./nothing: no artefact there: the folder of one holds card.json"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_status_2(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = invoke(*arguments)
+    assert done.exit_code == 2, done.output
+    error = done.stderr.strip()
+    assert message in error
+    assert len([line for line in error.splitlines() if "Compiling" not in line]) == 1
+    assert "Traceback" not in done.output
+
+
+def test_a_run_takes_the_same_force_beside_its_own_output(tmp_path, monkeypatch):
+    """``pdsurrogate run pure-shear --out neo-hookean`` twice in one folder: the second run took the analytic force."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "neo-hookean").mkdir()
+    (tmp_path / "neo-hookean" / "summary.json").write_text("{}")
+    done = invoke("run", "uniaxial", *FAST)
+    assert "force neo-hookean@2" in done.output
+
+
+def test_ranges_that_are_mostly_compression(tmp_path):
+    """``evaluate`` and, after the training, ``fit`` with ``--greatest 1.1`` ended in "high - low < 0"."""
+    for command in (
+        ["evaluate", "analytic", "--samples", 200],
+        ["evaluate", "bond-energy", "--samples", 200],
+        ["fit", "x", "--samples", 300, "--folds", 0, "--degree", 3, "--out", tmp_path],
+    ):
+        done = invoke(*command, "--greatest", 1.1)
+        assert done.exit_code == 0, done.output
+        assert "strain 0.2 to 0.5" in done.output
+
+
+def test_a_bound_left_out_is_as_far_as_the_law_goes(tmp_path):
+    options = ["--law", "gent", "--set", "chain_limit=20", "--samples", 300, "--folds", 0, "--degree", 6, "--out", tmp_path]
+    done = invoke("fit", "x", *options, "--least", 0.6)
+    assert done.exit_code == 0, done.output
+    assert "stretches 0.6 to 2.89" in " ".join(done.output.split())
+
+
+def test_data_that_no_law_describes_make_no_artefact(tmp_path):
+    data = tmp_path / "negative.csv"
+    data.write_text("mode,stretch,nominal_stress\n" + "".join(f"uniaxial,{1 + k / 10},{-k}\n" for k in range(1, 9)))
+    done = invoke("fit", "x", "--data", data, "--law", "gent", "--out", tmp_path / "a")
+    assert done.exit_code == 2
+    words = " ".join(done.stderr.split())
+    assert "row 1 (uniaxial, stretch 1.1, nominal stress -1) pushes where rubber pulls" in words
+    assert "and 5 rows more" in words
+    data.write_text("mode,stretch,nominal_stress\nuniaxial,1.5,0\nuniaxial,2,0\n")
+    done = invoke("identify", data, "--law", "gent")
+    assert done.exit_code == 2
+    assert "the stresses of uniaxial are all zero" in done.stderr
+
+
+@pytest.mark.parametrize("width", [20, 60, 80])
+def test_tables_cut_nothing_off(width, monkeypatch):
+    """In a terminal of 80 columns figures were cut (``384.793…``)."""
+    monkeypatch.setattr(terminal.out, "width", width)
+    figures = ["-384.79312", "1234567.12345", "+0.00012", "6.02214e+23"]
+    table = Table(title="figures")
+    for _ in range(3):
+        for title in ("stretch", "greatest lateral (cm)", "error (%)", "a sentence of many words that may break"):
+            table.add_column(title)
+    table.add_row(*figures * 3)
+    with terminal.out.capture() as captured:
+        terminal.show(table)
+    for commands in (["materials"], ["artifacts"], ["run", "uniaxial", *FAST], ["evaluate", "analytic", "--samples", "200"]):
+        done = invoke(*commands)
+        assert done.exit_code == 0
+        assert "…" not in done.output
+    for figure in figures:
+        assert captured.get().count(figure) == 3
+    if width == 80:
+        long = Table("what it is")
+        long.add_row("many words " * 30)
+        with terminal.out.capture() as captured:
+            terminal.show(long)
+        assert max(map(len, captured.get().splitlines())) <= width
+
+
+def test_output_that_cannot_be_written_is_refused_before_work(tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    done = invoke("run", "uniaxial", *FAST, "--out", blocked / "out")
+    assert done.exit_code == 2
+    assert "ns per directed bond" not in done.output
+
+
+def test_a_folder_belongs_to_one_scene(tmp_path):
+    """The same command works twice; another scene is refused before any work, unless asked to replace."""
+    command = ["run", "uniaxial", *FAST, "--force", "analytic", "--out", tmp_path]
+    for _ in range(2):
+        assert invoke(*command).exit_code == 0
+    other = ["run", "gent", *FAST, "--force", "analytic", "--out", tmp_path]
+    done = invoke(*other)
+    assert done.exit_code == 2
+    assert "holds the results of another scene (uniaxial); give another folder, or --overwrite" in done.stderr
+    assert "ns per directed bond" not in done.output
+    assert invoke(*other, "--overwrite").exit_code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        *("checkpoint.npz", "convergence.csv", "gent-000.vtu", "gent.png", "gent.pvd", "history.csv", "summary.json"),
+    ]
+
+
+def test_unlike_cross_sections_are_told(tmp_path):
+    """An L reported the force over the width of its bounding box as its stress, without a word."""
+    grips = "grips=[{edge='bottom'},{edge='top',travel=1.0}]"
+    body = "body={shape='polygon',vertices=[[0,0],[3,0],[3,1],[1,1],[1,3],[0,3]]}"
+    done = invoke("run", "pure-shear", *FAST, "--force", "analytic", "--set", body, "--set", grips)
+    assert done.exit_code == 0, done.output
+    assert "force of the top grip over its cross-section of 1 cm^2; the bottom grip's is 3 cm^2" in " ".join(done.output.split())
+    assert "cross-section" not in invoke("run", "pure-shear", *FAST, "--force", "analytic").output
+
+
+def test_damaged_artefacts_are_refused(tmp_path):
+    copy = tmp_path / "a"
+    shutil.copytree(SHIPPED / "neo-hookean" / "1", copy)
+    payload = (copy / "surrogate.npz").read_bytes()
+    (copy / "surrogate.npz").write_bytes(payload[: len(payload) // 2])
+    done = invoke("run", "uniaxial", *FAST, "--force", copy)
+    assert done.exit_code == 2
+    assert "not the one that the card describes" in done.stderr
+    (copy / "card.json").write_text("{")
+    done = invoke("run", "uniaxial", *FAST, "--force", copy)
+    assert done.exit_code == 2
+    assert "not valid JSON" in done.stderr
+
+
+def test_failed_runs_say_so_and_save_what_they_reached(tmp_path):
+    done = invoke("run", "uniaxial", "--set", "spacing=0.1", "--set", "solver.most_evaluations=5", "--out", tmp_path / "out")
+    assert done.exit_code == 1
+    assert "the run failed: stretch" in done.stderr
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["converged"] is False
+    assert summary["failure"]
+
+
+def test_fit_evaluate_and_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    fitted = invoke("fit", "mine", "--samples", 1500, "--units", 10, "--iterations", 80, "--folds", 2, "--greatest", 2)
+    assert fitted.exit_code == 0, fitted.output
+    assert "fold 1" in fitted.output
+    again = invoke("fit", "mine", "--version", 1, "--samples", 1500)
+    assert again.exit_code == 2
+    assert "exists already" in again.stderr
+    report = invoke("evaluate", "mine", "--samples", 500, "--json")
+    assert report.exit_code == 0
+    assert json.loads(report.stdout)["on_surface"]["rms"] < 5e-3
+    assert "least stiffness slope" in invoke("evaluate", "mine@1", "--samples", 500).output
+    assert "mine@1" in invoke("artifacts").output
+    assert json.loads(invoke("artifacts", "mine").stdout)["name"] == "mine"
+    assert invoke("run", "uniaxial", *FAST, "--force", "mine").exit_code == 0
+
+
+def test_materials_are_listed_with_their_parameters():
+    text = invoke("materials").output
+    for word in ("gent", "chain_limit", "ogden", "exponents", "full-network", "chain_links", "Yeoh 1993"):
+        assert word in text
+
+
+def test_from_test_data_to_a_simulation(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    data = tmp_path / "tests.csv"
+    rows = [f"uniaxial,{stretch},{0.4 * (stretch - stretch**-2)}" for stretch in (1.2, 1.6, 2.0, 2.5, 3.0)]
+    data.write_text("\n".join(["mode,stretch,nominal_stress", *rows]) + "\n")
+    found = invoke(
+        "identify", data, "--law", "mooney-rivlin", "--law", "gent", "--up-to", "2.6", "--bulk-ratio", 1e6, "--out", tmp_path / "found"
+    )
+    assert found.exit_code == 0, found.output
+    laws = json.loads((tmp_path / "found" / "identify.json").read_text())["laws"]
+    assert laws[0]["rows"] == 4
+    assert laws[0]["parameters"]["shear_modulus"] == pytest.approx(0.4, rel=1e-3)
+    assert (tmp_path / "found" / "identify.png").stat().st_size > 5000
+    # The answer to another question is not replaced unasked.
+    other = invoke("identify", data, "--law", "gent", "--bulk-ratio", 1e6, "--out", tmp_path / "found")
+    assert other.exit_code == 2
+    assert "answers something else: laws is ['mooney-rivlin', 'gent'] there and ['gent'] here; up_to is 2.6 there" in other.stderr
+    fitted = invoke("fit", "measured", "--data", data, "--law", "mooney-rivlin", "--bulk-ratio", 1e4, "--samples", 2000, "--folds", 2)
+    assert fitted.exit_code == 0, fitted.output
+    card = json.loads(invoke("artifacts", "measured").stdout)
+    assert card["training"]["identification"]["parameters"]["shear_modulus"] == pytest.approx(0.4, rel=1e-3)
+    law = card["material"]["trained_with"]
+    parameters = [f"material.{key}={law[key]}" for key in ("shear_modulus", "bulk_modulus", "second_share")]
+    changes = [item for change in ("material=mooney-rivlin", *parameters) for item in ("--set", change)]
+    assert invoke("run", "uniaxial", *FAST, *changes, "--force", "measured").exit_code == 0
+
+
+def test_bad_identifications_exit_with_2(tmp_path):
+    for arguments, message in (
+        (["identify", "none.csv"], "cannot read test data"),
+        (["identify", "treloar", "--law", "granite"], "unknown law"),
+        (["identify", "treloar", "--up-to", "0.5"], "no row"),
+        (["identify", "kawabata", "--law", "gent", "--hold-out"], "nothing held out"),
+        (["fit", "x", "--data", "treloar", "--law", "gent", "--set", "chain_limit=3"], "choose one"),
+        (["fit", "x", "--degree", "high"], "degree must be whole numbers"),
+    ):
+        done = invoke(*arguments)
+        assert done.exit_code == 2, done.output
+        assert message in done.stderr
+
+
+def test_lists():
+    assert "uniaxial" in invoke("scenes").output
+    assert {"neo-hookean@1", "neo-hookean@2"} <= set(invoke("artifacts").output.split())
+    usage = invoke("evaluate", "--help").output
+    assert "analytic, bond-energy, or an artefact" in " ".join(usage.replace("│", " ").split())
+    assert "nosb" not in usage  # which has nothing to evaluate
+
+
+def test_a_second_run_compiles_nothing(tmp_path):
+    first, second = (run_compiling(tmp_path, "nosb", {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}) for _ in range(2))
+    assert first["announced"]
+    assert first["seconds"] > 0
+    assert second == {"announced": False, "seconds": 0}
+
+
+@pytest.mark.slow
+def test_a_second_run_of_a_learnt_force_compiles_nothing(tmp_path):
+    """In the cache that all tests share: what a network or polynomial is made of takes forty seconds to compile."""
+    run_compiling(tmp_path, "neo-hookean", {})
+    assert run_compiling(tmp_path, "neo-hookean", {}) == {"announced": False, "seconds": 0}
+
+
+def run_compiling(folder, force, environment):
+    """Whether a run says that it compiles, and the seconds that it counts for that."""
+    command = [sys.executable, "-m", "pdsurrogate", "run", "uniaxial", "--force", force, *FAST, "--out", str(folder / "out")]
+    done = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, check=True)
+    seconds = json.loads((folder / "out" / "summary.json").read_text())["seconds_compile"]
+    return {"announced": "Compiling kernels" in done.stderr, "seconds": seconds}
+
+
+def test_an_identification_that_failed_says_so(tmp_path):
+    (tmp_path / "falling.csv").write_text("mode,stretch,nominal_stress\nuniaxial,1.2,3\nuniaxial,1.5,2\nuniaxial,2.0,0.1\n")
+    output = " ".join(invoke("identify", tmp_path / "falling.csv", "--law", "gent").output.split())
+    assert "chain_limit ended at the bound of the search" in output
+    assert "gent describes uniaxial worse than the mean stress does (R^2 below 0)" in output
+
+
+def test_a_surrogate_of_no_use_is_not_written(tmp_path):
+    result = invoke("fit", "poor", "--law", "ogden", "--degree", "0", "--samples", "200", "--folds", "0", "--out", tmp_path)
+    assert result.exit_code == 1
+    assert "poor@1 is off by" in result.output
+    assert not (tmp_path / "poor").exists()
+    result = invoke("fit", "analytic", "--out", tmp_path)
+    assert result.exit_code == 2
+    assert "'analytic' is not allowed" in result.output
+
+
+def test_small_strains_are_fitted(tmp_path):
+    """It ended in a RuntimeWarning and "sample 33 is not finite"."""
+    options = ["--law", "gent", "--least", 0.9, "--greatest", 1.15, "--samples", 2000, "--folds", 0, "--out", tmp_path]
+    result = invoke("fit", "small", *options)
+    assert result.exit_code == 0, result.output
+    assert "Warning" not in result.output
+    card = json.loads((tmp_path / "small" / "1" / "card.json").read_text())
+    assert card["errors"]["box"]["on_surface"]["rms"] < 1e-4
+
+
+def test_a_run_says_what_error_a_card_states(tmp_path):
+    poor = shutil.copytree(SHIPPED / "neo-hookean" / "1", tmp_path / "poor" / "1")
+    card = json.loads((poor / "card.json").read_text())
+    card["errors"]["box"]["on_surface"] = {"rms": 0.03, "max": 0.3}
+    stated = checked_card({**card, "schema_version": 3, "digest": "0" * 64})
+    (poor / "card.json").write_text(stated.model_copy(update={"digest": stated.found_digest()}).to_json())
+    for force, said in ((poor, True), (SHIPPED / "neo-hookean" / "1", False)):
+        output = " ".join(invoke("run", "uniaxial", *FAST, "--force", force).output.split())
+        assert ("states an RMS error of 3 %" in output) == said

@@ -1,0 +1,266 @@
+"""Options that all commands share, JSON in the place of tables, own laws from a module, and scenes to start from."""
+
+import io
+import json
+import logging
+import re
+import subprocess
+import sys
+import warnings
+
+import pytest
+import typer
+from rich.console import Console
+from typer.testing import CliRunner
+
+import pdsurrogate as pds
+from pdsurrogate.cli import app, terminal
+from pdsurrogate.cli.application import COMMANDS
+from pdsurrogate.cli.command import warnings_as_lines
+from pdsurrogate.engine.threads import at_most, most_threads, threads_for
+from pdsurrogate.forces import OutsideDomainWarning
+from pdsurrogate.materials import LAWS
+from pdsurrogate.run.sharing import Oversubscribed
+
+
+@pytest.mark.parametrize(
+    ("command", "status", "error"),
+    [
+        (["run", "nothing"], 2, "unknown scene 'nothing'"),
+        (["run", "uniaxial", "--set", "spacing=-1"], 2, "spacing"),
+        (["run", "uniaxial", "--wizardry"], 2, "No such option: --wizardry"),
+        (["run"], 2, "Missing argument 'SCENE'"),
+        (["show", "nowhere"], 2, "there is no result of a run"),
+        (["evaluate", "nothing"], 2, "nothing"),
+        (["stress-test", "--force", "nothing"], 2, "nothing"),
+        (["wizardry"], 2, "No such command 'wizardry'"),
+    ],
+)
+def test_errors_are_json_where_json_is_asked_for(command, status, error):
+    """Standard output was empty, and a program that read it had to guess."""
+    done = CliRunner().invoke(app, [*command, "--json"])
+    assert done.exit_code == status
+    told = json.loads(done.stdout)
+    assert told["exit_status"] == status
+    assert error in told["error"]
+    assert done.stderr
+    assert CliRunner().invoke(app, command).stdout == ""
+
+
+def test_a_run_that_fails_says_so_in_its_summary_alone():
+    done = CliRunner().invoke(app, ["run", "uniaxial", *FAST, "--set", "solver.most_evaluations=1", "--json"])
+    assert done.exit_code == 1
+    assert json.loads(done.stdout)["status"] == "failed"
+
+
+FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
+
+OWN_LAW = '''
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pdsurrogate.materials import InvariantLaw
+
+
+@dataclass(frozen=True)
+class Doubled(InvariantLaw):
+    """W = (I1bar - 3)/2."""
+
+    name: ClassVar[str] = "doubled"
+    reference: ClassVar[str] = "a test"
+    n_parameters: ClassVar[int] = 1
+
+    @property
+    def parameters(self):
+        return np.array([self.bulk_modulus / self.shear_modulus])
+
+    @property
+    def shape(self):
+        return {}
+
+    @staticmethod
+    def isochoric(I1, I2, parameters):
+        zero = 0 * I1
+        return 0.5 * (I1 - 3), zero + 0.5, zero, zero, zero, zero
+'''
+
+
+def invoke(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def own_law(tmp_path):
+    path = tmp_path / "own_laws_of_a_test.py"
+    path.write_text(OWN_LAW)
+    yield path
+    LAWS.pop("doubled", None)
+    sys.modules.pop("own_laws_of_a_test", None)
+
+
+def test_the_version_and_the_completion_of_shells():
+    assert invoke("--version").stdout == f"pdsurrogate {pds.__version__}\n"
+    assert "--install-completion" in invoke("--help").output
+    for typed, meant in (("st", {"stress-test", "study"}), ("run --thr", {"--threads"})):
+        asked = {"_PDSURROGATE_COMPLETE": "complete_bash", "COMP_WORDS": f"pdsurrogate {typed}", "COMP_CWORD": str(1 + typed.count(" "))}
+        done = CliRunner().invoke(app, [], prog_name="pdsurrogate", env=asked)
+        assert set(done.output.split()) == meant
+
+
+def test_commands_are_loaded_when_they_are_called():
+    group = typer.main.get_command(app)
+    for name, (_, text) in COMMANDS.items():
+        with group.make_context("pdsurrogate", [name]) as context:
+            assert group.resolve_command(context, [name])[1].help == text
+    program = "import sys; from pdsurrogate.cli import app; app(['--help'], standalone_mode=False); assert 'numpy' not in sys.modules"
+    subprocess.run([sys.executable, "-c", program], check=True, capture_output=True)
+
+
+def test_json_is_all_that_is_printed_for_programs(tmp_path):
+    run = invoke("run", "uniaxial", *FAST, "--json", "--out", tmp_path / "out")
+    assert run.exit_code == 0, run.output
+    assert json.loads(run.stdout) == json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert {law["law"] for law in json.loads(invoke("materials", "--json").stdout)} == set(LAWS)
+    assert {scene["name"] for scene in json.loads(invoke("scenes", "--json").stdout)} == set(pds.scene_names())
+    assert json.loads(invoke("scenes", "tear", "--json").stdout)["body"]["size"] == [11.0, 3.0]
+    assert "neo-hookean" in {entry["name"] for entry in json.loads(invoke("artifacts", "--json").stdout)}
+    found = invoke("identify", "treloar", "--law", "gent", "--json")
+    assert set(json.loads(found.stdout)) == {"laws", "held_out"}
+    # The next command prints tables again.
+    assert "uniaxial" in invoke("scenes").stdout
+
+
+def test_how_much_is_said(tmp_path):
+    command = ["run", "uniaxial", *FAST, "--out", tmp_path / "out"]
+    assert f"Results in {tmp_path / 'out'}" in invoke(*command).stderr.replace("\n", "")
+    quiet = invoke(*command, "-q")
+    assert quiet.stderr == ""
+    assert "exact" in quiet.stdout
+    told = invoke(*command, "-v").stderr
+    assert "pdsurrogate.run.simulate: uniaxial with neo-hookean@2: 300 points" in told
+    assert "stretch 1.2: equilibrium after" in told
+    assert "evaluations, residual" not in told.replace("equilibrium after", "").split("ended")[0].split("by")[1]
+    assert invoke(*command, "-vv").stderr.count("evaluations, residual") > told.count("evaluations, residual")
+    assert "equilibrium after" not in invoke(*command).stderr
+
+
+def test_the_package_logs_under_its_own_name(caplog):
+    with caplog.at_level(logging.INFO, logger="pdsurrogate"):
+        pds.simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=1.2), "neo-hookean")
+    assert {record.name for record in caplog.records} == {"pdsurrogate.run.simulate", "pdsurrogate.run.levels"}
+
+
+@pytest.mark.parametrize("drawn", [True, False])
+def test_progress_is_drawn_on_terminals_alone(monkeypatch, drawn):
+    file = io.StringIO()
+    monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=drawn, width=100))
+    monkeypatch.setattr(terminal.settings, "quiet", False)
+    with terminal.progress_bar("drawing") as told, terminal.status("busy"):
+        told(0.5, "residual 1e-3")
+    assert ("drawing" in file.getvalue()) == drawn
+    assert drawn or file.getvalue() == ""
+
+
+def test_a_narrow_terminal_cuts_nothing_of_progress(monkeypatch):
+    """In one line the time left was cut away, and the end of the state with it."""
+    file = io.StringIO()
+    monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=True, width=50))
+    monkeypatch.setattr(terminal.settings, "quiet", False)
+    state = "3 of 12 cases, 14.2 cases/min, now neo-hookean, sheets: a long title of a hard case [0, 1]"
+    with terminal.Bar() as bar:
+        bar.add_task("Hard cases", completed=0.25, total=1.0, state=state)
+    drawn = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", file.getvalue())
+    assert state in " ".join(drawn.split())
+    assert re.search(r"Hard cases .* 0:00:00 -:--:--", drawn)
+
+
+def test_rates_are_by_the_second_or_by_the_minute(monkeypatch):
+    now = [10.0]
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: now[0])
+    rate = terminal.Rate("runs")
+    assert rate.after(0) == ""
+    now[0] = 20.0
+    assert rate.after(5) == ", 30 runs/min"
+    assert rate.after(50) == ", 5 runs/s"
+    rate = terminal.Rate("runs", 50)
+    now[0] = 21.0
+    assert rate.after(52) == ", 2 runs/s"
+
+
+def test_laws_of_the_users_own(own_law):
+    options = ["--import", own_law]
+    assert "doubled" in invoke("materials", *options).stdout
+    done = invoke("run", "uniaxial", *FAST, "--set", "material=doubled", "--force", "nosb", *options)
+    assert done.exit_code == 0, done.output
+    # Given again, it is the same law.
+    assert invoke("materials", *options).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "there is no such Python file"),
+        ("x = ", "SyntaxError"),
+        ("import nowhere_at_all", "ModuleNotFoundError: No module named 'nowhere_at_all'"),
+        ("x = 1", "it defines no law"),
+        (OWN_LAW.replace('"doubled"', '"gent"'), "there is a law 'gent' already; give Doubled another name"),
+    ],
+)
+def test_modules_without_laws_are_told_in_one_line(tmp_path, content, message):
+    path = tmp_path / f"own_{abs(hash(content))}.py"
+    if content is not None:
+        path.write_text(content)
+    done = invoke("materials", "--import", path)
+    sys.modules.pop(path.stem, None)
+    assert done.exit_code == 2
+    assert message in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_scene_to_start_from(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert invoke("new", "my_scene.toml").exit_code == 0
+    scene = pds.load_scene("my_scene.toml")
+    assert scene.name == "my_scene"
+    assert (tmp_path / "my_scene.toml").read_text().count("#") > 15
+    done = invoke("run", "my_scene.toml", "--set", "spacing=0.2", "--set", "steps=0.2", "--set", "probes=[]")
+    assert done.exit_code == 0, done.output
+    for name, message in (("my_scene.toml", "choose another name"), ("my_scene", "ends in .toml")):
+        again = invoke("new", name)
+        assert again.exit_code == 2
+        assert message in again.stderr
+
+
+def test_commands_keep_to_the_threads_that_are_asked_for():
+    all_of_them = most_threads()
+    with at_most(1):
+        assert (most_threads(), threads_for(10**9)) == (1, 1)
+        with pytest.raises(ValueError, match="threads must be between 1 and 1"), at_most(2):
+            pass
+    assert most_threads() == all_of_them
+    for command in ("compare", "stress-test", "run"):
+        done = invoke(command, *(["uniaxial"] if command == "run" else ["--quick"]), "--threads", 10_000)
+        assert done.exit_code == 2
+        assert "threads must be between" in done.stderr
+
+
+def test_warnings_are_said_in_one_line_without_the_place_in_the_source(capsys):
+    with warnings_as_lines():
+        for kind in (Oversubscribed, OutsideDomainWarning, UserWarning):
+            warnings.warn(f"of kind [{kind.__name__}]", kind, stacklevel=1)
+    told = capsys.readouterr().err.splitlines()
+    assert told == [f"pdsurrogate: of kind [{name}]" for name in ("Oversubscribed", "OutsideDomainWarning", "UserWarning")]
+
+
+def test_training_says_how_far_it_is(monkeypatch, tmp_path):
+    """A minute of training said nothing but that it went on: rate, time left and loss, on terminals alone."""
+    file = io.StringIO()
+    monkeypatch.setenv("PDSURROGATE_ARTIFACTS", str(tmp_path))
+    monkeypatch.setattr(terminal, "err", Console(file=file, force_terminal=True, width=160))
+    monkeypatch.setattr(terminal, "SOONEST", 0.0)  # so small a training may be over before
+    done = invoke("fit", "mine", "--units", 4, "--samples", 300, "--greatest", 1.5, "--iterations", 30, "--folds", 2)
+    assert done.exit_code in (0, 1), done.output
+    for words in ("Fitting", "Cross-validating", "fold 2 of 2", r"iteration \d+ of at most 30, loss \d\.\d+e-\d+, [\d.e+]+ iterations/s"):
+        assert re.search(words, file.getvalue())

@@ -1,0 +1,350 @@
+"""What the geometry of a scene does to its results: meshes and their groups, outlines that cross, supports at a place, folded corners."""
+
+import matplotlib
+import numpy as np
+import pytest
+from meshes import write_bar, write_triangles
+
+import pdsurrogate as pds
+from pdsurrogate.discretisation import discretise
+from pdsurrogate.forces import InvalidState
+from pdsurrogate.results import views
+from pdsurrogate.run.run import Run, Silent
+from pdsurrogate.solvers.conditions import FoldedOver
+
+matplotlib.use("Agg")
+
+RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 100.0}
+CLAMPED = {"x1": 0.0, "x2": 0.0}
+
+
+def run_of(**fields):
+    scene = pds.Scene(**{"name": "trial", "material": RUBBER, "steps": (1.0,), **fields})
+    return Run(scene, pds.load_surrogate("bond-energy"), Silent())
+
+
+def cantilever(body, **fields):
+    """Displacement of the tip of a body of 2 x 1 that a traction bends, and what is told of the body."""
+    conditions = {
+        "prescribed": ({"region": "left", **CLAMPED},),
+        "loads": ({"region": "right", "traction": (0.0, -0.02)},),
+        "probes": ({"name": "tip", "at": (2.0, 0.5)},),
+    }
+    scene = pds.Scene(name="bent", material=RUBBER, steps=(1.0,), body=body, **conditions, **fields)
+    result = pds.simulate(scene, "bond-energy")
+    return np.array(result.levels[-1]["probes"]["tip"]["displacement"]), result.summary
+
+
+def test_a_mesh_has_its_own_spacing(tmp_path):
+    """Triangles of 1/400 of the body make 800 points 0.05 apart, and the tip goes where that of a fine lattice does.
+
+    The tip of lattices at 0.1, 0.05 and 0.025 goes by 0.2485, 0.2516 and 0.2524: towards 0.2527.  A mesh of points as far apart as 0.05 is
+    allowed an error as large as that of a lattice at twice the spacing, 1.7 %; by a horizon of 3.15 times 0.1 it took 123 evaluations.
+    """
+    mesh = {"shape": "mesh", "file": str(write_triangles(tmp_path / "fine.vtu", 10))}
+    tip, summary = cantilever(mesh)
+    assert summary["spacing"] == pytest.approx(0.05)
+    assert summary["horizon"] == pytest.approx(3.15 * 0.05)
+    np.testing.assert_allclose(tip[1], -0.2527, rtol=0.017)
+    with pytest.warns(UserWarning, match=r"^scene bent: spacing: 0\.1 is not taken; the mesh has its own, 0\.05: leave spacing out$"):
+        told, summary = cantilever(mesh, spacing=0.1)
+    np.testing.assert_array_equal(told, tip)
+    assert summary["spacing"] == pytest.approx(0.05)
+
+
+def test_only_a_mesh_needs_no_spacing():
+    with pytest.raises(pds.SceneError, match="spacing: Field required"):
+        cantilever({"shape": "rectangle", "size": (2.0, 1.0)})
+    with pytest.raises(pds.SceneError, match="spacing: a number is needed; only a mesh has a spacing of its own"):
+        cantilever({"shape": "rectangle", "size": (2.0, 1.0)}, spacing=None)
+
+
+def test_small_cells_in_a_corner_do_not_make_the_horizon_of_a_mesh_small(tmp_path):
+    """Spacing is a mean over the body, not over its cells: 16 of which take 1/100 of it here."""
+    import meshio
+
+    squares, step = [], 0.1
+    places = [(i * step, j * step, step) for i in range(10) for j in range(10) if (i, j) != (0, 0)]
+    for x1, x2, side in [*places, *((i * step / 4, j * step / 4, step / 4) for i in range(4) for j in range(4))]:
+        squares.append([[x1, x2, 0], [x1 + side, x2, 0], [x1 + side, x2 + side, 0], [x1, x2 + side, 0]])
+    nodes = np.array(squares).reshape(-1, 3)
+    meshio.write(tmp_path / "graded.vtu", meshio.Mesh(nodes, [("quad", np.arange(len(nodes)).reshape(-1, 4))]))
+    fields = {"material": RUBBER, "steps": (1.0,), "prescribed": ({"region": "left", **CLAMPED},)}
+    body, _, _ = discretise(pds.Scene(name="graded", body={"shape": "mesh", "file": str(tmp_path / "graded.vtu")}, **fields))
+    assert body.spacing == pytest.approx(0.99 * 0.1 + 0.01 * 0.025)
+
+
+@pytest.fixture(scope="module")
+def bar(tmp_path_factory):
+    path = write_bar(tmp_path_factory.mktemp("meshes") / "bar.inp", (4, 2, 2))
+    return {"shape": "mesh", "dimension": 3, "file": str(path)}
+
+
+def pulled(bar, lower, upper, **fields):
+    held = {"x1": 0.0, "x2": 0.0, "x3": 0.0}
+    return {"body": bar, "prescribed": ({"region": lower, **held}, {"region": upper, **held, "x1": 0.2}), **fields}
+
+
+def test_groups_that_are_a_whole_face_are_held_as_that(bar):
+    """By reflection in its plane, to the same forces, and told by their names in letters that a table takes."""
+    by_name, by_group = (
+        pds.simulate(pds.Scene(name="bar", material=RUBBER, steps=(1.0,), **pulled(bar, *ends)), "bond-energy")
+        for ends in (("left", "right"), ({"group": "lower end"}, {"group": "upper"}))
+    )
+    assert len(by_group.body.planes) == 2
+    assert list(by_group.levels[-1]["forces"]) == ["lower_end", "upper"]
+    for name, group in (("left", "lower_end"), ("right", "upper")):
+        assert by_group.levels[-1]["forces"][group] == by_name.levels[-1]["forces"][name]
+    assert by_group.summary["n_force_evaluations"] == by_name.summary["n_force_evaluations"]
+
+
+def test_groups_that_are_a_part_of_a_face_hold_their_points(bar):
+    run = run_of(**pulled(bar, {"group": "part"}, {"and": [{"group": "upper"}]}))
+    assert [plane.side for plane in run.body.planes] == [1]
+    assert run.loading.names == ("part", "prescribed.1")
+    assert (run.loading.free[run.body.groups["part"]] == 0).all()
+    assert not run_of(**pulled(bar, {"group": "lower end"}, "right", support="points")).body.planes
+
+
+SQUARE = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
+STAR = tuple((float(np.cos(angle)), float(np.sin(angle))) for angle in np.pi / 2 + 0.8 * np.pi * np.arange(5))
+
+
+@pytest.mark.parametrize(
+    ("vertices", "message"),
+    [
+        (((0, 0), (2, 2), (2, 0), (0, 2)), r"crosses itself at \(1, 1\), where the sides that begin at corners 0 and 2 meet"),
+        (STAR, r"crosses itself at \(-0\.2245, 0\.309\), where the sides that begin at corners 0 and 2 meet"),
+        (SQUARE + SQUARE, r"runs around itself more than once, or crosses itself at a corner: it does so beside \(1, 0\)"),
+        (((0, 0), (1, 1), (2, 2), (2, 0), (1, 1), (0, 2)), r"runs around itself more than once, or crosses itself at a corner"),
+        # A side that goes through a corner where the outline does not cross, and on through another side.
+        (((0, 0), (4, 0), (4, 2), (1, 2), (3, -1), (2, -1), (0, 2)), r"crosses itself at \(2\.333, 0\)"),
+        (SQUARE + SQUARE[::-1], "the polygon has no area"),
+    ],
+)
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_outlines_that_cross_or_run_twice_are_refused(vertices, message, scale):
+    with pytest.raises(pds.SceneError, match=message if scale == 1 else message.split(" at ")[0].split(":")[0]):
+        pds.shapes.Polygon(vertices=[(scale * x1, scale * x2) for x1, x2 in vertices])
+
+
+@pytest.mark.parametrize(
+    "vertices",
+    [
+        SQUARE,
+        SQUARE[::-1],
+        (*SQUARE, SQUARE[0]),
+        ((0, 0), (1, 1), (2, 0), (2, 2), (1, 1), (0, 2)),  # two triangles that touch
+        ((0, 0), (2, 0), (2, 2), (1, 0), (0, 2)),  # a corner that touches a side
+        ((0, 0), (3, 0), (3, 3), (0, 3), (0, 0), (1, 1), (1, 2), (2, 2), (2, 1), (1, 1)),  # an opening, and the way to it and back
+    ],
+)
+def test_outlines_that_touch_themselves_are_taken(vertices):
+    assert pds.shapes.Polygon(vertices=vertices).shape == "polygon"
+    assert pds.shapes.Polygon(vertices=[(x1 + 1e6, x2 - 1e6) for x1, x2 in vertices]).shape == "polygon"
+
+
+def test_supports_on_an_axis_do_not_turn_the_body():
+    """An eccentric ring, symmetric about x1, on points 0.2 apart: by the one point above the axis that is nearest it turned by 0.0027.
+
+    Both halves are then mirror images but for the residual, 1e-6 of the shear modulus over the spacing: turns are far below 1e-5.  It
+    takes 24 evaluations, as many as with one point held; with a preconditioner that knows only the held point it took 133.
+    """
+    places = {"north": (0.0, 1.8), "south": (0.0, -1.8)}
+    scene = pds.Scene(
+        name="ring",
+        spacing=0.2,
+        horizon_ratio=2.15,
+        body={"shape": "circle", "radius": 2.0},
+        holes=({"shape": "circle", "radius": 1.0, "centre": (0.3, 0.0)},),
+        material=RUBBER,
+        loads=({"region": "holes", "pressure": 0.15},),
+        prescribed=({"region": {"near": (1.6, 0.0)}, **CLAMPED}, {"region": {"near": (-1.5, 0.0)}, "x2": 0.0}),
+        probes=[{"name": name, "at": at} for name, at in places.items()],
+        steps=(1.0,),
+    )
+    result = pds.simulate(scene)
+    probes = result.levels[-1]["probes"]
+    assert result.summary["n_force_evaluations"] < 50
+    north, south = (np.array(probes[name]["displacement"]) for name in places)
+    assert abs(north[0] - south[0]) / 3.6 < 1e-5
+    assert abs(north[1] + south[1]) < 1e-5
+    assert north[1] > 0.05
+
+
+def test_a_support_at_a_place_keeps_nothing_from_turning():
+    """The four points around a corner of cells are one support: they keep the body where they are, and a second one from turning."""
+    sheet = {"body": {"shape": "rectangle", "size": (1.2, 1.0)}, "spacing": 0.1}
+    pin = {"region": {"near": (0.6, 0.5)}, **CLAMPED}
+    with pytest.raises(pds.SceneError, match="nothing keeps the body from turning"):
+        run_of(**sheet, prescribed=(pin,))
+    run = run_of(**sheet, prescribed=(pin, {"region": {"near": (0.05, 0.5)}, "x2": 0.0}))
+    assert (run.loading.free == 0).sum(axis=0).tolist() == [1, 2]
+    dynamics = {"to": 1.0, "dynamics": {"duration": 1.0, "density": 1.0}}
+    with pytest.raises(pds.SceneError, match=r"^scene trial: prescribed.0.region: 4 points are equally near to this place"):
+        run_of(**sheet, prescribed=(pin,), steps=(dynamics,))
+
+
+def test_a_beam_on_two_supports_at_places():
+    """A beam of 4 x 1 under its weight of 0.016: each carries half of it, at the mean of its two points, half a cell inside the end.
+
+    Held at both points in both components, one of them carried 7 % more than the other: it kept its end from turning.  Forces balance to
+    the residual, 1e-6 of mu/spacing in force density: on 128 points of 1/16 it is worth less than 2e-5 of the weight and its moment.
+    """
+    scene = pds.Scene(
+        name="beam",
+        spacing=0.25,
+        body={"shape": "rectangle", "size": (4.0, 1.0), "lower": (0.0, -0.5)},
+        material=RUBBER,
+        prescribed=(
+            {"region": {"near": (0.0, 0.0)}, **CLAMPED, "name": "pin"},
+            {"region": {"near": (4.0, 0.0)}, "x2": 0.0, "name": "roller"},
+        ),
+        loads=({"body_force": (0.0, -0.004)},),
+        solver={"tolerance": 1e-8},
+        steps=(1.0,),
+    )
+    result = pds.simulate(scene, "bond-energy")
+    level = result.levels[-1]
+    np.testing.assert_allclose(level["forces"]["pin"], [0.0, 0.008], atol=1e-6)
+    np.testing.assert_allclose(level["forces"]["roller"], [0.0, 0.008], atol=1e-6)
+    assert level["moments"]["pin"] == pytest.approx(0.125 * 0.008, abs=1e-6)
+    held = np.argsort(np.linalg.norm(result.body.points, axis=1))[:2]
+    np.testing.assert_allclose(result.field("displacement")[held].mean(axis=0)[:2], 0.0, atol=1e-12)
+
+
+def test_a_support_at_a_place_goes_where_it_is_told():
+    """A sheet is turned by 30 degrees, by a rotation at one place and by what that does at another: it turns rigidly."""
+    angle = np.radians(30)
+    turned = np.array([[np.cos(angle) - 1, -np.sin(angle)], [np.sin(angle), np.cos(angle) - 1]])
+    x1, x2 = turned @ [0.6, 0.0]
+    scene = pds.Scene(
+        name="sheet",
+        spacing=0.1,
+        body={"shape": "rectangle", "size": (1.2, 1.0), "lower": (-0.6, -0.5)},
+        material=RUBBER,
+        prescribed=(
+            {"region": {"near": (0.0, 0.0)}, "rotation": 30.0, "about": (0.0, 0.0)},
+            {"region": {"near": (0.5, 0.0)}, "x1": float(x1 * 5 / 6), "x2": float(x2 * 5 / 6)},
+        ),
+        steps=(1.0,),
+    )
+    result = pds.simulate(scene, "bond-energy")
+    moved = result.field("displacement")[:, :2]
+    # What is prescribed at the second place is that at 0.5; its four points have their mean there.
+    np.testing.assert_allclose(moved, result.body.points @ turned.T, atol=1e-4)
+
+
+def gasket(**changes):
+    """Half of a block bonded to two plates, a quarter of it by symmetry."""
+    rollers = {"region": "top", "x2": -0.15}, {"region": "right", "x1": 0.0}
+    fields = {
+        "name": "gasket",
+        "spacing": 0.05,
+        "plane": "strain",
+        "body": {"shape": "rectangle", "size": (0.6, 0.5)},
+        "material": RUBBER,
+        "prescribed": ({"region": "bottom", **CLAMPED}, *rollers),
+        "steps": ({"to": 1.0, "largest_increment": 0.25},),
+    }
+    return pds.Scene(**{**fields, **changes})
+
+
+def test_a_corner_that_folds_over_the_plate_is_told():
+    with pytest.raises(pds.SimulationFailed) as caught:
+        pds.simulate(gasket())
+    told = str(caught.value)
+    assert "beyond the bottom edge" in told
+    assert "the free side beside it bulges over what it is bonded to" in told
+    assert "contact is not followed, and a finer spacing shows the fold sooner" in told
+    assert "take a finer spacing" not in told
+
+
+@pytest.mark.parametrize("changes", ["slides", "hollow"])
+def test_what_helps_a_corner_that_folds(changes):
+    """What the message says: a free plate, and a free side that is hollow by 0.15 of the height of the whole gasket, 1."""
+    if changes == "slides":
+        rollers = [{"region": edge, "x2": value} for edge, value in (("bottom", 0.0), ("top", -0.15))]
+        scene = gasket(prescribed=(*rollers, {"region": "right", "x1": 0.0}))
+    else:
+        hollow = [(float(0.6 * height * (1 - height)), float(height)) for height in np.linspace(0.5, 0.0, 11)]
+        scene = gasket(body={"shape": "polygon", "vertices": ((0.0, 0.0), (0.6, 0.0), (0.6, 0.5), *hollow[:-1])})
+    assert pds.simulate(scene).summary["converged"]
+
+
+def test_only_beside_a_free_side_of_what_is_bonded_a_point_beyond_is_a_fold():
+    run = Run(gasket(), pds.load_surrogate("bond-energy"), Silent())
+    for point, fold in ((0, True), (6, False)):  # in the corner; in the middle of the bottom, five cells from the free side
+        positions = run.body.points.copy()
+        positions[point, 1] = -0.001
+        with pytest.raises(InvalidState) as caught:
+            run.loading.check_inside(0.0, run.force, positions)
+        assert isinstance(caught.value, FoldedOver) == fold
+        assert ("free side" in str(caught.value)) == fold
+
+
+def test_probes_that_the_body_hides_are_told_in_the_preview():
+    """The eye looks from the front right and above, at the sides where x1 and x3 are greatest and x2 is least."""
+    middles = {"right": (1, 0.5, 0.5), "bottom": (0.5, 0, 0.5), "front": (0.5, 0.5, 1)}
+    hidden = {"left": (0, 0.5, 0.5), "top": (0.5, 1, 0.5), "back": (0.5, 0.5, 0), "inner": (0.5, 0.5, 0.5)}
+    scene = pds.Scene(
+        name="cube",
+        spacing=0.25,
+        body={"shape": "box", "size": (1, 1, 1)},
+        material=RUBBER,
+        prescribed=({"region": "back", "x1": 0.0, "x2": 0.0, "x3": 0.0},),
+        probes=[{"name": name, "at": at} for name, at in {**middles, **hidden}.items()],
+        steps=(1.0,),
+    )
+    texts = {text.get_text().strip() for text in pds.preview(scene).axes[0].texts}
+    assert texts >= {*middles, *(f"{name} (hidden)" for name in hidden)}
+
+
+def test_the_section_of_a_picture_is_called_deformed():
+    scene = pds.load_scene("bonded-block", spacing=0.25)
+    body, _, _ = discretise(scene)
+    figure = views.contour_figure([(body.cells, np.zeros_like(body.cells.nodes))], [np.zeros(len(body))], "u", ["at rest"])
+    titles = [axis.get_title() for axis in figure.axes]
+    assert any(title.startswith("deformed section, at rest at x") for title in titles)
+    assert not any("undeformed" in title for title in titles)
+
+
+def test_bodies_in_pieces_that_are_all_held_are_remarked_on():
+    cut = {"start": (-0.1, 0.5), "end": (1.3, 0.5)}
+    sheet = {"body": {"shape": "rectangle", "size": (1.2, 1.0)}, "spacing": 0.1, "precuts": (cut,)}
+    message = "the body is in 2 pieces with no bonds between them, as where a cut goes all the way"
+    with pytest.warns(UserWarning, match=message):
+        run_of(**sheet, prescribed=({"region": "left", **CLAMPED},))
+    grips = {"grips": ({"edge": "left"}, {"edge": "right", "travel": 1.0}), "stretches": (1.1,), "steps": ()}
+    with pytest.warns(UserWarning, match=message):
+        run_of(**sheet, **grips)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"prescribed": ({"region": "left", "x1": 0.0},)}, "prescribed: nothing keeps the body from moving along x2"),
+        ({"prescribed": ({"region": "left", **CLAMPED}, {"region": "bottom", "x1": 0.1})}, "prescribed.0 and prescribed.1 move point 0"),
+        ({"loads": ({"region": "left", "traction": (1.0, 0.0)},)}, "loads.0.region: it takes in facets of the left edge, which is held by"),
+        ({"body": {"shape": "circle", "radius": 0.5}}, "prescribed: the body has no straight edge with material at its left end"),
+        ({"spacing": 1e-7}, "spacing 1e-07 makes 1.2e+14 points"),
+    ],
+)
+def test_the_preview_refuses_what_a_run_refuses(changes, message):
+    sheet = {"body": {"shape": "rectangle", "size": (1.2, 1.0)}, "spacing": 0.1, "prescribed": ({"region": "left", **CLAMPED},)}
+    scene = pds.Scene(name="sheet", material=RUBBER, steps=(1.0,), **{**sheet, **changes})
+    told = []
+    for look in (pds.preview, lambda scene: Run(scene, pds.load_surrogate("bond-energy"), Silent())):
+        with pytest.raises(pds.SceneError) as caught:
+            look(scene)
+        told.append(str(caught.value))
+    assert told[0] == told[1]
+    assert message in told[0]
+
+
+def test_where_a_mesh_is_too_coarse_nobody_is_told_to_take_a_smaller_spacing(tmp_path):
+    """Four squares in a row: their points lie on one line."""
+    mesh = {"shape": "mesh", "file": str(write_triangles(tmp_path / "coarse.vtu", 1, (1.0, 1.0)))}
+    with pytest.raises(pds.SceneError, match="take a finer mesh, of cells of about one size") as caught:
+        run_of(body=mesh, prescribed=({"region": "left", **CLAMPED}, {"region": "right", "x1": 0.1}))
+    assert "smaller spacing" not in str(caught.value)

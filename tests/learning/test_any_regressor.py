@@ -1,0 +1,455 @@
+"""Regressors of any make as surrogates: what is taken over is exact, what is resampled says by how much it is off."""
+
+import numpy as np
+import pytest
+from conftest import needs_torch
+from sklearn import config_context
+from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.ensemble import GradientBoostingRegressor, RandomForestRegressor
+from sklearn.kernel_ridge import KernelRidge
+from sklearn.linear_model import LinearRegression, LogisticRegression, Ridge
+from sklearn.model_selection import GridSearchCV, KFold
+from sklearn.multioutput import MultiOutputRegressor
+from sklearn.neural_network import MLPRegressor
+from sklearn.pipeline import Pipeline, make_pipeline
+from sklearn.preprocessing import FunctionTransformer, MinMaxScaler, PolynomialFeatures, StandardScaler
+
+import pdsurrogate as pds
+from pdsurrogate.artifacts import ArtifactError
+from pdsurrogate.forces import Domain, NetworkForce, SplineForce
+from pdsurrogate.forces.kernel_values import kernel_bond_force, kernel_tractions
+from pdsurrogate.learning import surrogate_of
+from pdsurrogate.learning.bond_force import BOND_FORCE
+from pdsurrogate.learning.export import force_of, taken_over
+from pdsurrogate.learning.resampling import fitted_spline, greatest_jump
+from pdsurrogate.learning.sampling import COLUMNS, TARGETS
+
+LAW = pds.materials.Ogden()
+GRID = "regressor__regressor__regressor"
+
+
+@pytest.fixture(scope="module")
+def samples():
+    return pds.training_samples(LAW, 1500, (0.6, 2.5), random_state=0)
+
+
+def fitted(samples, regressor, features="isochoric", **weights):
+    return pds.surrogate_pipeline(regressor, features=features).fit(samples.X, samples.y, **weights)
+
+
+def agreement(surrogate, model, samples) -> float:
+    """RMS of the difference over the RMS of the force."""
+    right = model.predict(samples.X)
+    return float(np.sqrt(((surrogate.bond_force(*samples.X.T) - right) ** 2).sum() / (right**2).sum()))
+
+
+class Quadratic(RegressorMixin, BaseEstimator):
+    """Smooth, and of a make that nobody knows."""
+
+    def fit(self, X, y):
+        self.model_ = make_pipeline(PolynomialFeatures(6), LinearRegression()).fit(X, y)
+        self.n_features_in_ = X.shape[1]
+        return self
+
+    def predict(self, X):
+        return self.model_.predict(X)
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.target_tags.multi_output = True
+        return tags
+
+
+@pytest.mark.parametrize("degree", [0, 3])
+def test_a_cubic_is_a_spline_of_it_exactly(degree):
+    """Cubics lie in the space of cubic splines: least squares give them back."""
+    low, high = np.array([-1.0, 0.5]), np.array([2.0, 3.0])
+
+    def cubic(x):
+        return np.stack([x[:, 0] ** degree - x[:, 1], 2 * x[:, 1] ** degree + x[:, 0] * x[:, 1]], axis=1)
+
+    spline, values = fitted_spline(cubic, low, high, 6)
+    force = SplineForce("x", "isochoric", np.zeros(2), Domain(0.5, 2, 0.9, 1.1), "ogden", {}, spline.low, spline.step, spline.coefficients)
+    x = low + (high - low) * np.random.default_rng(0).random((200, 2))
+    np.testing.assert_allclose(force.outputs(x), cubic(x), atol=1e-11)
+    assert greatest_jump(cubic, low, high, values) < 1e-5
+    beyond = np.array([[-9.0, 0.5], [2.0, 99.0], [np.nan, 0.5]])
+    np.testing.assert_allclose(force.outputs(beyond), cubic(np.array([[-1.0, 0.5], [2.0, 3.0], [-1.0, 0.5]])), atol=1e-11)
+
+
+@pytest.mark.parametrize("cells", [(1, 7), (12, 5)])
+def test_spline_kernels_of_two_features(random, cells):
+    """Random coefficients in both precisions, inside and outside the box, against NumPy."""
+    coefficients = random.standard_normal((2, *(count + 3 for count in cells)))
+    low, step = np.array([-1.0, 0.0]), np.array([2.0, 2.2]) / cells
+    model = SplineForce("x", "isochoric", np.array([0.1, -0.2]), Domain(0.5, 4, 0.7, 1.4), "ogden", {}, low, step, coefficients)
+    X = pds.training_samples(pds.materials.NeoHookean(), 600, random_state=1).X
+    exact = model.bond_force(*X.T)
+    for dtype in (np.float32, np.float64):
+        compiled = kernel_bond_force(model, LAW, dtype)(*X.T)
+        # Places within a cell are rounded at the size of the box, in cells.
+        assert np.abs(compiled - exact).max() < 100 * max(cells) * np.finfo(dtype).eps * np.abs(exact).max()
+
+
+@pytest.mark.slow  # a kernel of its own
+def test_spline_kernels_of_three_features(random, monkeypatch):
+    from dataclasses import replace
+
+    from pdsurrogate.kernels.feature_sets import FEATURE_SETS
+
+    isochoric = FEATURE_SETS["isochoric"]
+
+    def inputs(shared, a, b, U_mm, J, C33, length):
+        return a * a * C33, J, C33
+
+    monkeypatch.setitem(FEATURE_SETS, "three", replace(isochoric, names=("x", "y", "z"), inputs=inputs))
+    coefficients = random.standard_normal((2, 5, 7, 6))
+    low, step = np.array([0.0, 0.2, 0.1]), np.array([0.5, 1.0, 0.4])
+    model = SplineForce("x", "three", np.zeros(2), Domain(0.5, 4, 0.7, 1.4), "ogden", {}, low, step, coefficients)
+    X = pds.training_samples(pds.materials.NeoHookean(), 600, random_state=1).X
+    exact = model.bond_force(*X.T)
+    for dtype in (np.float32, np.float64):
+        assert np.abs(kernel_bond_force(model, LAW, dtype)(*X.T) - exact).max() < 1000 * np.finfo(dtype).eps * np.abs(exact).max()
+
+
+NETWORK = {"solver": "lbfgs", "max_iter": 30, "random_state": 0}
+
+
+@pytest.mark.parametrize(
+    "regressor",
+    [
+        MLPRegressor(hidden_layer_sizes=(6, 5, 4), activation="tanh", **NETWORK),
+        make_pipeline(MinMaxScaler(), MLPRegressor(hidden_layer_sizes=(8,), activation="relu", **NETWORK)),
+        make_pipeline(PolynomialFeatures(1, include_bias=False), MLPRegressor(hidden_layer_sizes=(8,), activation="logistic", **NETWORK)),
+    ],
+    ids=["three layers", "another scaler", "affine features"],
+)
+@pytest.mark.filterwarnings("ignore:lbfgs")
+def test_networks_are_taken_over_exactly(samples, regressor):
+    model = fitted(samples, regressor)
+    surrogate, report = taken_over(model, LAW, BOND_FORCE.domain(LAW, samples), "x")
+    assert isinstance(surrogate, NetworkForce)
+    assert report == {}
+    assert agreement(surrogate, model, samples) < 1e-7  # of the logistic function, which the kernels have to 1e-8
+
+
+@needs_torch
+def test_a_network_of_torch_by_skorch_is_taken_over(samples):
+    import skorch
+    import torch
+
+    torch.manual_seed(0)
+
+    def module():
+        return torch.nn.Sequential(torch.nn.Linear(2, 8), torch.nn.Tanh(), torch.nn.Linear(8, 6), torch.nn.Tanh(), torch.nn.Linear(6, 2))
+
+    net = skorch.NeuralNetRegressor(module, max_epochs=2, lr=0.01, train_split=None, verbose=0)
+    single = FunctionTransformer(np.float32)
+    model = pds.surrogate_pipeline(make_pipeline(single, net), features="isochoric")
+    model.set_params(
+        regressor__regressor__transformer=make_pipeline(StandardScaler(), FunctionTransformer(np.float32)),
+        regressor__regressor__check_inverse=False,
+    )
+    model.fit(samples.X, samples.y)
+    surrogate, report = taken_over(model, LAW, BOND_FORCE.domain(LAW, samples), "x")
+    assert isinstance(surrogate, NetworkForce)
+    assert report == {}
+    assert agreement(surrogate, model, samples) < 1e-5  # torch predicts in single precision
+
+
+@pytest.mark.parametrize(
+    "regressor", [Quadratic(), KernelRidge(kernel="rbf", alpha=1e-4, gamma=0.1), make_pipeline(PolynomialFeatures(5), Ridge(1e-6))], ids=str
+)
+def test_smooth_functions_are_resampled_to_the_tolerance(samples, regressor):
+    model = fitted(samples, regressor)
+    surrogate, report = taken_over(model, LAW, BOND_FORCE.domain(LAW, samples), "x")
+    assert isinstance(surrogate, SplineForce)
+    assert report["jump"] == 0
+    assert agreement(surrogate, model, samples) == pytest.approx(report["rms"])
+    assert report["rms"] < 2e-5
+    for dtype in (np.float32, np.float64):
+        assert (kernel_tractions(surrogate, LAW, dtype, 1.0, 0.0, 0.5, 1.0, 1.0) == 0).all()
+
+
+@pytest.mark.parametrize(
+    "regressor", [RandomForestRegressor(20, random_state=0), GradientBoostingRegressor(n_estimators=60, random_state=0)], ids=str
+)
+def test_steps_of_trees_are_found_and_smoothed(samples, regressor):
+    model = fitted(samples, regressor)
+    surrogate, report = taken_over(model, LAW, BOND_FORCE.domain(LAW, samples), "x")
+    assert report["jump"] > 0.01
+    assert report["rms"] == pytest.approx(agreement(surrogate, model, samples))
+    assert report["rms"] < 0.1
+    boosted = isinstance(regressor, GradientBoostingRegressor)  # which takes one target
+    assert isinstance(model.regressor_[-1].regressor_, MultiOutputRegressor) == boosted
+
+
+@pytest.mark.parametrize("features", ["symmetric", "paper"])
+def test_what_sees_more_than_three_features_is_resampled_as_a_function_of_bonds(samples, features):
+    """Of a cubic in four or five features the force is not isotropic; what is left of it is the error that is stated."""
+    model = fitted(samples, make_pipeline(PolynomialFeatures(3), Ridge(1e-6)), features)
+    surrogate, report = taken_over(model, LAW, BOND_FORCE.domain(LAW, samples), "x")
+    assert surrogate.feature_set == "isochoric"
+    assert report["rms"] == pytest.approx(agreement(surrogate, model, samples), rel=1e-6)
+    assert report["rms"] < 0.2
+
+
+def test_a_force_of_python_is_resampled(samples):
+    """The exact force itself: what is left is the error of resampling, on and off plane stress."""
+    exact = pds.AnalyticBondForce(LAW)
+
+    class Mine:
+        def bond_force(self, stretch, rotation, length, C33, J):
+            return exact.bond_force(stretch, rotation, length, C33, J)
+
+    surrogate, report = taken_over(Mine(), LAW, BOND_FORCE.domain(LAW, samples), "x", samples.X)
+    assert report["model"] == "Mine"
+    assert np.abs(surrogate.bond_force(*samples.X.T) - samples.y).max() < 1e-3 * np.abs(samples.y).max()
+    assert report["rms"] < 1e-4
+
+
+def test_a_plain_pipeline_of_bonds_is_stored_with_its_samples(samples, tmp_path):
+    """Fitted to the five bond quantities and nothing of the package; by itself it does not say where it holds."""
+    model = make_pipeline(StandardScaler(), PolynomialFeatures(5), Ridge(1e-6)).fit(samples.X, samples.y)
+    with pytest.raises(ValueError, match="does not say which stretches it was fitted to: fit it within a surrogate_pipeline"):
+        pds.simulate("uniaxial", model)
+    card = pds.load_card(pds.store(model, samples, LAW, tmp_path, "plain", "1", "plain"))
+    assert card.training["resampling"]["rms"] < 0.1
+    assert card.training["regressor"] == "Pipeline(Ridge)"
+    assert pds.evaluate(model, LAW, (0.6, 2.5), 500)["on_surface"]["rms"] < 0.1
+
+
+def test_a_search_goes_straight_into_storing_and_evaluation(samples, tmp_path):
+    search = GridSearchCV(
+        pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(), features="isochoric"), {f"{GRID}__degree": [2, 6]}, cv=3
+    )
+    search.fit(samples.X, samples.y)
+    card = pds.load_card(pds.store(search, samples, LAW, tmp_path, "searched", "1", "searched"))
+    assert [row[f"{GRID}__degree"] for row in card.training["search"]] == [2, 6]
+    assert card.training["parameters"] == {"degree": 6}
+    assert pds.evaluate(search, LAW, (0.6, 2.5), 500) == pds.evaluate(search.best_estimator_, LAW, (0.6, 2.5), 500)
+    search.refit = False
+    with pytest.raises(ValueError, match="keeps no fitted model: give it refit=True"):
+        pds.evaluate(GridSearchCV(search.estimator, search.param_grid, cv=2, refit=False).fit(samples.X, samples.y), LAW)
+
+
+def test_artefacts_and_names_are_evaluated_as_well(samples, tmp_path):
+    path = pds.store(fitted(samples, pds.learning.ChebyshevRegressor(6)), samples, LAW, tmp_path, "mine", "1", "x")
+    report = pds.evaluate(path, LAW, n_samples=500)
+    assert report["stretch_range"] == [0.6, 2.5]
+    assert pds.evaluate("analytic", LAW, (0.6, 2.5), 300)["on_surface"]["max"] < 1e-13
+    assert "energy_rms" in pds.evaluate("ogden-isochoric", LAW, n_samples=300)["on_surface"]
+    with pytest.raises(TypeError, match="nosb has no bond force of its own"):
+        pds.evaluate("nosb", LAW)
+
+
+def test_a_forest_runs_from_its_artefact(samples, tmp_path):
+    model = fitted(samples, RandomForestRegressor(50, min_samples_leaf=2, random_state=0))
+    path = pds.store(model, samples, LAW, tmp_path, "forest", "1", "trees")
+    scene = pds.load_scene("uniaxial", spacing=0.2, stretches=1.4, material="ogden")
+    stress = [pds.simulate(scene, force).levels[0]["nominal_stress_error"] for force in (path, model)]
+    assert abs(stress[0]) < 0.05
+    assert stress[1] == pytest.approx(stress[0], abs=5e-3)  # another domain: that of its samples
+
+
+@pytest.mark.parametrize(
+    ("regressor", "message"),
+    [
+        (LogisticRegression(), "LogisticRegression is no regressor with fit and predict"),
+        (StandardScaler(), "StandardScaler is no regressor"),
+        (Ridge, "Ridge is no regressor .*; give an instance of it"),
+        (3, "int is no regressor"),
+    ],
+)
+def test_what_cannot_work_says_so_before_the_training(regressor, message):
+    with pytest.raises(ValueError, match=message):
+        pds.surrogate_pipeline(regressor, features="isochoric")
+
+
+def test_what_cannot_work_says_so_before_the_run(samples, tmp_path):
+    for columns in (3, 4):
+        with pytest.raises(ValueError, match=f"was fitted to {columns} features; taken are regressors of the five bond quantities"):
+            pds.store(LinearRegression().fit(samples.X[:, :columns], samples.y), samples, LAW, tmp_path, "x", "1", "x")
+    with pytest.raises(ValueError, match="not fitted"):
+        surrogate_of(pds.surrogate_pipeline(), LAW, samples)
+
+    class Holed:
+        def bond_force(self, stretch, rotation, length, C33, J):
+            return np.full((len(stretch), 2), np.nan)
+
+    with pytest.raises(ValueError, match=r"Holed: bond_force gives \(nan, nan\), which is not finite, at stretch = "):
+        pds.store(Holed(), samples, LAW, tmp_path, "x", "1", "x")
+    assert list(tmp_path.iterdir()) == []
+
+
+WEIGHTED = {
+    "a polynomial": pds.learning.ChebyshevRegressor(4),
+    "Levenberg-Marquardt": pds.LevenbergMarquardtRegressor((3,), "algebraic", max_iter=15, random_state=0),
+    "a pipeline": make_pipeline(PolynomialFeatures(2), Ridge(1.0)),
+    "one target at a time": GradientBoostingRegressor(n_estimators=3, random_state=0),
+    "drawn with replacement": RandomForestRegressor(3, random_state=0),
+    "a search": GridSearchCV(make_pipeline(PolynomialFeatures(1), Ridge()), {"ridge__alpha": [0.1, 1.0]}, cv=KFold(2)),
+    "torch": pytest.param(pds.TorchMLPRegressor((4,), max_epochs=3, random_state=0), marks=needs_torch),
+}
+
+
+def repeated(samples, stride=5):
+    """Weights of 0, 1, 2 and 3 for every fifth sample, and the copies that they stand for."""
+    X, y = samples.X[::stride], samples.y[::stride]
+    weights = (np.arange(len(X)) % 4).astype(float)
+    return X, y, weights, *(array.repeat(weights.astype(int), axis=0) for array in (X, y))
+
+
+@pytest.mark.parametrize("regressor", WEIGHTED.values(), ids=WEIGHTED)
+def test_a_weight_of_two_is_a_sample_twice_in_every_pipeline(samples, regressor):
+    """The same bits: scalings, splits and early stopping see the same samples.  Scalings took copies and no weights."""
+    model = pds.surrogate_pipeline(regressor, features="isochoric")
+    X, y, weights, copied_X, copied_y = repeated(samples)
+    right = clone(model).fit(copied_X, copied_y).predict(X)
+    assert np.abs(right - clone(model).fit(X, y).predict(X)).max() > 1e-8  # weights matter
+    within = Pipeline([("model", clone(model))])
+    for found in (
+        clone(model).fit(X, y, sample_weight=weights),
+        within.fit(X, y, model__sample_weight=weights),
+    ):
+        np.testing.assert_array_equal(found.predict(X), right)
+
+
+def test_a_weight_of_two_is_a_sample_twice_for_energies():
+    samples = pds.training_samples(LAW, 300, (0.7, 2.0), target="isochoric-energy")
+    model = pds.surrogate_pipeline(pds.learning.SobolevRegressor(3, max_iter=20, random_state=0), "isochoric-energy")
+    X, y, weights, copied_X, copied_y = repeated(samples, 1)
+    right = clone(model).fit(copied_X, copied_y).predict(X)
+    assert np.abs(right - clone(model).fit(X, y).predict(X)).max() > 1e-8
+    np.testing.assert_array_equal(clone(model).fit(X, y, sample_weight=weights).predict(X), right)
+    np.testing.assert_array_equal(clone(model).fit(X, y, sample_weight=np.ones(len(X))).predict(X), clone(model).fit(X, y).predict(X))
+
+
+def test_a_regressor_without_weights_refuses_them_by_name(samples):
+    with pytest.raises(TypeError, match="sample_weight"):
+        fitted(samples, Quadratic(), sample_weight=np.arange(len(samples)) * 1.0)
+
+
+def test_weights_need_no_knowledge_of_the_scalings_of_a_pipeline(samples):
+    """``set_fit_request(sample_weight=True)`` ended in an error that asked for requests of the scaler."""
+    model, weights = pds.surrogate_pipeline(Ridge(1.0), features="isochoric"), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
+    right = clone(model).fit(samples.X, samples.y, sample_weight=weights).predict(samples.X)
+    with config_context(enable_metadata_routing=True):
+        itself = clone(model).fit(samples.X, samples.y, sample_weight=weights)
+        requested = clone(model).set_fit_request(sample_weight=True).set_score_request(sample_weight=False)
+        within = Pipeline([("model", requested)]).fit(samples.X, samples.y, sample_weight=weights)
+        search = GridSearchCV(requested, {"regressor__regressor__regressor__alpha": [1.0]}, cv=2)
+        search.fit(samples.X, samples.y, sample_weight=weights)
+        for found in (itself, within, search):
+            np.testing.assert_array_equal(found.predict(samples.X), right)
+
+
+def test_weights_are_routed_where_they_are_requested(samples):
+    model, weights = pds.surrogate_pipeline(Ridge(1.0), features="isochoric"), np.where(samples.X[:, 0] > 1.2, 3.0, 1.0)
+    model.set_params(regressor__scaling="passthrough", regressor__regressor__transformer=FunctionTransformer())
+    right = clone(model).fit(samples.X, samples.y, sample_weight=weights).predict(samples.X)
+    with config_context(enable_metadata_routing=True):
+        model.set_params(regressor__regressor__regressor=Ridge(1.0).set_fit_request(sample_weight=True))
+        within = Pipeline([("model", model)]).fit(samples.X, samples.y, sample_weight=weights)
+        np.testing.assert_allclose(within.predict(samples.X), right, rtol=1e-12)
+
+
+def test_frames_of_pandas_go_through_with_their_names(samples):
+    """Columns in, columns between the steps where `set_output` asks for them, and the numbers of arrays."""
+    pandas = pytest.importorskip("pandas")
+    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=TARGETS)
+    names = ["log Jbar", "tr Cbar/(2 Jbar) - 1"]
+    right = fitted(samples, Ridge(0.1)).predict(samples.X)
+    plain = pds.surrogate_pipeline(Ridge(0.1), features="isochoric")
+    framed = clone(plain)
+    framed.regressor.set_output(transform="pandas")
+    with config_context(transform_output="pandas"):
+        np.testing.assert_allclose(clone(plain).fit(X, y).predict(X), right, rtol=1e-12, atol=1e-12)
+    for model in (plain.fit(X, y), framed.fit(X, y)):
+        assert model.feature_names_in_.tolist() == list(COLUMNS)
+        np.testing.assert_allclose(model.predict(X), right, rtol=1e-12, atol=1e-12)
+        with pytest.raises(ValueError, match=r"X must have the columns stretch, .*, J, in any order, not stretch, .*, j"):
+            model.predict(X.rename(columns={"J": "j"}))
+    assert framed.regressor_[:-1].transform(X).columns.tolist() == names
+    assert framed.regressor_[-1].regressor_.feature_names_in_.tolist() == names
+    assert isinstance(surrogate_of(framed, LAW, samples), SplineForce)
+
+
+SHUFFLED = ["C33", "J", "rotation", "length", "stretch"]
+
+
+def test_columns_of_frames_are_told_by_their_names(samples):
+    """Columns in another order were taken by their places, and names of other things as well: both in silence."""
+    pandas = pytest.importorskip("pandas")
+    X, y = pandas.DataFrame(samples.X, columns=COLUMNS), pandas.DataFrame(samples.y, columns=TARGETS)
+    swapped, other = X[SHUFFLED], X.rename(columns={"J": "detF"})
+    model = pds.surrogate_pipeline(pds.learning.ChebyshevRegressor(4), features="isochoric")
+    right = clone(model).fit(X, y)
+    for found in (clone(model).fit(swapped, y[["t_tau", "t_n"]]), right):
+        np.testing.assert_array_equal(found.predict(swapped), right.predict(X))
+    with pytest.raises(ValueError, match=r"X must have the columns stretch, .*, in any order, not .*detF"):
+        clone(model).fit(other, y)
+    with pytest.raises(ValueError, match=r"X must have the columns stretch, .*, in any order, not .*more"):
+        right.predict(X.assign(more=1.0))
+    with pytest.raises(ValueError, match="y must have the columns t_n, t_tau, in any order, not t_n, force"):
+        clone(model).fit(X, y.rename(columns={"t_tau": "force"}))
+    energies = pds.training_samples(LAW, 100, (0.7, 2.0), target="isochoric-energy")
+    frame = pandas.DataFrame(energies.X[:, ::-1], columns=["I2bar", "I1bar"])
+    energy = pds.surrogate_pipeline(pds.learning.SobolevRegressor(2, max_iter=2, random_state=0), "isochoric-energy").fit(frame, energies.y)
+    np.testing.assert_array_equal(energy.predict(frame), energy.predict(frame[["I1bar", "I2bar"]]))
+
+
+def test_a_regressor_fitted_to_a_frame_by_itself_is_asked_in_its_order(samples):
+    pandas = pytest.importorskip("pandas")
+    X = pandas.DataFrame(samples.X, columns=COLUMNS)
+    alone = make_pipeline(PolynomialFeatures(2), LinearRegression())
+    model = clone(alone).fit(X[SHUFFLED], samples.y)
+    np.testing.assert_allclose(force_of(model)(*samples.X.T), model.predict(X[SHUFFLED]), rtol=1e-12)
+    with pytest.raises(ValueError, match=r"was fitted to the columns .*detF; taken are the five bond quantities stretch"):
+        force_of(clone(alone).fit(X.rename(columns={"J": "detF"}), samples.y))
+
+
+def test_a_search_over_features_and_widths_runs_as_it_is(samples, tmp_path):
+    """Models of several feature sets are the choices for the one step of a pipeline."""
+    networks = [pds.LevenbergMarquardtRegressor((units,), "algebraic", max_iter=80, random_state=0) for units in (2, 8)]
+    choices = [pds.surrogate_pipeline(network, features=features) for features in ("symmetric", "isochoric") for network in networks]
+    search = GridSearchCV(Pipeline([("model", choices[0])]), {"model": choices}, cv=2).fit(samples.X, samples.y)
+    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=1.3, material="ogden")
+    by_search, by_itself = (pds.simulate(scene, model).levels[0] for model in (search, search.best_estimator_[0]))
+    assert by_search["nominal_stress"] == by_itself["nominal_stress"]
+    assert abs(by_search["nominal_stress_error"]) < 0.02
+    assert pds.evaluate(search, LAW, (0.6, 2.5), 300)["on_surface"]["rms"] < 0.05
+    path = pds.store(search, samples, LAW, tmp_path, "found", None, "the best of four")
+    rows = pds.load_card(path).training["search"]
+    assert [row["model"].split(" features, ")[0] for row in rows] == ["symmetric", "symmetric", "isochoric", "isochoric"]
+    assert "hidden_layer_sizes=(8,)" in rows[1]["model"]
+
+
+def test_names_of_features_go_through(samples):
+    model = fitted(samples, make_pipeline(PolynomialFeatures(2), Ridge())).set_params()
+    names = ["log Jbar", "tr Cbar/(2 Jbar) - 1"]
+    assert model.regressor_[:-1].get_feature_names_out().tolist() == names
+    assert model.regressor_[:-1].set_output(transform="default").transform(samples.X).shape == (len(samples), 2)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"step": np.array([0.1, -0.1])}, "step must be positive"),
+        ({"low": np.zeros(3)}, "low has shape"),
+        ({"coefficients": np.zeros((2, 3, 9))}, "coefficients have shape"),
+        ({"coefficients": np.zeros((2, 1100, 1100))}, "at most 1048576 are taken"),
+        ({"feature_set": "symmetric"}, "a spline takes two or three features, symmetric are 4"),
+        ({"more": np.zeros(1)}, "payload has"),
+    ],
+)
+def test_plain_payloads_that_are_no_spline(samples, change, message):
+    model = surrogate_of(fitted(samples, Quadratic()), LAW, samples)
+    assert np.array_equal(SplineForce.from_payload("x", model.payload(), model.domain, "ogden", {}).coefficients, model.coefficients)
+    with pytest.raises(ValueError, match=message):
+        SplineForce.from_payload("x", {**model.payload(), **change}, model.domain, "ogden", {})
+
+
+def test_an_unknown_artefact_is_named():
+    with pytest.raises(ArtifactError, match="unknown force 'robber'"):
+        pds.evaluate("robber", LAW)

@@ -1,0 +1,336 @@
+"""The learnt isochoric energy: its samples and pipeline, its kernel against NumPy, the edge of its domain, and bodies."""
+
+import numpy as np
+import pytest
+from bodies import sheet
+from conftest import SHIPPED
+from typer.testing import CliRunner
+
+import pdsurrogate as pds
+from pdsurrogate.artifacts import load_surrogate
+from pdsurrogate.cli import app
+from pdsurrogate.engine.block_arrays import BLOCK
+from pdsurrogate.forces import Domain, ForceSettings, InvalidState, OutsideDomain, OutsideDomainWarning, Portion, bind_portions
+from pdsurrogate.kernels.domain import distance_coefficients
+from pdsurrogate.learning.isochoric import ISOCHORIC_ENERGY
+from pdsurrogate.materials import plane_strain, solid
+
+LAW = pds.materials.Ogden()
+NAMES = ("neo-hookean", "ogden", "arruda-boyce", "full-network")
+PLANES = {"strain": plane_strain, "space": solid}
+
+
+@pytest.fixture(scope="module")
+def ogden():
+    return load_surrogate(SHIPPED / "ogden-isochoric")
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    samples = pds.training_samples(LAW, 400, target="isochoric-energy")
+    return pds.surrogate_pipeline(pds.learning.SobolevRegressor(4, max_iter=200, random_state=0), "isochoric-energy").fit(
+        samples.X, samples.y
+    ), samples
+
+
+def states_of(stretches, plane, J):
+    """States of a response at isochoric principal stretches (n, 3); in plane strain the volume ratio follows from the third, 1/J^(1/3)."""
+    s = stretches**2 * J[:, None] ** (2 / 3)
+    if plane == "space":
+        return np.stack([s.sum(axis=1), s[:, 0] * s[:, 1] + s[:, 1] * s[:, 2] + s[:, 2] * s[:, 0], J])
+    return np.stack([s[:, 0] + s[:, 1], J, J])
+
+
+def kirchhoff(rows, squares, J, plane):
+    """Principal Kirchhoff stresses, shape (n, 2) in the plane or (n, 3), from the rows of a response and the squares of the stretches."""
+    p, q, r, _ = rows[..., None]
+    return p * squares[:, :2] + q if plane == "strain" else p * squares + q * J[:, None] + r * squares**2
+
+
+def drawn(n, plane, low=0.3, high=3.5, seed=3):
+    """States within a range of isochoric stretches, and the squares of their stretches."""
+    random = np.random.default_rng(seed)
+    logs = ISOCHORIC_ENERGY._draw_logs(random, n, low, high, 0.2)
+    J = random.uniform(0.9, 1.1, n)
+    if plane == "strain":
+        # The thickness is held: its isochoric stretch is J^(-1/3).
+        logs = np.stack([logs[:, 0], np.log(J) / 3 - logs[:, 0], -np.log(J) / 3], axis=1)
+    return states_of(np.exp(logs), plane, J), np.exp(2 * logs) * J[:, None] ** (2 / 3)
+
+
+def test_samples_are_the_energy_of_the_law():
+    """Derivatives of a law of invariants are its own; of principal stretches, differences of the energy."""
+    law = pds.materials.MooneyRivlin()
+    samples = pds.training_samples(law, 200, random_state=2, target="isochoric-energy")
+    np.testing.assert_allclose(samples.y.T, np.broadcast_arrays(*law.isochoric(*samples.X.T, law.parameters)[:3]), rtol=1e-9, atol=1e-12)
+    samples = pds.training_samples(LAW, 200, (0.4, 3.0), 0.0, target="isochoric-energy")
+    assert samples.stretches.min() >= 0.4
+    assert samples.stretches.max() <= 3.0
+    np.testing.assert_allclose(samples.stretches.prod(axis=1), 1, rtol=1e-12)
+    one, h = np.ones(len(samples)), 1e-5
+    for column, shift in ((1, (h, 0)), (2, (0, h))):
+        high, low = (solid.isochoric_response(LAW, *(samples.X + sign * np.array(shift)).T, one)[3] for sign in (1, -1))
+        inner = np.ptp(np.log(samples.stretches), axis=1) > 0.5  # where both steps are states
+        np.testing.assert_allclose(samples.y[inner, column], (high - low)[inner] / (2 * h), rtol=1e-3, atol=1e-4)
+
+
+def test_pipeline_and_surrogate_are_one_function(fitted, tmp_path):
+    model, samples = fitted
+    unseen = pds.training_samples(LAW, 500, random_state=5, target="isochoric-energy")
+    assert unseen.target.errors(model.predict(unseen.X), unseen)["rms"] < 2e-3
+    surrogate = pds.learning.surrogate_of(model, LAW, samples)
+    expected = model.predict(unseen.X)
+    np.testing.assert_allclose(np.stack(surrogate.isochoric_derivatives(*unseen.X.T), axis=1), expected, rtol=1e-9, atol=1e-11)
+    assert surrogate.isochoric_derivatives(3.0, 3.0)[0] == 0
+    path = pds.store(model, samples, LAW, tmp_path, "mine", "1", "test")
+    card = pds.load_card(path)
+    assert (card.kind, card.material.shape) == ("isochoric-network", LAW.shape)
+    np.testing.assert_array_equal(load_surrogate(path).hidden_weights, surrogate.hidden_weights)
+    assert list(model.regressor_[0].get_feature_names_out()) == ["log(I1bar/3)", "log(I2bar/3)"]
+
+
+def test_pipelines_of_other_energies_are_refused(fitted):
+    model, _ = fitted
+    with pytest.raises(ValueError, match="the pipeline predicts the target isochoric-energy, and the samples are of sheet-energy"):
+        pds.learning.surrogate_of(model, LAW, pds.training_samples(LAW, 10, target="sheet-energy"))
+    with pytest.raises(ValueError, match="I2bar must be positive"):
+        model.predict([[3.0, -1.0]])
+
+
+def test_laws_that_lock_are_learnt_as_far_as_they_go():
+    law = pds.materials.Gent(chain_limit=5.0)
+    low, high = pds.learning.reachable_stretches(law, (0.25, 4.0), target="isochoric-energy")
+    assert low > 0.25
+    assert high < 4.0
+    assert np.isfinite(pds.training_samples(law, 500, (low, high), target="isochoric-energy").y).all()
+    with pytest.raises(ValueError, match=r"gent ends before all states of stretches from 0\.25 to 4"):
+        pds.training_samples(law, 500, target="isochoric-energy")
+
+
+@pytest.mark.parametrize("bounds", [(0.4, 4.0), (0.05, 3.0), (0.25, 20.0)])
+def test_the_domain_is_told_from_the_invariants(bounds):
+    """A state is outside where one of its stretches is, also with bounds of which product 1 leaves one no work."""
+    logs = ISOCHORIC_ENERGY._draw_logs(np.random.default_rng(0), 20_000, 0.02, 30.0, 0.0)
+    squares = np.exp(2 * logs)
+    invariants = np.stack([np.ones(len(logs)), squares.sum(axis=1), (1 / squares).sum(axis=1)])
+    inside = (distance_coefficients(*bounds) @ invariants > 0).all(axis=0)
+    expected = (np.exp(logs) > bounds[0]).all(axis=1) & (np.exp(logs) < bounds[1]).all(axis=1)
+    edge = np.abs(logs[..., None] - np.log(bounds)).min(axis=(1, 2)) < 1e-9
+    np.testing.assert_array_equal(inside | edge, expected | edge)
+    assert 0.05 < expected.mean() < 0.95
+
+
+PRECISE = [("strain", "float64", 1e-10), ("space", "float64", 1e-10), ("space", "float32", 2e-5)]
+
+
+@pytest.mark.parametrize(("plane", "precision", "error"), PRECISE)
+def test_kernel_is_the_network(ogden, plane, precision, error):
+    """Energy and stress of the block function are those of NumPy, by the law's own expressions of W1 and W2.
+
+    In single precision within some forty roundings of 6e-8 of terms that are up to ten times their sum.
+    """
+    states, _ = drawn(200, plane)
+    found = ogden.isochoric_energy(LAW, plane, "extrapolate", precision).evaluate(*states)
+    own = PLANES[plane].isochoric_response
+    W, W1, W2 = ogden.isochoric_derivatives(*own.invariants(tuple(states)))
+    expected = own.of_invariants(tuple(states), (W, W1, W2, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    np.testing.assert_allclose(found, np.broadcast_arrays(*expected), rtol=error, atol=error)
+
+
+@pytest.mark.parametrize("plane", PLANES)
+@pytest.mark.parametrize("name", NAMES)
+def test_shipped_artefacts_are_as_exact_as_they_state(name, plane):
+    """Energy and stress are the law's, the latter within five times the greatest error that the card states: the states are others."""
+    model = load_surrogate(SHIPPED / f"{name}-isochoric")
+    law = pds.materials.LAWS[name]()
+    states, squares = drawn(200, plane)
+    found = model.isochoric_energy(law, plane, "extrapolate", "float64").evaluate(*states)
+    exact = np.array(PLANES[plane].isochoric_response(law, *states))
+    assert np.sqrt(((found[3] - exact[3]) ** 2).mean() / (exact[3] ** 2).mean()) < 5e-5
+    assert model.stated["rms"] < 1e-4
+    # Principal Kirchhoff stresses at the same stretches, over their root mean square.
+    errors, sizes = (kirchhoff(rows, squares, states[-1], plane) for rows in (found - exact, exact))
+    assert np.linalg.norm(errors, axis=1).max() < 5 * model.stated["max"] * np.sqrt((sizes**2).sum(axis=1).mean())
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_the_exact_energy_takes_over_without_a_jump(ogden, plane):
+    """Along a way out of the domain p, q, r are what the energy's differences say, and beyond it energy and stress are the law's."""
+    t = np.linspace(np.log(3.0), np.log(4.6), BLOCK)
+    J = np.full(BLOCK, 1.02)
+    logs = np.stack([t, -t if plane == "strain" else -t / 2, 0 * t if plane == "strain" else -t / 2], axis=1)
+    if plane == "strain":
+        logs[:, 1] += np.log(J) / 3
+        logs[:, 2] -= np.log(J) / 3
+    h = 1e-5
+    energy, exact = ogden.isochoric_energy(LAW, plane, "fallback", "float64"), PLANES[plane].isochoric_response
+    shift = h * (np.array([1, -1, 0]) if plane == "strain" else np.array([1, -0.5, -0.5]))
+    steps = [energy.evaluate(*states_of(np.exp(logs + sign * shift), plane, J))[3] for sign in (1, -1)]
+    states = states_of(np.exp(logs), plane, J)
+    p, q, r, W = energy.evaluate(*states)
+    s = np.exp(2 * logs) * J[:, None] ** (2 / 3)
+    stresses = kirchhoff(np.array([p, q, r, W]), s, J, plane)
+    np.testing.assert_allclose(stresses @ shift[: stresses.shape[1]] / h, (steps[0] - steps[1]) / (2 * h), rtol=1e-6)
+    far = np.exp(t) > 4.0
+    assert 40 < far.sum() < BLOCK - 40
+    np.testing.assert_allclose(np.array([p, q, r, W])[:, far], np.array(exact(LAW, *states))[:, far], rtol=1e-9, atol=1e-9)
+    inner = np.exp(t) < 3.7
+    np.testing.assert_array_equal(
+        ogden.isochoric_energy(LAW, plane, "extrapolate", "float64").evaluate(*states)[:, inner], np.array([p, q, r, W])[:, inner]
+    )
+    assert energy.count_outside() == 0  # of points' states, which are not the pairs'
+
+
+def block(plane, counts=6, reach=None):
+    if plane == "strain":
+        return sheet()
+    axis = (np.arange(counts) + 0.5) / counts
+    points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    return pds.Body(points, np.full(len(points), counts**-3.0), 1.75 / counts, 1 / counts)
+
+
+def wavy(points, stretch=1.6):
+    d = points.shape[1]
+    F = np.diag([stretch, *[stretch ** (-1 / (d - 1))] * (d - 1)])
+    return points @ F + 0.01 * np.sin(5 * np.roll(points, 1, axis=1))
+
+
+def evaluated(force, positions):
+    out = np.empty_like(force.body.points)
+    force(positions, out)
+    return out
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_one_artefact_serves_every_bulk_modulus(ogden, plane):
+    """Forces within ten times the stated error of the exact energy's, at K = 100 and 1000 mu, and the energy within it."""
+    body = block(plane)
+    for bulk in (100.0, 1000.0):
+        law = pds.materials.Ogden(bulk_modulus=bulk)
+        learnt, exact = (model.bind(body, law, ForceSettings(plane=plane)) for model in (ogden, pds.BondEnergyForce()))
+        found, expected = (evaluated(force, wavy(body.points)) for force in (learnt, exact))
+        assert np.abs(found - expected).max() < 10 * ogden.stated["max"] * np.abs(expected).max()
+        assert learnt.energy() == pytest.approx(exact.energy(), rel=ogden.stated["max"])
+        assert learnt.pairs_outside == 0
+        (found, energy), (expected, density) = (force.stress_and_energy() for force in (learnt, exact))
+        assert 0 < np.abs(found - expected).max() < 10 * ogden.stated["max"] * np.abs(expected).max()
+        np.testing.assert_allclose(energy, density, rtol=1e-3)
+        assert (learnt.learnt.domain_deviation() < 0).all()
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_policies_outside_the_domain(ogden, plane):
+    body = block(plane)
+    far = wavy(body.points, 5.0)
+
+    def bound(outside):
+        return ogden.bind(body, LAW, ForceSettings(plane=plane, outside=outside))
+
+    force = bound("fallback")
+    assert force.learnt.domain_deviation() == pytest.approx(-np.log(4.0))
+    exact = pds.BondEnergyForce().bind(body, LAW, ForceSettings(plane=plane))
+    np.testing.assert_allclose(evaluated(force, far), evaluated(exact, far), rtol=1e-9, atol=1e-9)
+    assert force.pairs_outside == len(body.bonds.first)
+    assert (force.learnt.domain_deviation() > 0).all()
+    np.testing.assert_allclose(force.stress_and_energy()[0], exact.stress_and_energy()[0], rtol=1e-9, atol=1e-9)
+    evaluated(force, wavy(body.points))
+    assert force.pairs_outside == len(body.bonds.first)
+    with pytest.raises(OutsideDomain, match="are outside the domain of ogden-isochoric@1"):
+        evaluated(bound("raise"), far)
+    with pytest.warns(OutsideDomainWarning, match="extrapolated"):
+        evaluated(bound("warn"), far)
+    assert np.isfinite(evaluated(bound("extrapolate"), far)).all()
+    with pytest.raises(InvalidState, match="inside out"):
+        evaluated(force, -far if plane == "space" else far * [-1, 1])
+
+
+def test_what_it_does_not_serve_it_says(ogden):
+    with pytest.raises(ValueError, match=r"ogden-isochoric@1 does not take plane=stress; it takes plane=strain\|space; force=analytic"):
+        ogden.bind(sheet(), LAW, ForceSettings())
+    with pytest.raises(ValueError, match="describes the law ogden, not gent"):
+        ogden.bind(block("space"), pds.materials.Gent(), ForceSettings(plane="space"))
+    with pytest.raises(ValueError, match=r"describes ogden with modulus_1 = 1\.49.*, not 1\.38"):
+        ogden.check_material(pds.materials.Ogden(exponents=(1.4, 5.0, -2.0)))
+    wrong = load_surrogate(SHIPPED / "ogden-isochoric")
+    wrong.output_weights[0] *= 1.1
+    with pytest.raises(ValueError, match="differs from the forces of ogden"):
+        wrong.check_material(LAW)
+    assert wrong.domain == Domain(0.25, 4.0, 1.0, 1.0)
+
+
+def test_fitted_from_the_command_line(tmp_path):
+    arguments = ["fit", "mine", "--energy", "--law", "yeoh", "--units", "4", "--samples", "300", "--iterations", "150", "--folds", "2"]
+    outcome = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path)])
+    assert outcome.exit_code == 0, outcome.output
+    assert "shear modulus at rest" in " ".join(outcome.output.split())
+    card = pds.load_card(tmp_path / "mine")
+    assert card.kind == "isochoric-network"
+    assert len(card.training["cross_validation"]) == 2
+    outcome = CliRunner().invoke(app, ["fit", "other", "--energy", "--degree", "4", "--out", str(tmp_path)])
+    assert outcome.exit_code == 2
+    assert "degree is of bond forces" in outcome.output
+
+
+@pytest.mark.parametrize("scene", ["plane-strain-block", "bonded-block"])
+def test_bonded_blocks_agree_with_the_exact_energy(scene):
+    """Stress and probes of a scene within the error that the card states, and the solver's tolerance."""
+    changes = {"material.law": "ogden", "spacing": 0.25, "stretches": [1.3]}
+    learnt, exact = (pds.simulate(pds.load_scene(scene, changes), force).levels[-1] for force in ("ogden-isochoric", "bond-energy"))
+    for name, force in exact["forces"].items():
+        np.testing.assert_allclose(learnt["forces"][name], force, atol=1e-4 * np.abs(list(exact["forces"].values())).max())
+    for name, probe in exact["probes"].items():
+        np.testing.assert_allclose(learnt["probes"][name]["displacement"], probe["displacement"], atol=1e-4)
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_energy_stays_in_undamped_motion(ogden, plane):
+    """Let go at stretch 1.3, a free body swings for 400 steps of the leapfrog with its energy within 1e-4 of what was put in."""
+    body = block(plane, 4)
+    force = ogden.bind(body, LAW, ForceSettings(plane=plane))
+    y, velocity, out = wavy(body.points, 1.3), np.zeros_like(body.points), np.empty_like(body.points)
+    # A twentieth of the time that a wave of pressure takes over a spacing, K = 100 mu.
+    step, mass = 0.05 * body.spacing / np.sqrt(LAW.bulk_modulus), body.volumes[:, None]
+    force(y, out)
+    start, totals = force.energy(), []
+    for _ in range(400):
+        velocity += step / 2 * out / mass
+        y += step * velocity
+        force(y, out)
+        velocity += step / 2 * out / mass
+        totals.append(force.energy() + (mass * velocity**2).sum() / 2)
+    assert np.abs(np.array(totals) - start).max() < 1e-4 * start
+    assert (mass * velocity**2).sum() / 2 > 0.01 * start
+
+
+def test_single_precision_finds_the_same_equilibrium_of_a_bonded_cube():
+    """At K = 1000 mu too: volumes are double, so that rounding is that of stresses of mu, 1e-7, and not K/mu times it."""
+    changes = {"spacing": 0.2, "material.bulk_modulus": 1000.0, "stretches": 1.2}
+    single, double = (
+        pds.simulate(pds.load_scene("bonded-block", changes | {"precision": precision}), "neo-hookean-isochoric").levels[-1]
+        for precision in ("float32", "float64")
+    )
+    assert single["residual"] < 1e-6
+    assert single["nominal_stress"] == pytest.approx(double["nominal_stress"], rel=3e-6)
+    assert single["nominal_stress"] != double["nominal_stress"]
+    with pytest.raises(pds.SceneError, match="precision"):
+        pds.simulate(pds.load_scene("bonded-block", changes | {"precision": "float32"}), "bond-energy")
+
+
+def test_bodies_of_two_materials(ogden):
+    """Learnt on one side and exact on the other, or learnt on both; pairs outside are counted by material."""
+    body, soft, stiff = block("space"), pds.materials.Ogden(), pds.materials.NeoHookean(3.0, 300.0)
+    left = body.points[:, 0] < 0.5
+    neo_hookean, exact = load_surrogate(SHIPPED / "neo-hookean-isochoric"), pds.BondEnergyForce()
+
+    def forces(*models):
+        portions = [
+            Portion(law, model, np.flatnonzero(side)) for law, model, side in zip((soft, stiff), models, (left, ~left), strict=True)
+        ]
+        force = bind_portions(body, portions, ForceSettings(plane="space"))
+        return evaluated(force, wavy(body.points, 1.3)), force.pairs_outside
+
+    expected, _ = forces(exact, exact)
+    for models in ((ogden, exact), (ogden, neo_hookean)):
+        found, outside = forces(*models)
+        assert 0 < np.abs(found - expected).max() < 1e-3 * np.abs(expected).max()
+        assert outside == 0

@@ -1,0 +1,214 @@
+"""Prescribed displacements: planes and points, what they exert, and what is said about those that make no sense."""
+
+import numpy as np
+import pytest
+from bodies import rotation
+
+import pdsurrogate as pds
+from pdsurrogate.materials import homogeneous
+from pdsurrogate.run.run import Run, Silent
+from pdsurrogate.run.simulate import simulate
+from pdsurrogate.solvers.extension import Samples, affine_extension
+from pdsurrogate.stress_test.case import Subject
+from pdsurrogate.stress_test.conformance import TABLE
+
+ROLLERS = (
+    {"region": "left", "x1": 0.0},
+    {"region": "right", "x1": 0.6},
+    {"region": "bottom", "x2": 0.0},
+    {"region": "top", "x2": 0.2},
+)
+CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.3, "x2": 0.0})
+
+
+def scene_of(prescribed=ROLLERS, **changes):
+    described = {"name": "block", "spacing": 0.1, "body": pds.shapes.Rectangle(size=(1.2, 1.0)), "material": "neo-hookean", "steps": (1.0,)}
+    return pds.Scene(**described | {"prescribed": prescribed} | changes)
+
+
+def test_rollers_on_four_edges_give_homogeneous_biaxial_tension():
+    """To 1e-6 of the exact stress and, as neither corner nor edge shows, of the displacement."""
+    result = simulate(scene_of(), "analytic")
+    law = pds.materials.NeoHookean()
+    exact = homogeneous.biaxial(law, 1.5, 1.2).nominal_stress, homogeneous.biaxial(law, 1.2, 1.5).nominal_stress
+    forces = result.levels[0]["forces"]
+    for low, high, axis, length in (("left", "right", 0, 1.0), ("bottom", "top", 1, 1.2)):
+        assert forces[high][axis] / length == pytest.approx(exact[axis], rel=1e-6)
+        assert forces[low][axis] == pytest.approx(-forces[high][axis], rel=1e-12)
+        assert forces[low][1 - axis] == forces[high][1 - axis] == 0
+    np.testing.assert_allclose(result.displacement(), result.body.points * [0.5, 0.2], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("prescribed", "together"),
+    [
+        (ROLLERS, [("left",), ("right",), ("bottom",), ("top",)]),
+        (CLAMPS, [("left",), ("right",)]),
+        # Where two edges that hold the same component meet they can only move together.
+        ((*CLAMPS, {"region": "top", "x2": 0.0}), [("left",), ("right",), ("left", "right", "top")]),
+    ],
+)
+@pytest.mark.parametrize("support", ["reflected", "points"])
+def test_reactions_are_the_derivative_of_the_energy(prescribed, together, support):
+    """Virtual work, in a state without symmetry: central differences of the energy by the displacements of edges."""
+    run = Run(scene_of(prescribed, support=support), pds.load_surrogate("bond-energy"), Silent())
+    x1, x2 = run.body.points.T
+    start = run.body.points + 0.02 * np.stack([np.sin(2 * x1 + 3 * x2), np.cos(3 * x1 - 2 * x2)], axis=1)
+    out, loading, h = np.empty_like(start), run.loading, 1e-5
+    loading.apply(0.5, run.force, start)
+    run.force(start, out)
+    reactions = dict(zip(loading.names, loading.reactions(run.force).forces, strict=True))
+    displacements = [[0.5 * (entry.get(f"x{component}") or 0.0) for component in (1, 2)] for entry in prescribed]
+    ends = dict(zip(loading.names, loading.ends(), strict=True))
+    held = {(entry["region"], component) for entry in prescribed for component in (0, 1) if f"x{component + 1}" in entry}
+
+    def energy(names, component, by):
+        positions = start.copy()
+        loading.apply(0.5, run.force, positions)
+        if support == "reflected":
+            for name in names:
+                number = loading.names.index(name)
+                moved = displacements[number].copy()
+                moved[component] += by
+                run.force.move_plane(number, moved)
+        else:
+            positions[np.unique(np.concatenate([ends[name] for name in names])), component] += by
+        run.force(positions, out)
+        return run.force.energy()
+
+    for name, reaction in reactions.items():
+        assert all(reaction[component] == 0 for component in (0, 1) if (name, component) not in held)
+    for names in together:
+        for component in (0, 1):
+            if not all((name, component) in held for name in names):
+                continue
+            if len(names) == 1 and component == 1 and len(together[-1]) > 1:
+                continue  # one of several that move together
+            numeric = (energy(names, component, h) - energy(names, component, -h)) / (2 * h)
+            assert sum(reactions[name][component] for name in names) == pytest.approx(numeric, rel=1e-6, abs=1e-8)
+
+
+def test_a_frame_that_shears_shears_what_it_holds():
+    """All four edges follow u = 0.4 x2 e1, by points two horizons deep, row by row: the rest must do so too, whatever it starts from."""
+    n, cell = 18, 1 / 18
+    numbers = np.arange(n * n).reshape(n, n)
+    inner = np.zeros((n, n), dtype=bool)
+    inner[7:-7, 7:-7] = True
+    rows = [{"region": {"points": numbers[i][~inner[i]].tolist()}, "x1": 0.4 * (i + 0.5) * cell, "x2": 0.0} for i in range(n)]
+    scene = scene_of(rows, spacing=cell, body=pds.shapes.Rectangle(size=(1.0, 1.0)))
+    run = Run(scene, pds.load_surrogate("analytic"), Silent())
+    assert (run.loading.free == 1).sum() == 2 * inner.sum()
+    result = simulate(scene, "analytic")
+    exact = np.stack([0.4 * result.body.points[:, 1], np.zeros(n * n)], axis=1)
+    # The tolerance of the residual, 1e-6 mu/spacing, over the stiffness of a bond.
+    np.testing.assert_allclose(result.displacement(), exact, atol=1e-6)
+
+
+@pytest.mark.parametrize("force", ["analytic", "bond-energy"])
+def test_a_turn_by_a_right_angle_leaves_no_stress(force):
+    result = simulate(pds.load_scene("rotation", spacing=0.1), force)
+    points = result.body.points
+    centre = np.array([1.0, 0.5])
+    for level, angle in zip(range(2), (np.pi / 4, np.pi / 2), strict=True):
+        turned = (points - centre) @ rotation(angle).T + centre
+        np.testing.assert_allclose(points + result.displacement(level), turned, atol=1e-6)
+        assert np.abs(result.states[level][1]["stress"]).max() < 1e-5
+    assert max(np.abs(force).max() for force in result.levels[-1]["forces"].values()) < 1e-5
+
+
+def test_torsion_turns_without_force_and_its_moments_balance():
+    """Of an energy, whose forces have no moment; by symmetry no forces either."""
+    result = simulate(pds.load_scene("disc-torsion", spacing=0.1, steps=(0.5, 1.0)), "bond-energy")
+    for level in result.levels:
+        moments, forces = level["moments"], level["forces"]
+        assert moments["holes"] > 0.1
+        assert moments["outline"] == pytest.approx(-moments["holes"], rel=1e-4)
+        assert np.abs(list(forces.values())).max() < 1e-4 * moments["holes"]
+
+
+def test_conditions_that_agree_may_share_points():
+    scene = scene_of((*CLAMPS, {"region": {"box": [[0.0, 0.0], [0.2, 0.2]]}, "x1": 0.0, "name": "corner"}), support="points")
+    assert set(simulate(scene, "analytic").levels[0]["forces"]) == {"left", "right", "corner"}
+
+
+@pytest.mark.parametrize(
+    ("prescribed", "message"),
+    [
+        ((*CLAMPS, {"region": "left", "x1": 0.1, "name": "left"}), "prescribed.0 and prescribed.2 move point 0 at .* differently along x1"),
+        (
+            (*CLAMPS, {"region": "left", "x1": 0.0, "amplitude": "sine"}, {"region": "top", "x1": 0.1}),
+            r"prescribed.2 and prescribed.3 move",
+        ),
+        (
+            (*CLAMPS, {"region": {"box": [[0, 0], [0.2, 0.2]]}, "x2": 0.1, "amplitude": "t**2"}),
+            r"prescribed.0 and prescribed.2 move point 0 at \(0\.05, 0\.05\) differently along x2",
+        ),
+        ((*CLAMPS, {"region": "top", "x2": 0.1, "name": "left"}), "prescribed.0 and prescribed.2 are on different regions and both called"),
+        (({"region": "left", "x1": 0.0},), "nothing keeps the body from moving along x2; hold x1 or x2 of a region by 0"),
+        (({"region": {"near": [0.6, 0.5]}, "x1": 0.0, "x2": 0.0},), "nothing keeps the body from turning"),
+        (({"region": {"near": [0.6, 0.5]}, "x2": 0.0},), "nothing keeps the body from moving along x1 or turning"),
+        ((*CLAMPS, {"region": "top", "x2": 0.1, "amplitude": "cos(t)"}), r"prescribed.2.amplitude: it must be 0 at t = 0"),
+        ((*CLAMPS, {"region": {"box": [[3, 3], [4, 4]]}, "x2": 0.1}), "no point of the body lies in it"),
+    ],
+)
+def test_conditions_that_make_no_sense_are_refused(prescribed, message):
+    with pytest.raises(pds.SceneError, match=message):
+        Run(scene_of(prescribed), pds.load_surrogate("analytic"), Silent())
+
+
+def test_a_loose_piece_is_named():
+    cut = {"start": [0.0, 0.5], "end": [1.2, 0.5]}
+    with pytest.raises(pds.SceneError, match=r"nothing keeps a piece of 60 points of the body, at \(0\.05, 0\.55\), from moving along x1"):
+        Run(scene_of(({"region": "bottom", "x1": 0, "x2": 0},), precuts=[cut], horizon_ratio=1.5), pds.load_surrogate("analytic"), Silent())
+
+
+def test_a_round_end_is_no_plane():
+    with pytest.raises(pds.SceneError, match="prescribed: the body has no straight edge with material at its left end"):
+        Run(scene_of(CLAMPS, body=pds.shapes.Circle(radius=0.6)), pds.load_surrogate("analytic"), Silent())
+
+
+def extended(samples, positions):
+    gradient, shift = affine_extension(samples, lambda direction: (positions @ direction).std())
+    return positions @ gradient.T + shift
+
+
+def test_what_single_lines_do_turns_the_body_and_what_they_do_not_tell_stays():
+    line = np.array([[0.0, 0.0], [0.0, 0.5], [0.0, 1.0]])
+    body = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])
+    turned = line @ rotation(0.7).T + [0.1, 0.2]
+    both = Samples(np.vstack([line, line]), np.repeat([0, 1], 3), turned.T.ravel())
+    np.testing.assert_allclose(extended(both, body), body @ rotation(0.7).T + [0.1, 0.2], atol=1e-14)
+    one = Samples(line, np.zeros(3, dtype=int), line[:, 0] + 0.3)
+    np.testing.assert_allclose(extended(one, body), body + np.array([0.3, 0.0]), atol=1e-14)
+
+
+@pytest.mark.parametrize("support", ["reflected", "points"])
+@pytest.mark.parametrize("row", [row for row in TABLE if row.plane == "stress"], ids=lambda row: row.name)
+def test_reactions_and_loads_balance_what_is_left_on_free_points(row, support):
+    """Linear momentum in any state, for every force model: to rounding, some hundreds of sums of doubles.
+
+    Moments too, of models that have them, where points are held: mirror images of a state out of equilibrium have moments of their own.
+    """
+    loads = (
+        {"region": "top", "traction": [0.02, 0.05]},
+        {"body_force": [0.1, -0.2]},
+        {"region": {"near": [0.6, 0.5]}, "force": [0.0, 0.1]},
+    )
+    prescribed = ({"region": "left", "x1": 0.0, "x2": 0.0}, {"region": "right", "x1": 0.1})
+    subject = Subject(row.reference)
+    scene = scene_of(prescribed, support=support, loads=loads, precision="float64", material=subject.law.describe())
+    run = Run(scene, subject.model, Silent())
+    x1, x2 = run.body.points.T
+    start = run.body.points + 0.02 * np.stack([np.sin(2 * x1 + 3 * x2), np.cos(3 * x1 - 2 * x2)], axis=1)
+    out, loading = np.empty_like(start), run.loading
+    loading.apply(0.5, run.loaded, start)
+    run.loaded(start, out)
+    reactions, left = loading.reactions(run.loaded), out * loading.free
+    applied = sum(run.loads.by_name(start).values())
+    scale = np.abs(run.force.pair_forces()).sum()
+    # Along a roller the forces of a bond and of its image cancel, if the model knows mirror symmetry.
+    kept = [0] if support == "reflected" and "mirror" in row.departures else [0, 1]
+    np.testing.assert_allclose((reactions.forces.sum(axis=0) + applied)[kept], left.sum(axis=0)[kept], atol=1e-13 * scale)
+    if support == "points" and "angular_momentum" not in row.departures:
+        moments = loading.moments(run.loaded, reactions).sum() + sum(run.loads.moments(start, np.zeros(2)).values())
+        assert moments == pytest.approx((start[:, 0] * left[:, 1] - start[:, 1] * left[:, 0]).sum(), abs=1e-13 * scale)

@@ -1,0 +1,204 @@
+"""Conditions and loads of bodies in space: faces held by reflection, also while they turn, reactions, moments, and loads on triangles."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import pdsurrogate as pds
+from pdsurrogate.run.levels import solver_of
+from pdsurrogate.run.run import Run, Silent
+from pdsurrogate.scenes import Box
+from pdsurrogate.solvers.extension import Samples, affine_extension
+
+AXIS = (1.0, 2.0, 0.5)
+TURN = {"rotation": 90.0, "about": (0.3, 0.2, 0.1), "axis": AXIS}
+CLAMPS = ({"region": "left", "x1": 0.0, "x2": 0.0, "x3": 0.0}, {"region": "right", "x1": 0.3, "x2": 0.0, "x3": 0.1})
+
+
+def scene_of(prescribed=CLAMPS, count=5, **changes):
+    described = {"name": "cube", "spacing": 1 / count, "body": Box(size=(1.0, 1.0, 1.0)), "material": "neo-hookean", "steps": (1.0,)}
+    return pds.Scene(**described | {"prescribed": prescribed, "solver": {"method": "relaxation"}} | changes)
+
+
+def run_of(force="bond-energy", **changes):
+    return Run(scene_of(**changes), pds.load_surrogate(force), Silent())
+
+
+def rotation(axis, degrees):
+    """Rotation matrix by Rodrigues' formula."""
+    a, b, c = np.array(axis) / np.linalg.norm(axis)
+    cross = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
+    angle = np.deg2rad(degrees)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def wavy(points):
+    """Positions of a state without symmetry."""
+    x1, x2, x3 = points.T
+    return points + 0.02 * np.stack([np.sin(2 * x1 + 3 * x2), np.cos(3 * x1 - 2 * x3), np.sin(2 * x2 + x3)], axis=1)
+
+
+def moment(places, forces):
+    return np.cross(places, forces).sum(axis=0)
+
+
+def test_rollers_on_three_faces_give_homogeneous_tension():
+    """At their edges and corner images have images of images; the exact state leaves no residual, and the exact force."""
+    law, stretch = pds.materials.NeoHookean(), 1.3
+
+    def stress(along, across):
+        """Nominal stress along an axis, of U = K/8 (J - 1/J)^2."""
+        J = along * across**2 if along == stretch else stretch * along**2
+        trace = stretch**2 + 2 * (across if along == stretch else along) ** 2
+        bulk = law.bulk_modulus / 4 * (J - J**-3) * J / along
+        return law.shear_modulus * J ** (-2 / 3) * (along - trace / (3 * along)) + bulk
+
+    lateral = brentq(lambda across: stress(across, across), 0.8, 0.95, xtol=1e-15)
+    exact = stress(stretch, lateral)
+    rollers = tuple({"region": edge, component: 0.0} for edge, component in (("left", "x1"), ("bottom", "x2"), ("back", "x3")))
+    run = run_of(prescribed=(*rollers, {"region": "right", "x1": 0.3}))
+    positions = run.body.points * [stretch, lateral, lateral]
+    run.loading.apply(1.0, run.force, positions)
+    out = np.empty_like(positions)
+    run.force(positions, out)
+    assert solver_of(run).residual(run.force, out) < 1e-11
+    forces = dict(zip(run.loading.names, run.loading.reactions(run.force).forces, strict=True))
+    np.testing.assert_allclose(forces["right"], [exact, 0, 0], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(forces["left"], -forces["right"], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(forces["bottom"], 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("force", ["bond-energy", "nosb"])
+@pytest.mark.parametrize("faces", [("left", "right"), ("left", "bottom", "back")])
+def test_a_turn_of_the_whole_body_leaves_no_force(force, faces):
+    """By a right angle about any axis, with faces that stay planes of reflection, and edges and a corner where these meet."""
+    run = run_of(force, prescribed=tuple({"region": face} | TURN for face in faces))
+    assert (run.loading.free == 1).all()
+    (positions,) = run.loading.course.guesses(run.body.points, 0.0, 0.2, None)
+    about = np.array(TURN["about"])
+    np.testing.assert_allclose(positions, about + (run.body.points - about) @ rotation(AXIS, 18.0).T, atol=1e-12)
+    positions = about + (run.body.points - about) @ rotation(AXIS, 90.0).T
+    run.loading.apply(1.0, run.force, positions)
+    out = np.empty_like(positions)
+    run.force(positions, out)
+    run.loading.check_inside(1.0, run.force, positions)
+    reactions = run.loading.reactions(run.force)
+    for values in (out, reactions.forces, run.loading.moments(run.force, reactions)):
+        np.testing.assert_allclose(values, 0, atol=1e-11)  # rounding of displacements, over a spacing, times K
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_forces_and_moments_of_turned_planes_are_virtual_work(plane, dimension):
+    """Derivatives of the energy by further displacement and turning of a plane, in a state without symmetry."""
+    if dimension == 3 and plane == "strain":
+        pytest.skip("space has one plane")
+    turned = {"region": "right", "rotation": 40.0, "about": (1.0, 0.5, 0.5)[:dimension], "x1": 0.1}
+    body, axis = (Box(size=(1.0, 1.0, 1.0)), {"axis": AXIS}) if dimension == 3 else (pds.shapes.Rectangle(size=(1.0, 1.0)), {})
+    about_nothing = {"plane": plane} if dimension == 2 else {}
+    prescribed = (turned | axis, turned | axis | {"region": "left"})
+    run = Run(scene_of(prescribed, body=body, horizon_ratio=1.75, **about_nothing), pds.load_surrogate("bond-energy"), Silent())
+    loading, Q = run.loading, rotation(AXIS, 20.0) if dimension == 3 else rotation((0, 0, 1), 20.0)[:2, :2]
+    centre = np.array(turned["about"])
+    start = centre + (run.body.points - centre) @ Q.T + 0.01 * np.sin(3 * run.body.points[:, ::-1])
+    start[:, 0] += 0.05
+    out = np.empty_like(start)
+    loading.apply(0.5, run.force, start)
+    run.force(start, out)
+    reactions = loading.reactions(run.force)
+    moments = loading.moments(run.force, reactions)
+    motions = [np.zeros((dimension, dimension + 1)) for _ in run.body.planes]
+    for number in (0, 1):
+        motions[number][:, :-1] = Q - np.eye(dimension)
+        motions[number][:, -1] = np.eye(dimension)[0] * 0.05 - (Q - np.eye(dimension)) @ centre
+
+    def energy(number, spin, shift):
+        turn, displacement = motions[number][:, :-1], motions[number][:, -1]
+        turn, displacement = turn + spin @ (np.eye(dimension) + turn), displacement + spin @ displacement + shift
+        run.force.move_plane(number, displacement, turn)
+        run.force(start, out)
+        run.force.move_plane(number, motions[number][:, -1], motions[number][:, :-1])
+        return run.force.energy()
+
+    h = 1e-5
+    spins = [np.array([[0.0, -1.0], [1.0, 0.0]])] if dimension == 2 else [np.cross(np.eye(3), np.eye(3)[c]) for c in range(3)]
+    for number in (0, 1):
+        for component, shift in enumerate(np.eye(dimension)):
+            numeric = (energy(number, 0 * spins[0], h * shift) - energy(number, 0 * spins[0], -h * shift)) / (2 * h)
+            assert reactions.forces[number][component] == pytest.approx(numeric, rel=1e-6, abs=1e-7)
+        for component, spin in enumerate(spins):
+            numeric = (energy(number, h * spin, 0.0) - energy(number, -h * spin, 0.0)) / (2 * h)
+            assert np.atleast_1d(moments[number])[component] == pytest.approx(numeric, rel=1e-6, abs=1e-7)
+
+
+def test_loads_and_held_points_balance_what_is_left_on_free_points():
+    """Linear and angular momentum of an energy in any state, with every kind of load, to some hundreds of roundings."""
+    loads = (
+        {"region": "top", "traction": [0.02, 0.05, 0.01]},
+        {"region": "front", "pressure": 0.3},
+        {"body_force": [0.1, -0.2, 0.05]},
+        {"region": {"near": [0.6, 0.5, 0.5]}, "force": [0.0, 0.1, -0.1]},
+    )
+    run = run_of(loads=loads, support="points")
+    start = wavy(run.body.points)
+    run.loading.apply(0.5, run.loaded, start)
+    out = np.empty_like(start)
+    run.loaded(start, out)
+    reactions = run.loading.reactions(run.loaded)
+    left, applied = out * run.loading.free, sum(run.loads.by_name(start).values())
+    scale = np.abs(run.force.pair_forces()).sum()
+    np.testing.assert_allclose(reactions.forces.sum(axis=0) + applied, left.sum(axis=0), atol=1e-13 * scale)
+    moments = run.loading.moments(run.loaded, reactions).sum(axis=0) + sum(run.loads.moments(start, np.zeros(3)).values())
+    np.testing.assert_allclose(moments, moment(start, left), atol=1e-13 * scale)
+
+
+def test_pressure_on_a_closed_surface_has_the_volume_it_sweeps_as_potential():
+    run = run_of(prescribed=CLAMPS, support="points", loads=({"region": "outline", "pressure": 0.7},))
+    loads, start = run.loads, wavy(run.body.points)
+    loads.set(1.0)
+    assert loads.conservative
+    forces = np.zeros_like(start)
+    loads.forces(start, None, forces)
+    np.testing.assert_allclose(forces.sum(axis=0), 0, atol=1e-14)
+    np.testing.assert_allclose(moment(start, forces), 0, atol=1e-14)
+    direction, h = np.cos(3 * start), 1e-6
+    numeric = (loads.potential(start + h * direction) - loads.potential(start - h * direction)) / (2 * h)
+    assert (forces * direction).sum() == pytest.approx(-numeric, rel=1e-8)
+    stretched = run.body.points * [1.1, 1.2, 0.9]
+    assert loads.potential(stretched) == pytest.approx(0.7 * (1.1 * 1.2 * 0.9 - 1), rel=1e-12)
+
+
+def test_what_one_face_does_turns_the_body():
+    face = np.array([[0.0, a, b] for a in (0.0, 0.5, 1.0) for b in (0.0, 1.0)])
+    body = np.array([[a, b, c] for a in (0.0, 2.0) for b in (0.0, 1.0) for c in (0.0, 1.0)])
+    Q = rotation(AXIS, 40.0)
+    samples = Samples(np.vstack([face] * 3), np.repeat([0, 1, 2], 6), (face @ Q.T + [0.1, 0.2, 0.3]).T.ravel())
+    gradient, shift = affine_extension(samples, lambda direction: (body @ direction).std())
+    np.testing.assert_allclose(gradient, Q, atol=1e-14)
+    np.testing.assert_allclose(shift, [0.1, 0.2, 0.3], atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("prescribed", "message"),
+    [
+        (
+            ({"region": "left", "rotation": 10.0, "about": (0, 0, 0)},),
+            "prescribed.0.axis: a rotation in space needs",
+        ),
+        (({"region": "left", "x1": 0.0, "axis": (1, 0, 0)},), "axis is the direction of the axis of a rotation"),
+        (({"region": "left", "x1": 0.0},), "nothing keeps the body from moving along x2 or moving along x3 or turning; hold x1, x2 or x3"),
+        (({"region": "left", "x1": 0.0}, {"region": "bottom", "x2": 0.0}, {"region": "back", "x3": 0.0}), None),
+        ((*CLAMPS, {"region": "top", "x2": 0.1}), r"prescribed.0 and prescribed.2 move point .* differently along x2"),
+    ],
+)
+def test_conditions_that_make_no_sense_are_refused(prescribed, message):
+    if message is None:
+        run_of(prescribed=prescribed)
+        return
+    with pytest.raises(pds.SceneError, match=message):
+        run_of(prescribed=prescribed)
+
+
+def test_a_sheet_has_no_third_component():
+    with pytest.raises(pds.SceneError, match=r"prescribed\.0\.x3: a body in the plane has x1 and x2"):
+        scene_of(({"region": "left", "x1": 0.0, "x3": 0.0},), body=pds.shapes.Rectangle(size=(1.0, 1.0)))

@@ -1,0 +1,299 @@
+"""Files are written whole or not at all: kills at any moment, full disks, interrupts."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from conftest import SHIPPED
+from typer.testing import CliRunner
+
+from pdsurrogate.artifacts import find_artifact, list_artifacts, load_card, load_surrogate
+from pdsurrogate.artifacts.store import save_artifact
+from pdsurrogate.cli import app
+from pdsurrogate.cli.run import how_to_resume
+from pdsurrogate.results import files
+from pdsurrogate.run.run import Silent
+from pdsurrogate.run.simulate import SimulationInterrupted, simulate
+from pdsurrogate.scenes import load_scene
+
+FAST = ["--set", "spacing=0.1", "--set", "stretches=1.2"]
+
+ENDLESS_JSON = """
+import sys
+from pathlib import Path
+from pdsurrogate.results.files import write_json
+path, k = Path(sys.argv[1]) / "summary.json", 0
+print("ready", flush=True)
+while True:
+    k += 1
+    write_json(path, {"number": k, "data": [k] * 50_000})
+"""
+
+ENDLESS_ARTIFACTS = """
+import json, sys
+from pathlib import Path
+from pdsurrogate.artifacts import load_card, load_surrogate
+from pdsurrogate.artifacts.store import save_artifact
+card = load_card(sys.argv[2]).model_dump()
+for key in ("format", "schema_version", "payloads"):
+    del card[key]
+surrogate, k = load_surrogate(sys.argv[2]), 0
+print("ready", flush=True)
+while True:
+    k += 1
+    save_artifact(sys.argv[1], {**card, "name": "killed", "version": str(k)}, surrogate)
+"""
+
+
+def killed(program: str, delay: float, *arguments) -> None:
+    """Run a program that writes without end, and kill it without warning."""
+    process = subprocess.Popen([sys.executable, "-c", program, *map(str, arguments)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "ready\n"
+    time.sleep(delay)
+    process.send_signal(signal.SIGKILL)
+    assert process.wait(10) == -signal.SIGKILL
+    process.stdout.close()
+
+
+@pytest.mark.parametrize("delay", [0.011, 0.05, 0.123])
+def test_a_kill_leaves_the_old_file_or_the_new_one(tmp_path, delay):
+    (tmp_path / "summary.json").write_text(json.dumps({"number": 0, "data": [0] * 50_000}))
+    killed(ENDLESS_JSON, delay, tmp_path)
+    content = json.loads((tmp_path / "summary.json").read_text())
+    assert content["data"] == [content["number"]] * 50_000
+
+
+def test_a_kill_leaves_whole_artefacts_or_none(tmp_path, monkeypatch):
+    for delay in (0.004, 0.03, 0.1):
+        killed(ENDLESS_ARTIFACTS, delay, tmp_path, SHIPPED / "neo-hookean" / "1")
+        for folder in (tmp_path / "killed").glob("[0-9]*"):
+            load_surrogate(folder)
+        for folder in (tmp_path / "killed").glob("[0-9]*"):
+            for path in folder.iterdir():
+                path.unlink()
+            folder.rmdir()
+    # What a kill left beside them is not taken for an artefact.
+    leftover = tmp_path / ".killed-7-left"
+    leftover.mkdir(parents=True, exist_ok=True)
+    (tmp_path / "killed").mkdir(exist_ok=True)
+    for path in (SHIPPED / "neo-hookean" / "1").iterdir():
+        (leftover / path.name).write_bytes(path.read_bytes())
+    monkeypatch.setenv("PDSURROGATE_ARTIFACTS", str(tmp_path))
+    assert leftover not in list_artifacts()
+    with pytest.raises(ValueError, match="no artefact there"):
+        find_artifact(tmp_path / "killed")
+
+
+@pytest.mark.parametrize("step", ["write", "fsync", "replace"])
+def test_a_failure_at_any_step_leaves_the_old_file(tmp_path, monkeypatch, step):
+    path = tmp_path / "x.json"
+    files.write_json(path, {"old": 1})
+
+    def fail(*arguments, **options):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    if step == "write":
+        monkeypatch.setattr("pathlib.Path.write_text", fail)
+    else:
+        monkeypatch.setattr(f"os.{step}", fail)
+    with pytest.raises(OSError, match="No space left"):
+        files.write_json(path, {"new": 2})
+    monkeypatch.undo()
+    assert json.loads(path.read_text()) == {"old": 1}
+    assert [item.name for item in tmp_path.iterdir()] == ["x.json"]
+
+
+def full_disk(monkeypatch) -> None:
+    """Space runs out when data are to reach the disk."""
+
+    def fail(handle):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", fail)
+
+
+def assert_one_clear_line(done, *words) -> None:
+    assert done.exit_code == 1, done.output
+    lines = [line for line in done.stderr.splitlines() if line.strip() and "Compiling" not in line]
+    assert len(lines) == 1
+    assert all(word in lines[0] for word in words)
+    assert "Traceback" not in done.output
+
+
+def test_a_full_disk_is_reported_by_run(tmp_path, monkeypatch):
+    full_disk(monkeypatch)
+    done = CliRunner().invoke(app, ["run", "uniaxial", *FAST, "--out", str(tmp_path / "out")])
+    assert_one_clear_line(done, "could not write", "No space left")
+    assert not (tmp_path / "out" / "summary.json").exists()
+
+
+def test_a_full_disk_is_reported_by_the_stress_test(tmp_path, monkeypatch):
+    from pdsurrogate.stress_test import report
+
+    monkeypatch.setattr(report, "CASES", report.CASES[:1])
+    full_disk(monkeypatch)
+    done = CliRunner().invoke(app, ["stress-test", "--force", "analytic", "--out", str(tmp_path)])
+    assert_one_clear_line(done, "could not write", "No space left")
+
+
+def test_a_full_disk_is_reported_by_fit(tmp_path, monkeypatch):
+    def fail(*arguments, **options):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("joblib.dump", fail)
+    done = CliRunner().invoke(app, ["fit", "mine", "--samples", "300", "--degree", "4", "--out", str(tmp_path / "a")])
+    assert_one_clear_line(done, "could not write", "No space left")
+    assert not list((tmp_path / "a").iterdir())
+
+
+def test_a_full_disk_is_reported_by_identify(tmp_path, monkeypatch):
+    """``identify --out`` on a full disk ended in a traceback."""
+    full_disk(monkeypatch)
+    done = CliRunner().invoke(app, ["identify", "treloar", "--law", "yeoh", "--out", str(tmp_path / "out")])
+    assert_one_clear_line(done, "could not write", "No space left")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_full_disk_is_reported_by_compare(tmp_path, monkeypatch):
+    from pdsurrogate.reports import compare, presentation
+
+    monkeypatch.setattr(compare, "compare", lambda *arguments: {"machine": {"processor": "any", "threads": 1}, "models": []})
+    monkeypatch.setattr(presentation, "table", lambda report: (["model"], [["none"]]))
+    monkeypatch.setattr(presentation, "caution", lambda models: None)
+    monkeypatch.setattr(presentation, "as_csv", lambda report: "model\n")
+    full_disk(monkeypatch)
+    done = CliRunner().invoke(app, ["compare", "--out", str(tmp_path / "out")])
+    assert_one_clear_line(done, "could not write", "No space left")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
+@pytest.mark.parametrize("command", [["materials"], ["artifacts", "gent"]])
+def test_standard_output_on_a_full_disk(command):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([sys.executable, "-m", "pdsurrogate", *command], stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 1
+    assert done.stderr == "pdsurrogate: standard output: No space left on device\n"
+
+
+def test_a_version_that_exists_is_told_from_a_disk_that_fails(tmp_path, monkeypatch):
+    source = SHIPPED / "neo-hookean" / "1"
+    card = {key: value for key, value in load_card(source).model_dump().items() if key not in ("format", "schema_version", "payloads")}
+    surrogate = load_surrogate(source)
+
+    def fail(*arguments):
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(os, "rename", fail)
+    with pytest.raises(OSError, match="Input/output"):
+        save_artifact(tmp_path, {**card, "name": "mine"}, surrogate)
+    assert not list((tmp_path / "mine").iterdir())
+    monkeypatch.undo()
+    found = load_surrogate(save_artifact(tmp_path, {**card, "name": "mine"}, surrogate))
+    np.testing.assert_array_equal(
+        found.bond_force([1.2], [0.1], [0.5], [0.9], [1.1]), surrogate.bond_force([1.2], [0.1], [0.5], [0.9], [1.1])
+    )
+
+
+TEAR = [
+    *("spacing=0.1", "body.size=3.0,1.0", "stretches=1.1,1.2", "fracture.critical_stretch=2.0"),
+    *("dynamics.stretch=1.9", "dynamics.stretch_rate=60.0", "dynamics.outputs=8"),
+    "precuts=[{start = [0.0, 0.5], end = [1.0, 0.5]}]",
+]
+
+
+class InterruptsAt(Silent):
+    """Sends Ctrl-C to this process when a stage is reached."""
+
+    def __init__(self, levels=None, share=None):
+        self.levels, self.share = levels, share
+
+    def level(self, number, stretch):
+        if number == self.levels:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    def dynamics(self, done, stretch, broken_bonds):
+        if self.share is not None and done >= self.share:
+            self.share = None
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+def tear():
+    return load_scene("tear", TEAR)
+
+
+@pytest.fixture
+def heeds_interrupts():
+    """A shell that starts the tests in the background has them ignore Ctrl-C, and what they start as well."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heeds_interrupts")
+@pytest.mark.parametrize("stage", [{"levels": 1}, {"share": 0.4}])
+def test_an_interrupt_saves_a_checkpoint_that_resumes_to_the_same_bits(tmp_path, stage):
+    with pytest.raises(SimulationInterrupted, match="interrupted") as caught:
+        simulate(tear(), "analytic", progress=InterruptsAt(**stage), folder=tmp_path / "a")
+    assert len(caught.value.result.levels) == stage.get("levels", 2)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    resumed = simulate(tear(), "analytic", folder=tmp_path / "a", resume=True)
+    whole = simulate(tear(), "analytic", folder=tmp_path / "b")
+    assert resumed.history == whole.history
+    np.testing.assert_array_equal(resumed.displacement(), whole.displacement())
+
+
+@pytest.mark.usefixtures("heeds_interrupts")
+@pytest.mark.parametrize("force", ["analytic", "ba-nosb", "bond-energy", "nosb", "neo-hookean"])
+def test_every_force_resumes_to_the_same_bits(tmp_path, force):
+    """In ba-nosb the bonds' own volume ratios were missing from the checkpoint."""
+    scene = load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.3])
+    with pytest.raises(SimulationInterrupted, match="interrupted"):
+        simulate(scene, force, progress=InterruptsAt(levels=1), folder=tmp_path / "a")
+    resumed = simulate(scene, force, folder=tmp_path / "a", resume=True)
+    whole = simulate(scene, force, folder=tmp_path / "b")
+    assert resumed.history == whole.history
+    for (_, found), (_, expected) in zip(resumed.states, whole.states, strict=True):
+        for key in expected:
+            np.testing.assert_array_equal(found[key], expected[key])
+
+
+@pytest.mark.usefixtures("heeds_interrupts")
+def test_ctrl_c_on_the_command_line(tmp_path):
+    """Exit status 130, results of what was reached, one line that says how to go on; and going on works."""
+    command = [sys.executable, "-m", "pdsurrogate", "run", "tear", "--force", "analytic", "--out", str(tmp_path)]
+    command += [word for change in TEAR for word in ("--set", change)]
+    slow = [*command, "--set", "dynamics.stretch_rate=0.5"]
+    process = subprocess.Popen(slow, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "checkpoint.npz").exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    output, error = process.communicate(timeout=60)
+    assert process.returncode == 130, error
+    assert "interrupted" in error
+    assert "--resume" in error
+    assert "Traceback" not in error + output
+    assert json.loads((tmp_path / "summary.json").read_text())["failure"].endswith("interrupted")
+    other = subprocess.run([*command, "--resume"], capture_output=True, text=True, check=False)
+    assert other.returncode == 2
+    assert "belongs to another run" in other.stderr
+
+
+def test_nothing_to_resume_is_said_too(tmp_path):
+    assert "--out" in how_to_resume(None)
+    assert "first checkpoint" in how_to_resume(tmp_path)
+    (tmp_path / "checkpoint.npz").touch()
+    assert "--resume" in how_to_resume(tmp_path)
+
+
+def test_a_disk_that_fills_during_a_run_is_reported(tmp_path, monkeypatch):
+    full_disk(monkeypatch)
+    changes = [word for change in TEAR for word in ("--set", change)]
+    done = CliRunner().invoke(app, ["run", "tear", "--force", "analytic", *changes, "--out", str(tmp_path)])
+    assert_one_clear_line(done, "could not write", "No space left")

@@ -1,0 +1,89 @@
+"""Probes read displacement, stress and deformation gradient at places of a body."""
+
+import numpy as np
+import pytest
+
+import pdsurrogate as pds
+from pdsurrogate.body.local_fit import MOST_AMPLIFICATION, fields_at, interpolation
+from pdsurrogate.discretisation import discretise
+from pdsurrogate.materials import plane_stress
+from pdsurrogate.results.measures import PointState
+from pdsurrogate.results.probes import Probes
+from pdsurrogate.scenes import Probe
+
+F = np.array([[1.2, 0.3], [-0.1, 0.9]])
+
+
+@pytest.fixture(scope="module")
+def stretched():
+    body, law = pds.Body.rectangle(1.0, 0.6, 0.1, 0.3), pds.materials.NeoHookean()
+    force = pds.load_surrogate("analytic").bind(body, law, pds.ForceSettings())
+    return body, law, PointState(force, body.points @ F.T)
+
+
+@pytest.mark.parametrize("place", [(0.5, 0.3), (0.0, 0.0), (1.0, 0.31), (0.123, 0.6)])
+def test_an_affine_motion_is_read_exactly_within_the_body_and_on_its_boundary(stretched, place):
+    body, law, state = stretched
+    found = Probes(body, (Probe(name="here", at=place),)).read(state)["here"]
+    np.testing.assert_allclose(found["displacement"], (F - np.eye(2)) @ place, atol=1e-13)
+    np.testing.assert_allclose(np.array(found["F"])[:2, :2], F, atol=1e-12)
+    np.testing.assert_allclose(np.array(found["stress"])[:2, :2], plane_stress.first_piola_stress(law, F), atol=1e-10)
+    assert np.array(found["F"])[2, 2] == pytest.approx(plane_stress.volume_ratio(law, (F * F).sum(), np.linalg.det(F)) / np.linalg.det(F))
+
+
+def test_a_place_outside_is_told_with_its_key_and_what_is_nearest(stretched):
+    body, _, _ = stretched
+    with pytest.raises(ValueError, match=r"probes\.1\.at: \(1\.4, 0\.3\) lies outside the body; its nearest point is"):
+        Probes(body, (Probe(name="a", at=(0.5, 0.3)), Probe(name="b", at=(1.4, 0.3))))
+
+
+def test_probes_at_the_poles_of_a_sphere_do_not_blow_up_what_points_are_off():
+    """Of the outermost layer few points lie at a pole: quadratic fits there carried what they are off on 30 to 50 times over."""
+    scene = pds.Scene(
+        name="sphere",
+        spacing=0.25,
+        steps=[0.1],
+        body={"shape": "sphere", "radius": 1.0},
+        material="neo-hookean",
+        loads=[{"region": "body", "body_force": [0.1, 0.0, 0.0]}],
+    )
+    body, _, _ = discretise(scene)
+    places = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.577, 0.577, 0.577], [0.0, 0.0, 0.0]])
+    values, gradients = interpolation(body, places)
+    assert np.abs(values).sum(axis=1).max() < MOST_AMPLIFICATION
+    np.testing.assert_allclose(values @ body.points, places, atol=1e-12)
+    for axis in range(3):
+        np.testing.assert_allclose(gradients[axis] @ body.points, np.tile(np.eye(3)[axis], (4, 1)), atol=1e-12)
+
+
+def test_probes_in_planes_of_symmetry_read_from_points_and_images():
+    """A motion and a tensor that are symmetric about the planes of an eighth, where the points on one side tell 4 % too much.
+
+    Inside the wall a quadratic fit with both sides has the third derivative left along the radius, h^2 24/R^2 u/6 at most.
+    """
+    spacing, planes = 1 / 16, enumerate(("left", "bottom", "back"), 1)
+    scene = pds.Scene(
+        name="eighth",
+        spacing=spacing,
+        steps=[1.0],
+        body={"shape": "sphere", "radius": 1.0, "part": "eighth"},
+        holes=[{"shape": "sphere", "radius": 0.5}],
+        material={"law": "neo-hookean", "bulk_modulus": 20.0},
+        prescribed=[{"region": face, f"x{axis}": 0.0} for axis, face in planes],
+    )
+    body, _, _ = discretise(scene)
+    places = np.array([[0.75, 0.0, 0.0], [0.0, 0.5, 0.55], [0.45, 0.6, 0.0]])
+    moved, tensors = fields_at(body, places)
+
+    def motion(X):
+        return X / np.linalg.norm(X, axis=1)[:, None] ** 3
+
+    found = np.stack([rows @ motion(body.points)[:, axis] for axis, rows in enumerate(moved)], axis=1)
+    size = np.linalg.norm(motion(places), axis=1)
+    assert (np.linalg.norm(found - motion(places), axis=1) < 4 * spacing**2 / (places**2).sum(axis=1) * size).all()
+    squares = (body.points[:, :, None] * body.points[:, None]).reshape(-1, 9)
+    found = np.stack([rows @ squares[:, entry] for entry, rows in enumerate(tensors)], axis=1).reshape(-1, 3, 3)
+    np.testing.assert_allclose(found, places[:, :, None] * places[:, None], atol=1e-2)
+    for place, tensor in zip(places, found, strict=True):
+        on_plane = place == 0
+        np.testing.assert_allclose(tensor[on_plane[:, None] ^ on_plane], 0, atol=1e-12)  # what changes its sign across is none

@@ -1,0 +1,360 @@
+"""Result files, read back with the tools that users open them with."""
+
+import csv
+import errno
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+
+import meshio
+import numpy as np
+import pytest
+from bodies import sheet
+from typer.testing import CliRunner
+
+import pdsurrogate as pds
+from pdsurrogate.cli import app
+from pdsurrogate.results import figures, files, measures
+from pdsurrogate.results.contents import MESH, Contents, digest_of_mesh
+from pdsurrogate.results.folder import LOCK, FolderTaken, is_marked, occupied
+from pdsurrogate.run.run import Silent
+from pdsurrogate.run.simulate import SimulationInterrupted, simulate
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("out")
+    result = simulate(pds.load_scene("uniaxial", spacing=0.1, stretches=[1.2, 1.5]), "neo-hookean")
+    result.save(folder)
+    return result, folder
+
+
+def test_files(saved):
+    result, folder = saved
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "convergence.csv",
+        "history.csv",
+        "summary.json",
+        "uniaxial-000.vtu",
+        "uniaxial-001.vtu",
+        "uniaxial.png",
+        "uniaxial.pvd",
+    ]
+    assert json.loads((folder / "summary.json").read_text()) == json.loads(json.dumps(result.summary))
+    rows = list(csv.DictReader((folder / "convergence.csv").open()))
+    assert {"stretch", "evaluation", "residual"} <= set(rows[0])
+    assert [float(row["stretch"]) for row in rows] == sorted(float(row["stretch"]) for row in rows)
+    assert float(rows[-1]["residual"]) <= 1e-6
+
+
+def test_vtu_with_meshio(saved):
+    result, folder = saved
+    mesh = meshio.read(folder / "uniaxial-001.vtu")
+    (cells,), fields = mesh.cells, {name: values for name, (values,) in mesh.cell_data.items()}
+    assert cells.type == "quad"
+    np.testing.assert_allclose(mesh.points[cells.data].mean(axis=1)[:, :2], result.body.points)
+    np.testing.assert_array_equal(fields["displacement"][:, :2], result.displacement())
+    stress = fields["stress"].reshape(-1, 3, 3)
+    # Corners move with what is around them: those of the grips as far as the grips.
+    assert np.ptp((mesh.points + mesh.point_data["displacement"])[:, 0]) == pytest.approx(1.5 * 3, rel=1e-4)
+    assert stress[:, 0, 0] == pytest.approx(result.levels[1]["nominal_stress"], rel=1e-3)
+    assert np.abs(stress[:, 1, 1]).max() < 1e-3
+    assert fields["principal_stretch"] == pytest.approx(1.5, rel=1e-3)
+    assert fields["volume_ratio"] == pytest.approx(1.00526, rel=1e-3)
+
+
+def test_series_with_pyvista(saved):
+    pyvista = pytest.importorskip("pyvista")
+    result, folder = saved
+    reader = pyvista.PVDReader(str(folder / "uniaxial.pvd"))
+    assert list(reader.time_values) == [1.0, 2.0]
+    reader.set_active_time_value(2.0)
+    block = reader.read()[0]
+    assert (block.field_data["stretch"], block.field_data["time"], block.field_data["run_time"]) == (1.5, 0.0, 2.0)
+    assert block.n_cells == len(result.body)
+    warped = block.warp_by_vector("displacement")
+    assert np.ptp(warped.bounds[:2]) == pytest.approx(1.5 * 3, rel=1e-4)
+
+
+def test_figure_is_a_picture(saved):
+    from matplotlib import image
+
+    picture = image.imread(saved[1] / "uniaxial.png")
+    assert picture.shape[0] > 300
+    assert picture.std() > 0.05
+
+
+def uniaxial(*stretches, **changes):
+    return pds.load_scene("uniaxial", {"spacing": 0.1, "stretches": list(stretches), **changes})
+
+
+def names_in(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize("streamed", [True, False])
+def test_a_run_clears_the_files_of_an_earlier_one_and_nothing_else(saved, tmp_path, streamed):
+    """`pdsurrogate run uniaxial --out x` with three levels, then with one, left `uniaxial-001.vtu` beside a PVD of one entry.
+
+    Before a run begins, so that it stands for itself however it ends; what is not a run's stays.
+    """
+    simulate(uniaxial(1.1), "analytic").save(tmp_path)
+    for name in ("uniaxial-001.vtu", "uniaxial-007.vtu", "uniaxial-loading.png"):  # as of an earlier version of the scene
+        (tmp_path / name).write_bytes((tmp_path / ("uniaxial.png" if name.endswith("png") else "uniaxial-000.vtu")).read_bytes())
+    mine = ["notes.txt", "uniaxial-final.vtu", "uniaxial-1.vtu", "other-000.vtu", "picture.png"]
+    for name in mine:
+        (tmp_path / name).write_text("mine")
+    result = simulate(uniaxial(1.1), "analytic", folder=tmp_path if streamed else None)
+    if streamed:
+        tables = ["convergence.csv", "history.csv", "summary.json"]
+        assert names_in(tmp_path) == sorted([*mine, *tables, "checkpoint.npz", "uniaxial-000.vtu", "uniaxial.pvd"])
+    result.save(tmp_path)
+    ours = ["convergence.csv", "history.csv", "summary.json", "uniaxial-000.vtu", "uniaxial.png", "uniaxial.pvd"]
+    ours += ["checkpoint.npz"] * streamed
+    assert names_in(tmp_path) == sorted(mine + ours)
+    assert all((tmp_path / name).read_text() == "mine" for name in mine)
+    # Once more: its own files are in nobody's way.
+    result.save(tmp_path)
+    assert len(result.states) == 1
+    assert names_in(tmp_path) == sorted(mine + ours)
+
+
+def test_results_of_another_scene_are_not_replaced_unasked(saved, tmp_path):
+    result, _ = saved
+    result.save(tmp_path)
+    before = names_in(tmp_path)
+    other = uniaxial(1.1, name="mine")
+    with pytest.raises(FolderTaken, match=r"holds the results of another scene \(uniaxial\); give another folder, or --overwrite "):
+        simulate(other, "analytic", folder=tmp_path)
+    found = simulate(other, "analytic")
+    # The index alone, of a run that was killed, tells the scene as well.
+    (tmp_path / "summary.json").unlink()
+    with pytest.raises(FolderTaken):
+        found.save(tmp_path)
+    assert names_in(tmp_path) == [name for name in before if name != "summary.json"]
+    with pytest.raises(FolderTaken, match="results of uniaxial that do not tell their scene"):
+        result.save(tmp_path)
+    found.save(tmp_path, overwrite=True)
+    assert names_in(tmp_path) == ["convergence.csv", "history.csv", "mine-000.vtu", "mine.png", "mine.pvd", "summary.json"]
+    with pytest.raises(ValueError, match="give resume or overwrite, not both"):
+        simulate(other, "analytic", folder=tmp_path, resume=True, overwrite=True)
+
+
+def test_results_of_another_run_of_the_scene_are_not_replaced_unasked(tmp_path):
+    """`pdsurrogate run uniaxial --set stretches=[1.3] --out x` took the place of a run to 1.1 without a word: names alone were compared."""
+    found = simulate(uniaxial(1.1), "analytic", folder=tmp_path)
+    found.save(tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    for scene, force, difference in (
+        (uniaxial(1.3), "analytic", r"stretches is \[1.1\] there and \[1.3\] here"),
+        (uniaxial(1.1), "neo-hookean", "force is analytic there and neo-hookean@2 here"),
+        (uniaxial(1.1, **{"material.bulk_modulus": 50.0}), "analytic", "material.bulk_modulus is 100.0 there and 50.0 here"),
+    ):
+        refused = rf"holds the results of another run of uniaxial: {difference}; give another folder, or --overwrite"
+        with pytest.raises(FolderTaken, match=refused):
+            simulate(scene, force, folder=tmp_path)
+        with pytest.raises(FolderTaken, match=refused):
+            simulate(scene, force).save(tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    read = pds.load_result(tmp_path)
+    read.save(tmp_path)  # its states stay, which it reads from there
+    assert read.displacement().shape == (300, 2)
+    with pytest.raises(ValueError, match="the result was read from files, and those are what it would write: copy"):
+        read.save(tmp_path / "other")
+    simulate(uniaxial(1.3), "analytic", folder=tmp_path, overwrite=True).save(tmp_path)
+    assert pds.load_result(tmp_path).levels[0]["stretch"] == 1.3
+
+
+def test_a_run_that_was_ended_before_its_time_is_not_replaced_unasked(tmp_path):
+    """Its checkpoint may be worth hours; the same command without --resume took its place."""
+
+    class Stops(Silent):
+        def level(self, number: int, parameter: float) -> None:
+            if number == 1:
+                signal.raise_signal(signal.SIGINT)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore
+    try:
+        with pytest.raises(SimulationInterrupted) as stopped:
+            simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, progress=Stops())
+    finally:
+        signal.signal(signal.SIGINT, before)
+    for summary in (False, True):  # killed, and stopped by Ctrl-C
+        if summary:
+            stopped.value.result.save(tmp_path)
+        with pytest.raises(FolderTaken, match="holds this run, ended before its time: go on with it by --resume, or begin it anew by --o"):
+            simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path)
+        with pytest.raises(FolderTaken, match=r"another run of uniaxial: stretches is \[1.1, 1.2\] there and \[1.1\] here"):
+            simulate(uniaxial(1.1), "analytic", folder=tmp_path)
+    simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path, resume=True).save(tmp_path)
+    assert len(simulate(uniaxial(1.1, 1.2), "analytic", folder=tmp_path).states) == 2  # now that it has come to its end
+
+
+def test_differences_of_scenes_in_words(tmp_path):
+    first, other = uniaxial(1.1), pds.load_scene("ring-pressure", {"name": "uniaxial"})
+    model = pds.load_surrogate("analytic")
+    told = Contents.of(first, [model]).differences(Contents.of(other, [model]))
+    assert re.fullmatch(r"(\S+ is .+ there and .+ here; ){2}\S+ is .+ there and .+ here, and \d+ more", told)
+    assert "title" not in told  # which changes no result
+    assert Contents.of(first, [model]).differences(Contents.of(first, [model])) == ""
+    # A mesh is told by what its file holds.
+    mesh = pds.shapes.Mesh(file=str(tmp_path / "sheet.vtk"))
+    digests = []
+    for text in ("one", "other"):
+        (tmp_path / "sheet.vtk").write_text(text)
+        digests.append({MESH: digest_of_mesh(mesh)})
+    one, another = (Contents({}, "analytic", digest) for digest in digests)
+    assert one.differences(another) == "the file of the mesh has changed"
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("summary.json", "{}"), ("summary.json", '{"scene": "../x", "levels": []}'), ("history.csv", "year,price\n"), ("checkpoint.npz", "x")],
+)
+def test_files_that_no_run_wrote_are_not_replaced(saved, tmp_path, name, content):
+    (tmp_path / name).write_text(content)
+    for overwrite in (False, True):
+        with pytest.raises(FolderTaken, match="was not written by a run"):
+            saved[0].save(tmp_path, overwrite)
+        with pytest.raises(FolderTaken, match="was not written by a run"):
+            simulate(uniaxial(1.1), "analytic", folder=tmp_path, overwrite=overwrite)
+    assert names_in(tmp_path) == [name]
+    assert (tmp_path / name).read_text() == content
+
+
+@pytest.mark.parametrize(
+    "name", ["uniaxial-007.vtu", "uniaxial.gif", "uniaxial.png", "uniaxial-loading.png", "uniaxial.pvd", "history.csv"]
+)
+@pytest.mark.parametrize("there", ["nothing", "a run", "an interrupted run"])
+def test_files_that_have_names_of_a_runs_own_are_left_and_refused(tmp_path, name, there):
+    """They were deleted, without a word and without --overwrite; a table of somebody's that begins with t is none of a run's either."""
+    scene = uniaxial(1.1)
+    if there != "nothing":
+        simulate(scene, "analytic", folder=tmp_path).save(tmp_path)
+    if there == "an interrupted run":
+        summary = json.loads((tmp_path / "summary.json").read_text())
+        (tmp_path / "summary.json").write_text(json.dumps({**summary, "status": "running"}))
+    (tmp_path / name).write_text("t,price\n1,2\n")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    for options in ({}, {"overwrite": True}, {"resume": True}):
+        with pytest.raises(FolderTaken, match=f"{name} was not written by a run and would be replaced"):
+            simulate(scene, "analytic", folder=tmp_path, **options)
+    with pytest.raises(FolderTaken, match=f"{name} was not written by a run"):
+        simulate(scene, "analytic").save(tmp_path, overwrite=True)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_all_that_a_run_writes_is_known_again(tmp_path):
+    """Pictures, an animation, states and their index."""
+    scene = pds.load_scene(
+        "tear",
+        {
+            **{"spacing": 0.25, "body.size": [2.0, 1.0], "precuts": [], "stretches": [1.1], "fracture.critical_stretch": 3.0},
+            **{"dynamics.stretch": 1.15, "dynamics.stretch_rate": 60.0, "dynamics.outputs": 2},
+        },
+    )
+    for _ in range(2):
+        simulate(scene, "analytic", folder=tmp_path).save(tmp_path)
+    assert {"tear.gif", "tear.png", "tear-loading.png", "tear.pvd", "tear-002.vtu"} <= set(names_in(tmp_path))
+    assert all(is_marked(path) for path in tmp_path.glob("tear*"))
+    meshio.read(tmp_path / "tear-002.vtu")
+
+
+def test_the_same_folder_by_another_path_is_not_cleared(tmp_path, monkeypatch):
+    """States that were written as they were reached are read from their files: they must not be removed to make room for themselves."""
+    monkeypatch.chdir(tmp_path)
+    result = simulate(uniaxial(1.1), "analytic", folder="out")
+    result.save(tmp_path / "out")
+    assert np.isfinite(result.displacement()).all()
+
+
+def test_interrupted_writing_leaves_the_old_file(tmp_path):
+    path = tmp_path / "x.json"
+    files.write_json(path, {"a": 1})
+    with pytest.raises(ValueError, match="JSON compliant"):
+        files.write_json(path, {"a": float("nan")})
+
+    with pytest.raises(RuntimeError), files.replacing(path) as temporary:  # noqa: PT012
+        temporary.write_text("half")
+        raise RuntimeError
+    assert json.loads(path.read_text()) == {"a": 1}
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_edge_displacements_are_extrapolated_to_the_edge():
+    body = sheet(0.1, 1.2, 1.0)
+    displacements = np.stack([0 * body.points[:, 0], 0.3 * (body.points[:, 1] - 0.5) + 0.1 * body.points[:, 0]], axis=1)
+    along, low, high = measures.edge_displacements(body, displacements, 1)
+    np.testing.assert_allclose(along, 0.05 + 0.1 * np.arange(12))
+    np.testing.assert_allclose(low, -0.15 + 0.1 * along)
+    np.testing.assert_allclose(high, 0.15 + 0.1 * along)
+
+
+def test_edges_lines_and_pictures_go_by_the_sides_of_a_cell():
+    """1.2 x 1.0 at 0.12: ten by eight cells, a bilinear field read back exactly, and pictures that cover the body."""
+    body = sheet(0.12, 1.2, 1.0)
+    np.testing.assert_allclose(body.cell, [0.12, 0.125])
+    displacements = body.points * body.points[:, ::-1]
+    for axis, reach in enumerate((1.2, 1.0)):
+        along, low, high = measures.edge_displacements(body, displacements, axis)
+        np.testing.assert_allclose(along, np.unique(body.points[:, 1 - axis]))
+        np.testing.assert_allclose(low, 0, atol=1e-12)
+        np.testing.assert_allclose(high, reach * along)
+    cells = figures.polygons_of(body.cells, np.zeros_like(body.cells.nodes))
+    np.testing.assert_allclose(np.ptp(cells, axis=1), np.tile(body.cell, (len(body), 1)))
+
+
+def test_roughness_tells_a_checkerboard_from_a_wave():
+    body = sheet(0.05, 3.0, 1.0)
+    x1 = body.points[:, 0]
+    smooth = np.stack([0 * x1, np.sin(2 * np.pi * x1 / 3)], axis=1)
+    jagged = np.stack([0 * x1, np.cos(np.pi * x1 / 0.05 - np.pi / 2)], axis=1)
+    # Second difference of a wave of length L: (2 pi spacing / L)^2, root mean square over its greatest value: / sqrt(2).
+    assert measures.roughness(body, smooth, 0) == pytest.approx((2 * np.pi * 0.05 / 3) ** 2 / np.sqrt(2), rel=0.05)
+    assert measures.roughness(body, jagged, 0) == pytest.approx(4, rel=0.01)
+
+
+def test_a_folder_holds_one_run_at_a_time(tmp_path):
+    """Two runs in one folder mixed their files."""
+    lock = tmp_path / LOCK
+    lock.write_text(f"{os.getppid()} {socket.gethostname()}")
+    with pytest.raises(FolderTaken, match=f"process {os.getppid()} on .* is writing a run there"):
+        simulate(uniaxial(1.2), "neo-hookean", folder=tmp_path)
+    ended = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", str(tmp_path)])
+    assert (ended.exit_code, names_in(tmp_path)) == (2, [LOCK])
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    for left in (gone.pid, os.getpid()):  # a number that the system has given anew
+        lock.write_text(f"{left} {socket.gethostname()}")
+        with occupied(tmp_path), occupied(tmp_path):
+            assert lock.read_text() == f"{os.getpid()} {socket.gethostname()}"
+        assert names_in(tmp_path) == []
+    lock.write_text("1 another.host")
+    with pytest.raises(FolderTaken, match=r"on another\.host"), occupied(tmp_path):
+        pass
+
+
+def test_a_folder_that_cannot_be_made_is_named(monkeypatch, tmp_path):
+    """A temporary file was named in its place."""
+
+    def refused(*arguments, **options):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), f"{options['dir']}/tmpabc")
+
+    monkeypatch.setattr("tempfile.NamedTemporaryFile", refused)
+    ended = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", str(tmp_path / "some" / "where")])
+    assert ended.exit_code == 2
+    assert f"{tmp_path / 'some' / 'where'}: files cannot be made there, as no file can be made in {tmp_path}" in ended.stderr
+    assert "tmpabc" not in ended.output
+
+
+def test_results_need_a_folder(tmp_path):
+    (tmp_path / "file").write_text("mine")
+    for given in (str(tmp_path / "file"), os.devnull, ""):
+        ended = CliRunner().invoke(app, ["run", "uniaxial", "--set", "spacing=0.1", "--out", given])
+        assert ended.exit_code == 2
+        assert "folder" in ended.output
+    assert (tmp_path / "file").read_text() == "mine"

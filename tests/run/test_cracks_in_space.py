@@ -1,0 +1,145 @@
+"""Bonds that break in bodies in space: energy account, resuming, tips and damage; the trouser tear and the disc crack."""
+
+import numpy as np
+import pytest
+
+import pdsurrogate as pds
+from pdsurrogate.materials import homogeneous
+from pdsurrogate.problem.fracture import critical_stretch_in
+from pdsurrogate.run import checkpoints, transient
+from pdsurrogate.run.run import Silent
+from pdsurrogate.run.simulate import simulate
+from pdsurrogate.scenes import Scene, SceneError, load_scene
+
+STRIP = {
+    "name": "strip",
+    "spacing": 1.0,
+    "stretches": [1.3],
+    "body": {"shape": "box", "size": [16.0, 10.0, 2.0]},
+    "precuts": [{"corner": [-1.0, 5.0, -1.0], "sides": [[6.0, 0.0, 0.0], [0.0, 0.0, 4.0]]}],
+    "material": {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0},
+    "grips": [{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
+    "fracture": {"critical_stretch": 2.0},
+    "dynamics": {"stretch": 1.75, "stretch_rate": 0.01, "density": 1.0, "damping": 0.02, "viscosity": 0.1, "outputs": 6},
+}
+"""Lengths in spacings, the speed of shear waves 1."""
+
+
+def account(rows):
+    """What the energies of the last row miss of what was put in, over that."""
+    first, last = rows[0], rows[-1]
+    put_in = first["kinetic_energy"] + first["strain_energy"] + last["work"]
+    return sum(last[key] for key in ("kinetic_energy", "strain_energy", "damped_energy", "released_energy")) / put_in - 1
+
+
+def in_dynamics(result):
+    return [row for row in result.history if "time" in row]
+
+
+@pytest.fixture(scope="module")
+def torn(tmp_path_factory):
+    return simulate(Scene.model_validate(STRIP), folder=tmp_path_factory.mktemp("torn"))
+
+
+def test_a_crack_in_space(torn):
+    """The tip starts at the precut's end and goes on along its plane.
+
+    The energy account has no error of the time step but where forces are not linear within one.  Until a bond breaks the power that the
+    viscosity takes is summed over rows of 20 steps by the trapezoidal rule, 0.07 % while the motion begins; with most of so small a strip
+    torn it is 0.1 %.
+    """
+    crack, points = torn.summary["crack"], torn.body.points
+    start, tip = crack["start"]["x"], crack["tips"][-1]["tip"]
+    assert len(start) == len(tip) == 3
+    np.testing.assert_allclose(start[:2], [5.0, 5.0], atol=1.0)
+    assert tip[0] > 8
+    assert abs(tip[1] - 5) < 1.75
+    rows = in_dynamics(torn)
+    assert abs(account([row for row in rows if row["broken_bonds"] == 0])) < 0.001
+    assert abs(account(rows)) < 0.003
+    damage = torn.states[-1][1]["damage"]
+    assert damage[(np.abs(points[:, 1] - 5) < 1) & (points[:, 0] < 8)].min() > 0.2
+    assert damage[np.abs(points[:, 1] - 5) > 3].max() == 0
+
+
+def test_the_account_of_a_strip_has_no_error_of_the_time_step(monkeypatch):
+    """With what viscosity takes found in every step; the grips' part of it and the end of the stage within a step are in it."""
+    monkeypatch.setattr(transient, "STEPS_PER_ROW", 1)
+    pulled = {**STRIP["dynamics"], "stretch": 1.34, "outputs": 1}
+    rows = in_dynamics(simulate(Scene.model_validate({**STRIP, "fracture": {"critical_stretch": 9.0}, "dynamics": pulled})))
+    assert len(rows) > 50
+    assert rows[-1]["damped_energy"] > 0.05
+    assert abs(account(rows)) < 1e-6
+
+
+def test_a_crack_in_space_resumes_to_the_same_bits(torn, tmp_path, monkeypatch):
+    monkeypatch.setattr(checkpoints, "SECONDS_BETWEEN_CHECKPOINTS", 0.0)
+
+    class Stop(Exception):
+        """A kill."""
+
+    class Killing(Silent):
+        def dynamics(self, done, parameter, broken_bonds):
+            if broken_bonds > 20:
+                raise Stop
+
+    scene = Scene.model_validate(STRIP)
+    with pytest.raises(Stop):
+        simulate(scene, folder=tmp_path, progress=Killing())
+    resumed = simulate(scene, folder=tmp_path, resume=True)
+    assert resumed.history == torn.history
+    assert resumed.summary["crack"] == torn.summary["crack"]
+    np.testing.assert_array_equal(resumed.states[-1][1]["damage"], torn.states[-1][1]["damage"])
+    np.testing.assert_array_equal(resumed.displacement(), torn.displacement())
+
+
+def test_a_fracture_energy_in_space_needs_a_horizon_at_which_the_tip_was_measured():
+    law = Scene.model_validate(STRIP).material.build()
+    for ratio, diameter in ((1.75, 1.2), (2.2, 0.83)):
+        scene = Scene.model_validate({**STRIP, "fracture": {"energy": 2.0}, "horizon_ratio": ratio})
+        found = critical_stretch_in(scene, law, 0.5, "bond energy")
+        assert homogeneous.uniaxial(law, found).energy_density * diameter * 0.5 == pytest.approx(2.0, rel=1e-9)
+    with pytest.raises(
+        ValueError, match=r"fracture.energy .*horizon_ratio 1.75; bond energy, plane=space, horizon_ratio 2.2.*not for plane=space"
+    ):
+        Scene.model_validate({**STRIP, "fracture": {"energy": 2.0}, "horizon_ratio": 3.0})
+
+
+def test_cuts_of_scenes_in_space():
+    with pytest.raises(SceneError, match=r"precuts"):
+        load_scene("trousers", {"precuts": [{"start": [0.0, 8.0], "end": [16.0, 8.0]}]})
+
+
+def test_opening_of_a_disc_crack():
+    """By what it takes off the force, against linear elasticity: 1.0350 of Sneddon's volume in this cylinder, by the finite elements of
+    `pipelines/disc_crack.py`; bonds are cut as if the disc were wider by 0.3 to 0.45 of a spacing."""
+    spacing = 0.1
+    result = simulate(load_scene("penny", {"spacing": spacing}))
+    law, stretch, radius, length = result.scene.material.build(), 1.01, 0.4, 3.0
+    stress, uncut = result.levels[-1]["nominal_stress"], homogeneous.uniaxial(law, stretch).nominal_stress
+    young, poisson = 9 * 20 / 61, 9 * 20 / 61 / 2 - 1
+    volume = (1 - stress / uncut) * (stretch - 1) * length * np.pi
+    expected = 1.0350 * 16 * (1 - poisson**2) * stress * radius**3 / (3 * young)
+    grown = ((volume / expected) ** (1 / 3) - 1) * radius / spacing
+    assert 0.3 < grown < 0.45
+
+
+@pytest.mark.slow
+def test_a_small_trouser_tear():
+    """Legs of 4 mm, torn by 6 mm.  The diameter of the tip was found with legs of 8 mm, within 8 %; here the crack strays: 25 %."""
+    legs = {name: {"box": [[0.0, low, 0.66], [0.46, low + 4, 1.01]]} for name, low in (("one", 0.0), ("two", 4.0))}
+    dynamics = {"duration": 14.0, "density": 1e-3, "damping": 0.1, "viscosity": 0.002}
+    changes = {
+        "body.size": [18.0, 8.0, 2.0],
+        "precuts": [{"corner": [-1.0, 4.0, -1.0], "sides": [[9.0, 0.0, 0.0], [0.0, 0.0, 4.0]]}],
+        "regions": legs,
+        "horizon_ratio": 1.75,
+        "fracture.energy": 1.0,
+        "steps": [{"to": 3.0}, {"to": 17.0, "outputs": 14, "dynamics": dynamics}],
+    }
+    result = simulate(load_scene("trousers", changes))
+    rows = in_dynamics(result)[:-1]  # in the last row the legs come to a halt
+    force = np.mean([row["force_one_3"] for row in rows if row["t"] > 11])
+    assert pds.tearing_energy(result.scene.material.build(), force, 4.0, 2.0) == pytest.approx(1.0, rel=0.25)
+    assert abs(account(rows)) < 0.01
+    assert result.summary["crack"]["tips"][-1]["tip"][0] > 13

@@ -1,0 +1,288 @@
+"""Runs that end before their time: killed, interrupted, or out of time; what they leave, and how it goes on."""
+
+import csv
+import importlib
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import pdsurrogate as pds
+from pdsurrogate.cli import app
+from pdsurrogate.results.files import TEMPORARY
+from pdsurrogate.results.folder import FolderTaken
+from pdsurrogate.run import levels, record
+from pdsurrogate.run.run import Silent
+from pdsurrogate.run.simulate import SimulationInterrupted, simulate
+from pdsurrogate.stress_test.case import Subject
+
+PATIENCE = 300
+"""Seconds for what takes some on a free machine."""
+
+SLOWLY = """
+import sys, time
+from pdsurrogate.run.run import Run
+from pdsurrogate.cli import main
+
+record = Run.record
+def slow(run, *rest):
+    record(run, *rest)
+    time.sleep(0.3)  # so that the run is there for a while after every output
+Run.record = slow
+sys.argv = ["pdsurrogate", *sys.argv[1:]]
+main()
+"""
+"""A run that is not over before it is looked at."""
+
+HELD_UP = """
+import hashlib, sys, time
+from pdsurrogate.solvers import quasi_newton
+from pdsurrogate.cli import main
+
+how, *arguments = sys.argv[1:]
+def never(*rest):
+    print("held up", flush=True)
+    while True:
+        # In a call of C that hears of no signal, and in Python.
+        hashlib.pbkdf2_hmac("sha256", b"", b"", 2**31 - 1) if how == "C" else time.sleep(600)
+quasi_newton.QuasiNewton.preconditioner = never
+sys.argv = ["pdsurrogate", *arguments]
+main()
+"""
+"""The set-up of a preconditioner that takes for ever."""
+
+SHEET = ["--force", "analytic", "--set", "spacing=0.25"]
+
+
+@pytest.fixture(autouse=True)
+def heeds_interrupts():
+    """A shell that starts the tests in the background has them ignore Ctrl-C, and what they start as well."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def begun(program, *arguments, **options):
+    command = [sys.executable, "-c", program, *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options)
+
+
+def wait(condition, process):
+    until = time.monotonic() + PATIENCE
+    while not condition():
+        assert process.poll() is None, process.communicate()[0]
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+def told(folder):
+    """What the summary says, which is written after the history."""
+    path = folder / "summary.json"
+    return json.loads(path.read_text()) if path.exists() else {"levels": [], "n_steps": 0}
+
+
+STRETCHES = [round(1.1 + 0.01 * number, 2) for number in range(80)]
+
+
+def test_a_run_that_is_killed_leaves_its_history_and_goes_on(tmp_path):
+    """It left neither a history nor a summary, and nothing could be plotted."""
+    change = ["--set", f"stretches={STRETCHES}"]
+    process = begun(SLOWLY, "run", "uniaxial", *SHEET, *change, "--out", tmp_path)
+    wait(lambda: len(told(tmp_path)["levels"]) > 1, process)
+    process.kill()
+    process.communicate(timeout=PATIENCE)
+    read, rows = pds.load_result(tmp_path), len(list(csv.DictReader((tmp_path / "history.csv").open())))
+    assert told(tmp_path)["status"] == read.status == "running"
+    assert not read.summary["converged"]
+    assert len(STRETCHES) > rows >= len(read.levels) == len(read.states)
+    assert repr(read).endswith("running>")
+    shown = CliRunner().invoke(app, ["show", str(tmp_path), "--out", str(tmp_path)])
+    assert shown.exit_code == 0, shown.output
+    assert "under way, or was ended from without" in shown.stderr
+    assert (tmp_path / "uniaxial-displacement.png").exists()
+    # What a process leaves that is killed while it writes goes when the run goes on.
+    (tmp_path / f"{TEMPORARY}uniaxial-004-abcdefgh.vtu").write_text("half")
+    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=STRETCHES)
+    with pytest.raises(FolderTaken, match="ended before its time: go on with it by --resume"):
+        simulate(scene, "analytic", folder=tmp_path)
+    resumed = simulate(scene, "analytic", folder=tmp_path, resume=True)
+    assert resumed.history == simulate(scene, "analytic").history
+    assert not list(tmp_path.glob(f"{TEMPORARY}*"))
+    assert pds.load_result(tmp_path).status == "done"
+
+
+def test_the_dynamics_are_told_as_they_go(tmp_path):
+    changes = ["--set", "stretches=1.1", "--set", "body.size=[2.0, 1.0]", "--set", "precuts=[]", "--set", "fracture.critical_stretch=3.0"]
+    changes += ["--set", "dynamics.stretch=1.9", "--set", "dynamics.stretch_rate=0.001", "--set", "spacing=0.25"]
+    process = begun(SLOWLY, "run", "tear", "--force", "analytic", *changes, "--out", tmp_path)
+    wait(lambda: told(tmp_path)["n_steps"] > 0, process)
+    process.kill()
+    process.communicate(timeout=PATIENCE)
+    read = pds.load_result(tmp_path)
+    assert [row for row in read.history if "kinetic_energy" in row]
+    assert len(read.states) == 1
+
+
+def test_a_run_that_was_killed_before_its_first_checkpoint_is_begun_anew(tmp_path):
+    """There is nothing to go on from, and nothing lost."""
+    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.2])
+
+    class Killed(Silent):
+        def residual(self, evaluations, residual, tolerance):
+            raise KeyboardInterrupt  # which nobody asked for: as good as a kill
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate(scene, "analytic", folder=tmp_path, progress=Killed())
+    assert pds.load_result(tmp_path).status == "running"
+    assert not pds.load_result(tmp_path).states
+    with pytest.raises(FolderTaken, match="another run of uniaxial: stretches"):
+        simulate(pds.load_scene("uniaxial", spacing=0.25, stretches=[1.3]), "analytic", folder=tmp_path)
+    assert simulate(scene, "analytic", folder=tmp_path).status == "done"
+
+
+@pytest.mark.parametrize(("share", "outputs"), [(1e9, 0), (1e9, 1), (0.0, 2)])
+def test_the_summary_of_a_killed_run_lists_the_states_that_lie_there(share, outputs, tmp_path, monkeypatch):
+    """The summary was written once a second at most, and `show` denied a state whose file lay there."""
+    monkeypatch.setattr(record, "SECONDS", 1e9)
+    monkeypatch.setattr(record, "SHARE", share)
+    begun = []
+
+    class Killed(Silent):
+        def level(self, number, parameter):
+            begun.append(parameter)
+            if len(begun) > outputs:
+                raise KeyboardInterrupt  # as good as a kill
+
+    scene = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.1, 1.2, 1.3])
+    with pytest.raises(KeyboardInterrupt):
+        simulate(scene, "analytic", folder=tmp_path, progress=Killed())
+    read = pds.load_result(tmp_path)
+    assert len(read.states) == len(read.levels) == len(list(tmp_path.glob("*.vtu"))) == outputs
+    shown = CliRunner().invoke(app, ["show", str(tmp_path), "--out", str(tmp_path)])
+    assert shown.exit_code == 0, shown.output
+    assert ("holds no state to draw: its summary lists none yet; --resume goes on with the run" in shown.stderr) == (not outputs)
+    assert (tmp_path / "uniaxial-displacement.png").exists() == bool(outputs)
+
+
+class Stops(Silent):
+    """Ends the run after so many reports in equilibrium."""
+
+    def __init__(self, number):
+        self.left = number
+
+    def residual(self, evaluations, residual, tolerance):
+        self.left -= 1
+        if self.left == 0:
+            signal.raise_signal(signal.SIGINT)
+
+
+SCENES = {
+    "uniaxial": (pds.load_scene("uniaxial", spacing=0.25, stretches=[2.0]), "analytic"),
+    "ba-nosb": (pds.load_scene("uniaxial", spacing=0.25, stretches=[1.6]), "ba-nosb"),
+    "pressure": (pds.load_scene("ring-pressure", spacing=0.25), "bond-energy"),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_first_equilibrium_goes_on_from_within(tmp_path, name):
+    """A run that was ended in its first equilibrium, which of a large body takes hours, had no checkpoint."""
+    scene, force = SCENES[name]
+    with pytest.raises(SimulationInterrupted) as stopped:
+        simulate(scene, force, folder=tmp_path, progress=Stops(8))
+    assert not stopped.value.result.levels
+    assert pds.load_result(tmp_path).status == "interrupted"
+    before = np.load(tmp_path / "checkpoint.npz")["positions"]
+    assert np.abs(before - stopped.value.result.body.points).max() > 0.01
+    resumed, whole = simulate(scene, force, folder=tmp_path, resume=True), simulate(scene, force)
+    first, other = resumed.levels[-1], whole.levels[-1]
+    assert len(resumed.levels) == len(whole.levels)
+    # Both are within the solver's tolerance of the equilibrium, 1e-6 of a shear modulus over a spacing, and not at the same place.
+    np.testing.assert_allclose(resumed.displacement(), whole.displacement(), atol=1e-4 * scene.spacing)
+    assert math.isclose(first["energy"], other["energy"], rel_tol=1e-6) if "energy" in first else True
+    # What was done before is not done again.
+    spent, left, all_of_it = (result.summary["n_force_evaluations"] for result in (stopped.value.result, resumed, whole))
+    assert left - spent < all_of_it
+
+
+def test_checkpoints_on_the_way_come_by_the_clock(tmp_path, monkeypatch):
+    """And change nothing."""
+    scene, written = pds.load_scene("uniaxial", spacing=0.25, stretches=[1.5]), []
+    whole, checkpoint = simulate(scene, "analytic"), levels.Equilibria._checkpoint
+
+    def counted(stage, *increments):
+        written.extend(increments)
+        checkpoint(stage, *increments)
+
+    monkeypatch.setattr(levels.Equilibria, "_checkpoint", counted)
+    monkeypatch.setattr("pdsurrogate.run.checkpoints.SECONDS_BETWEEN_CHECKPOINTS", 0.0)
+    monkeypatch.setattr("pdsurrogate.run.checkpoints.CHECKPOINT_SHARE", 0.0)
+    found = simulate(scene, "analytic", folder=tmp_path)
+    assert len(written) == len(found.convergence) > 3
+    assert found.history == whole.history
+
+
+def test_a_run_ends_when_its_time_is_over_and_goes_on(tmp_path):
+    command = ["run", "uniaxial", *SHEET, "--out", str(tmp_path), "--json"]
+    done = CliRunner().invoke(app, [*command, "--max-time", "1e-6"])
+    assert done.exit_code == 130, done.output
+    assert "stopped after max_time" in done.stderr
+    assert "--resume goes on from it" in done.stderr
+    assert json.loads(done.stdout)["status"] == "interrupted"
+    done = CliRunner().invoke(app, [*command, "--resume"])
+    assert done.exit_code == 0, done.output
+    assert len(pds.load_result(tmp_path).levels) == 3
+    for wrong in (0, -1.0, math.inf):
+        with pytest.raises(ValueError, match="max_time must be a number of seconds greater than 0"):
+            simulate("uniaxial", max_time=wrong)
+
+
+def test_every_run_of_a_study_ends_when_its_time_is_over(tmp_path):
+    keys = {"scene": "uniaxial", "force": "analytic", "set": {"spacing": 0.25}, "parameters": {"stretches": [1.2, 1.5]}}
+    stopped = pds.study(keys, tmp_path, jobs=1, threads=1, max_time=1e-6)
+    assert len(stopped.not_done) == 2
+    assert len(list(tmp_path.glob("runs/*/checkpoint.npz"))) == 2
+    done = pds.study(keys, tmp_path, jobs=1, threads=1)
+    assert [row["failure"] for row in done.rows] == [None, None]
+    with pytest.raises(ValueError, match="max_time: a fit has no checkpoint"):
+        pds.study({"fit": {"material": "gent"}, "parameters": {"degree": [3]}}, tmp_path / "fits", max_time=1.0)
+
+
+@pytest.mark.parametrize("where", ["stress_test.case", "reports.compare"])
+def test_ctrl_c_ends_a_command_that_runs_many_scenes(where, monkeypatch):
+    """It ended one run of many, which counted as failed, and the next began."""
+    module = importlib.import_module(f"pdsurrogate.{where}")
+
+    def interrupted(*given, **options):
+        raise SimulationInterrupted("interrupted", None)
+
+    monkeypatch.setattr(module, "simulate", interrupted)
+    force = pds.load_surrogate("analytic")
+    held, keys = Subject("analytic"), {"spacing": 0.25, "prescribed": [{"region": "left", "x1": 0.0}], "steps": [1.0]}
+    calls = {
+        "stress_test.case": lambda: held.run(held.scene((1.0, 1.0), **keys)),
+        "reports.compare": lambda: module.measure_scene(module.Candidate("exact", force, "float64"), pds.materials.NeoHookean(), 0.25),
+    }
+    with pytest.raises(KeyboardInterrupt):
+        calls[where]()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize("how", ["Python", "C"])
+def test_ctrl_c_ends_what_does_not_hear_it(tmp_path, how):
+    """While a preconditioner was set up, or a kernel compiled, an interrupt was noted and nothing happened for minutes."""
+    process = begun(HELD_UP, how, "run", "uniaxial", *SHEET, "--set", "stretches=1.5", "--out", tmp_path)
+    while process.stdout.readline().strip() != "held up":
+        assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    told = process.communicate(timeout=60)[0]
+    assert process.returncode == 130, told
+    assert "interrupted" in told
+    assert "Traceback" not in told
+    assert pds.load_result(tmp_path).status in ("interrupted", "running")

@@ -1,0 +1,219 @@
+"""The account of energy of runs in dynamics: what it closes to, what is said where it does not, and what cracks need for it."""
+
+import warnings
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import pdsurrogate as pds
+from pdsurrogate.cli import app
+from pdsurrogate.run import transient
+from pdsurrogate.run.cracks import starts_of_cracks
+from pdsurrogate.run.damage import Damage
+from pdsurrogate.run.run import Run, Silent
+
+RUBBER = {"law": "neo-hookean", "shear_modulus": 1.0, "bulk_modulus": 20.0}
+"""With a density of 1, shear waves have a speed of 1."""
+
+CLAMP = {"region": "left", "x1": 0.0, "x2": 0.0}
+
+
+def pulled(duration, **dynamics):
+    """A sheet clamped on the left, and pulled on the right by a traction that is there from one moment to the next."""
+    pull = {"region": "right", "traction": [0.5, 0.0], "amplitude": [[0.0, 0.0], [1e-9, 1.0]]}
+    dynamics = {"duration": duration, "density": 1.0, **dynamics}
+    return pds.Scene(
+        name="pulled",
+        spacing=0.1,
+        body={"shape": "rectangle", "size": [2.0, 0.6]},
+        material=RUBBER,
+        prescribed=[CLAMP],
+        loads=[pull],
+        steps=[{"to": 1.0, "outputs": 5, "dynamics": dynamics}],
+    )
+
+
+def kicked(safety):
+    """A bar in space that a pulse sets swinging, far and without damping."""
+    duration, held = 25.0, {**CLAMP, "x3": 0.0}
+    pulse = [[0.0, 0.0], [0.5 / duration, 1.0], [1.0 / duration, 0.0], [1.0, 0.0]]
+    return pds.Scene(
+        name="kicked",
+        spacing=0.25,
+        body={"shape": "box", "size": [2.0, 0.75, 0.75]},
+        material={**RUBBER, "bulk_modulus": 10.0},
+        prescribed=[held],
+        loads=[{"region": "right", "traction": [0.95, 0.475, 0.285], "amplitude": pulse}],
+        steps=[{"to": 1.0, "dynamics": {"duration": duration, "density": 1.0, "safety": safety}}],
+    )
+
+
+def strip(size=(2.0, 1.0), cuts=((0.0, 0.8),), stretch=3.0, **dynamics):
+    """A strip with cuts along its middle, pulled apart slowly."""
+    return pds.Scene(
+        name="strip",
+        spacing=0.1,
+        body={"shape": "rectangle", "size": size},
+        precuts=[{"start": [begin, size[1] / 2], "end": [end, size[1] / 2]} for begin, end in cuts],
+        stretches=[1.1, 1.3],
+        material=RUBBER,
+        fracture={"critical_stretch": 2.0},
+        dynamics={"stretch": stretch, "stretch_rate": 0.02, "density": 1.0, "outputs": 20, **dynamics},
+        grips=[{"edge": "bottom"}, {"edge": "top", "travel": 1.0}],
+    )
+
+
+def account(result):
+    (told,) = result.summary["dynamics"]
+    return told
+
+
+def test_what_viscosity_takes_is_summed_in_every_step():
+    """Summed from row to row it was 11 % less than with a seventh of the step, and 5 % of the work was missing.
+
+    The trapezoidal rule in every step is of the second order in it: a fiftieth of the error with a seventh of the step.  0.09 % was found.
+    """
+    coarse, fine = (pds.simulate(pulled(2.0, damping=2.0, viscosity=0.01, safety=safety), "bond-energy") for safety in (0.7, 0.1))
+    damped, expected = (result.history[-1]["damped_energy"] for result in (coarse, fine))
+    assert damped == pytest.approx(expected, rel=5e-3)
+    assert abs(account(coarse)["greatest_energy_gap"]) < 0.2
+    assert account(coarse)["energy_put_in"] == pytest.approx(coarse.history[-1]["work"])
+
+
+def test_motion_that_fine_steps_alone_keep_is_warned_of():
+    """Undamped, energy goes over into waves as short as a bond, within a period of which forces are not linear: 1.3 % in 480 steps, unsaid.
+
+    The scheme is of the second order: a quarter with half the step.  The gap varies by 3 % with 1 % of the pulse: it is not chance.
+    """
+    with pytest.warns(UserWarning, match=r"account of energy is off by 1\.\d %: .* put in, and .* were lost; a smaller dynamics.safety"):
+        coarse = pds.simulate(kicked(0.7))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fine = pds.simulate(kicked(0.35))
+    gaps = [abs(account(result)["energy_gap"]) for result in (coarse, fine)]
+    assert 1 < gaps[0] < 5
+    assert gaps[1] < 0.5 * gaps[0]
+    assert "off by 1." in account(coarse)["remark"]
+    assert account(fine)["remark"] is None
+
+
+def test_a_crack_that_makes_energy_is_a_failure():
+    """Without viscosity the last bonds of a ligament gave the strip half as much again as was put in: "converged", without a word."""
+    with pytest.raises(pds.SimulationFailed, match=r"account of energy is off by|runs away") as caught:
+        pds.simulate(strip(viscosity=0.0), "bond-energy")
+    summary = caught.value.result.summary
+    assert "more dynamics.viscosity" in summary["failure"]
+    assert not summary["converged"]
+    assert set(account(caught.value.result)) >= {"energy_gap", "greatest_energy_gap", "energy_put_in", "viscosity"}
+
+
+def test_what_cracks_need_is_the_default():
+    """0.7 spacings over the speed of shear waves: the account of a strip that tears closes, within 1e-4 as it was found."""
+    result = pds.simulate(strip(), "bond-energy")
+    assert result.summary["crack"]["through"]
+    assert account(result)["viscosity"] == pytest.approx(0.07, rel=1e-12)
+    assert abs(account(result)["greatest_energy_gap"]) < 0.2
+    rows = [row for row in result.history if "time" in row]
+    first, last = rows[0], rows[-1]
+    put_in = first["kinetic_energy"] + first["strain_energy"] + last["work"]
+    held = sum(last[key] for key in ("kinetic_energy", "strain_energy", "damped_energy", "released_energy"))
+    assert account(result)["energy_gap"] == pytest.approx(100 * (held - put_in) / account(result)["energy_put_in"], abs=1e-9)
+
+
+def viscosity_of(scene):
+    run = Run(scene, pds.load_surrogate("analytic"), Silent())
+    run.state.stage = len(run.stages) - 1
+    run.damage = None if scene.fracture is None else Damage(run.body, scene.fracture.critical_stretch)
+    return transient.Transient(run, run.stages[run.state.stage]).viscosity
+
+
+def test_viscosity_where_none_is_said():
+    """0.7 spacings over the speed of shear waves with fracture, none without, and what a scene says always."""
+    assert viscosity_of(strip(density=4.0)) == pytest.approx(0.7 * 0.1 * 2.0)
+    assert viscosity_of(strip(viscosity=0.0)) == 0
+    assert viscosity_of(pulled(1.0)) == 0
+    assert viscosity_of(pds.load_scene("tear", spacing=0.5)) == 5e-6
+
+
+def test_forces_without_an_energy_have_no_account_and_say_so(tmp_path):
+    scene = strip(stretch=1.32)
+    told = account(pds.simulate(scene, "analytic"))
+    assert told["energy_gap"] is None
+    assert told["remark"] == "analytic has no energy: whether the motion keeps it is not known"
+    options = ["--set", "spacing=0.25", "--set", "stretches=1.1", "--set", "dynamics.stretch=1.11"]
+    for force, said in (("analytic", "No account of energy: analytic has no energy"), ("bond-energy", "Account of energy: off by")):
+        done = CliRunner().invoke(app, ["run", "tear", "--force", force, *options])
+        assert done.exit_code == 0, done.output
+        assert said in done.output
+
+
+@pytest.mark.parametrize("support", ["reflected", "points"])
+def test_what_viscosity_takes_of_the_work_of_holders_is_counted(support):
+    """Ends that move to and fro: their forces are followed between rows as those of the points are."""
+    scene = pulled(2.0, viscosity=0.05).model_dump(by_alias=True, exclude_unset=True) | {"loads": [], "support": support}
+    scene["prescribed"] = [CLAMP, {"region": "right", "x1": 0.1, "x2": 0.0, "amplitude": "sin(6*t)"}]
+    told = account(pds.simulate(pds.Scene.model_validate(scene), "bond-energy"))
+    assert abs(told["greatest_energy_gap"]) < 0.5
+
+
+@pytest.mark.parametrize("scene", [pulled(0.5, viscosity=0.01), strip(stretch=1.31, outputs=50)], ids=["steps", "grips"])
+@pytest.mark.parametrize("force", ["analytic", "bond-energy"])
+def test_the_history_has_a_row_at_every_output(scene, force):
+    """There was one for every twenty steps alone: 11 for 100 outputs."""
+    result = pds.simulate(scene, force)
+    moving = {row["time"] for row in result.history if "time" in row}
+    outputs = [moment.time for number, moment in enumerate(result.states.moments) if number in result.in_dynamics()] or [
+        level["time"] for level in result.levels
+    ]
+    assert len(outputs) >= 5
+    assert set(outputs) <= moving
+
+
+@pytest.mark.parametrize("force", ["analytic", "bond-energy"])
+def test_more_outputs_than_steps_end_where_the_programme_does(force):
+    """Every step had one output at most, so that 50 of them went on to a time of 0.69, with work counted at grips that stood still."""
+    result = pds.simulate(strip(stretch=1.31, outputs=50), force)
+    times = [moment.time for moment in result.states.moments[len(result.levels) :]]
+    assert len(times) == 50
+    assert times[-1] == pytest.approx(0.5, rel=1e-9)
+
+
+def test_a_crack_starts_where_bonds_broke_at_each_tip():
+    """Of two notches, whose first bonds break together, it said the middle of the sheet."""
+    result = pds.simulate(strip(size=(3.0, 1.0), cuts=((0.0, 0.81), (2.19, 3.0)), stretch=1.6, outputs=2), "bond-energy")
+    crack = result.summary["crack"]
+    start, horizon = crack["start"], result.body.horizon
+    assert start["event"] == "first bond broken"
+    assert start["x"] == start["tips"][0]
+    assert sorted(tip[0] for tip in start["tips"]) == [pytest.approx(0.81, abs=horizon), pytest.approx(2.19, abs=horizon)]
+    ends = result.body.all_points[result.body.bonds.first], result.body.all_points[result.body.bonds.second]
+    for tip in start["tips"]:
+        assert np.abs(sum(ends) / 2 - tip).sum(axis=1).min() == 0  # the middle of a bond
+    assert crack["peak"]["nominal_stress"] == max(row["nominal_stress"] for row in result.history)
+    assert crack["peak"]["stretch"] >= start["stretch"]
+
+
+def test_groups_of_first_bonds():
+    places = np.array([[0.0, 0.0], [0.1, 0.0], [0.3, 0.0], [2.0, 0.5]])
+    assert starts_of_cracks(places, np.zeros(4, dtype=int), 0.5) == [[0.1, 0.0], [2.0, 0.5]]
+    assert starts_of_cracks(places, np.array([1, 2, 3, 0]), 0.5) == [[2.0, 0.5], [0.0, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("scene", "changes", "force", "here"),
+    [
+        ("tear", {"fracture": {"energy": 274.0}}, "bond-energy", "bond energy, plane=stress, horizon_ratio 3.15"),
+        ("tear", {"fracture": {"energy": 274.0}}, "neo-hookean-energy", "bond energy, plane=stress, horizon_ratio 3.15"),
+        ("tear", {"fracture": {"energy": 274.0}}, "nosb", "nosb, plane=stress, horizon_ratio 3.15"),
+        ("tear", {"fracture": {"energy": 274.0}, "horizon_ratio": 5.0}, "analytic", "plane=stress, horizon_ratio 5"),
+        ("tear", {"fracture": {"energy": 274.0}, "plane": "strain"}, "analytic", "plane=strain, horizon_ratio 3.15"),
+        ("trousers", {"horizon_ratio": 3.0}, "bond-energy", "plane=space, horizon_ratio 3"),
+        ("trousers", {}, "nosb", "nosb, plane=space, horizon_ratio 2.2"),
+    ],
+)
+def test_a_fracture_energy_is_refused_where_the_tip_was_not_measured(scene, changes, force, here):
+    """With 1.15 horizons, which are right for forces of bonds, a sheet tore at 8 to 23 % too little by `bond-energy`."""
+    known = r"\(bond force, plane=stress, horizon_ratio 2.2 to 4.2; bond energy, plane=space, horizon_ratio 1.75; .*2.2\)"
+    with pytest.raises(pds.SceneError, match=rf"fracture\.energy .*{known}, and not for {here}; give fracture\.critical_stretch"):
+        pds.simulate(pds.load_scene(scene, changes), force)

@@ -1,0 +1,528 @@
+"""Bodies in space: shapes, holes, cuts, meshes and regions, and what is said about those that make no sense."""
+
+import meshio
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from pdsurrogate.body.local_fit import boundary_rows
+from pdsurrogate.discretisation import discretise, grip_areas, surface_of
+from pdsurrogate.problem.regions import BodyRegions
+from pdsurrogate.scenes import Region, Scene, SceneError
+
+BOX = {"shape": "box", "size": [1.0, 0.8, 0.6], "lower": [-0.2, 0.1, 0.0]}
+GRIPS = ({"edge": "back", "travel": 0.5}, {"edge": "front", "travel": 0.5})
+
+
+def scene_of(body=None, spacing=0.1, **changes):
+    """Gripped along x3 unless it is loaded otherwise."""
+    loading = {} if {"loads", "prescribed"} & changes.keys() else {"grips": GRIPS, "stretches": 1.5}
+    return Scene(
+        **{"name": "solid", "body": BOX if body is None else body, "spacing": spacing, "material": "neo-hookean", **loading, **changes}
+    )
+
+
+def test_a_box_is_filled_with_cells_and_continued_beyond_its_grips():
+    """Of 10 by 8 by 6 cubes, each with its 26 neighbours, images among them: those beyond x3 move with the grips in all components."""
+    scene = scene_of()
+    assert (scene.dimension, scene.plane, scene.horizon_ratio) == (3, "space", 1.75)
+    body, lower, upper = discretise(scene)
+    assert len(body) == 480
+    assert body.volumes.sum() == pytest.approx(0.48, rel=1e-12)
+    np.testing.assert_allclose(lower, [-0.2, 0.1, 0.0])
+    np.testing.assert_allclose(upper, [0.8, 0.9, 0.6])
+    np.testing.assert_allclose(body.points[:2], [[-0.15, 0.15, 0.05], [-0.05, 0.15, 0.05]])
+    assert [plane.parity for plane in body.planes] == [(-1, -1, -1)] * 2
+    assert len(body.ghosts) == 2 * 160
+    inner = (np.abs(body.points[:, :2] - [0.3, 0.5]) < [0.35, 0.25]).all(axis=1)
+    assert set(np.diff(body.bonds.pointers)[inner]) == {26}
+    assert grip_areas(scene, lower, upper) == pytest.approx({"back": 0.8, "front": 0.8}, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"plane": "stress"}, "plane: a box lies in space and takes plane=space, which is also the default, not stress"),
+        ({"body": {"shape": "circle", "radius": 1.0}, "plane": "space"}, "plane: a circle lies in the plane and takes plane=stress or"),
+        ({"holes": [{"shape": "circle", "radius": 0.1}]}, "holes.0: a circle belongs to the plane, and the body, a box, to space"),
+        ({"precuts": [{"start": [0, 0], "end": [1, 0]}]}, "precuts.0: this cut belongs to the plane, and the body, a box, to space"),
+        ({"body": {"shape": "cube", "size": [1, 1, 1]}}, "body: unknown shape 'cube'; there are rectangle, circle"),
+        ({"body": {"shape": "box", "size": [1, 1]}}, "body.size: needs 3 entries, not 2; it belongs to space"),
+        ({"body": {"shape": "box", "size": [1, 1, -1]}}, "body.size.2: Input should be greater than 0"),
+        ({"body": {"shape": "cylinder", "radius": 1, "length": 1, "axis": "z"}}, "body.axis: Input should be 'x1', 'x2' or 'x3'"),
+        (
+            {"body": {"shape": "tube", "inner_radius": 2, "outer_radius": 1, "length": 1}},
+            "body: inner_radius must be less than outer_radius, 1, not 2",
+        ),
+        ({"body": {"shape": "extrusion", "thickness": 1.0, "outline": {"shape": "sphere"}}}, "body.outline: unknown shape 'sphere'"),
+        ({"precuts": [{"corner": [0, 0, 0], "sides": [[1, 0, 0], [2, 0, 0]]}]}, "precuts.0: sides: they span no area"),
+        ({"precuts": [{"centre": [0, 0, 0], "radius": 1, "normal": [0, 0, 0]}]}, "precuts.0.normal: it is a direction"),
+        ({"precuts": [{"centre": [0, 0, 0], "radius": 1}]}, "precuts.0.normal: Field required"),
+        ({"regions": {"x": {"disc": {"centre": [0, 0], "radius": 1}}}}, "regions.x: disc is a region of the plane; in space give ball"),
+        ({"regions": {"x": {"half_plane": {"point": [0, 0], "normal": [1, 0]}}}}, "regions.x: half_plane is a region of the plane; in"),
+        ({"regions": {"x": {"box": [[0, 0], [1, 1]]}}}, "regions.x.box.0: needs 3 components for a body in space, not 2"),
+        ({"regions": {"x": {"near": [0, 0, 0, 0]}}}, "regions.x.near: needs at most 3 entries, not 4"),
+        ({"regions": {"front": {"near": [0, 0, 0]}}}, "regions: front is the name of a region that every body has; take another"),
+        ({"probes": [{"name": "a", "at": [0, 0]}]}, "probes.0.at: needs 3 components for a body in space, not 2"),
+        ({"grips": [{"edge": "left", "travel": 1.0}, {"edge": "front"}]}, "grips must hold two opposite edges, left and right or bottom"),
+        ({"loads": [{"region": "holes.0", "pressure": 1.0}], "steps": 1}, "loads.0.region: there is no region 'holes.0'; the body has no"),
+        ({"body": {"shape": "rectangle", "size": [1, 1]}}, "grips.0.edge: a body in the plane has no back; it has left, right, bottom"),
+        (
+            {
+                "body": {"shape": "rectangle", "size": [1, 1]},
+                "loads": [{"region": {"and": ["left", {"edge": "front"}]}, "pressure": 1.0}],
+                "steps": 1,
+            },
+            "loads.0.region.and.1: a body in the plane has no front; its edges are left, right, bottom, top",
+        ),
+    ],
+)
+def test_what_makes_no_sense_is_told_in_one_line(changes, message):
+    with pytest.raises(SceneError) as told:
+        scene_of(**changes)
+    assert str(told.value).startswith(message)
+    assert "\n" not in str(told.value)
+
+
+PI = np.pi
+CYLINDER = {"shape": "cylinder", "radius": 0.5, "length": 1.0}
+ANGLE = {"shape": "polygon", "vertices": [[0, 0], [1, 0], [1, 0.5], [0.5, 0.5], [0.5, 1], [0, 1]]}
+CUBE = {"shape": "box", "size": [1.0, 1.0, 1.0], "lower": [-0.5, -0.5, -0.5]}
+
+
+def bore(radius, axis="x3"):
+    return {"shape": "cylinder", "radius": radius, "length": 1.4, "axis": axis, "base": [-0.7 * (axis == f"x{n}") for n in (1, 2, 3)]}
+
+
+# Body, holes, volume, centroid (None where symmetry does not give it), and area of each part of the boundary.
+BODIES = {
+    "cylinder": (CYLINDER, [], PI / 4, (0, 0, 0.5), {"back": PI / 4, "front": PI / 4, "outline": PI}),
+    "cylinder along x2": (
+        {**CYLINDER, "axis": "x2", "base": [0.1, 0.2, 0.3]},
+        [],
+        PI / 4,
+        (0.1, 0.7, 0.3),
+        {"bottom": PI / 4, "top": PI / 4, "outline": PI},
+    ),
+    "sphere": ({"shape": "sphere", "radius": 0.5}, [], PI / 6, (0, 0, 0), {"outline": PI}),
+    "thick sphere": (
+        {"shape": "sphere", "radius": 0.5},
+        [{"shape": "sphere", "radius": 0.25}],
+        PI / 6 * 7 / 8,
+        (0, 0, 0),
+        {"outline": PI, "holes.0": PI / 4},
+    ),
+    "half of a sphere with a bubble in its face": (
+        {"shape": "sphere", "radius": 0.5, "part": "half"},
+        [{"shape": "sphere", "radius": 0.15, "centre": [0.0, 0.1, -0.1]}],
+        PI / 12 * (1 - 0.3**3),
+        None,
+        {"outline": PI / 2, "holes.0": PI * 0.045, "left": PI * (0.25 - 0.0225)},
+    ),
+    "quarter of a sphere": (
+        {"shape": "sphere", "radius": 0.5, "part": "quarter", "centre": [0.1, 0.2, 0.3]},
+        [],
+        PI / 24,
+        None,
+        {"outline": PI / 4, "left": PI / 8, "bottom": PI / 8},
+    ),
+    "eighth of a thick sphere": (
+        {"shape": "sphere", "radius": 0.5, "part": "eighth"},
+        [{"shape": "sphere", "radius": 0.25}],
+        PI / 48 * 7 / 8,
+        None,
+        {"outline": PI / 8, "holes.0": PI / 32, **dict.fromkeys(("left", "bottom", "back"), PI / 16 * 3 / 4)},
+    ),
+    "tube": (
+        {"shape": "tube", "inner_radius": 0.3, "outer_radius": 0.5, "length": 0.8, "axis": "x1"},
+        [],
+        PI * 0.16 * 0.8,
+        (0.4, 0, 0),
+        {"left": PI * 0.16, "right": PI * 0.16, "outline": 0.8 * PI, "holes.0": 0.8 * 0.6 * PI},
+    ),
+    "angle with a hole": (
+        {"shape": "extrusion", "outline": ANGLE, "holes": [{"shape": "circle", "radius": 0.1, "centre": [0.25, 0.25]}], "thickness": 0.5},
+        [],
+        (0.75 - PI * 0.01) / 2,
+        None,
+        {
+            **{"left": 0.5, "right": 0.25, "bottom": 0.5, "top": 0.25, "outline": 0.5, "holes.0": 0.1 * PI},
+            **{"back": 0.75 - PI * 0.01, "front": 0.75 - PI * 0.01},
+        },
+    ),
+    "box with a bore": (
+        CUBE,
+        [bore(0.2, "x2")],
+        1 - PI * 0.04,
+        (0, 0, 0),
+        {"left": 1, "right": 1, "back": 1, "front": 1, "bottom": 1 - PI * 0.04, "top": 1 - PI * 0.04, "holes.0": 0.4 * PI},
+    ),
+    "box with a slot and a bubble": (
+        CUBE,
+        [
+            {"shape": "sphere", "radius": 0.15, "centre": [-0.2, 0.1, 0.1]},
+            {"shape": "box", "size": [0.3, 0.2, 2.0], "lower": [0.3, -0.1, -1.0]},
+        ],
+        1 - PI / 6 * 0.027 - 0.04,
+        None,
+        {
+            **{"left": 1, "right": 0.8, "bottom": 1, "top": 1, "back": 0.96, "front": 0.96},
+            **{"holes.0": 0.09 * PI, "holes.1": 0.6},
+        },
+    ),
+}
+
+
+def free_body(name, spacing=0.1):
+    """A body that is loaded alone, which asks nothing of its faces."""
+    body, holes, *exact = BODIES[name]
+    scene = scene_of(body, spacing, holes=holes, loads=[{"body_force": [0, 0, 1]}], steps=1)
+    return scene, *discretise(scene), exact
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_volumes(name):
+    """To the places asked in cut cells: some 1/1000 of a cell for each that is cut along the axes, 1/200 elsewhere, which average out."""
+    _, body, lower, upper, (volume, centroid, _) = free_body(name)
+    cell = 0.1**3
+    assert body.volumes.sum() == pytest.approx(volume, rel=3e-3)
+    assert 0.5 * cell <= body.volumes.min() <= body.volumes.max() < 2.5 * cell
+    if centroid is not None:
+        moment = (body.volumes[:, None] * (body.points - centroid)).sum(axis=0)
+        np.testing.assert_allclose(moment, 0, atol=1e-12)  # as symmetric as the body
+        images = cKDTree(body.points).query(2 * np.array(centroid) - body.points)
+        assert images[0].max() < 1e-9
+        np.testing.assert_allclose(body.volumes[images[1]], body.volumes, rtol=1e-9)
+    assert (body.points > lower).all()
+    assert (body.points < upper).all()
+
+
+def test_volumes_converge():
+    for name in ("sphere", "tube", "angle with a hole"):
+        _, body, _, _, (volume, _, _) = free_body(name, 0.05)
+        assert body.volumes.sum() == pytest.approx(volume, rel=5e-4)
+
+
+def test_grips_have_the_area_of_the_face_that_they_hold():
+    """But for chords of round faces that are shorter than 1/16 of a cell.  A sphere has no flat face to be held by."""
+    for body, holes, area, tolerance in (
+        (BOX, [], 0.8, 1e-12),
+        (CYLINDER, [], PI / 4, 1e-6),
+        (CUBE, [bore(0.2)], 1 - PI * 0.04, 1e-6),
+        (CUBE, [{"shape": "box", "size": [0.2, 2.0, 2.0], "lower": [-0.1, -1.0, -1.0]}], 0.8, 1e-9),
+        (CUBE, [{"shape": "box", "size": [2.0, 0.21, 2.0], "lower": [-1.0, -0.1, -1.0]}], 0.79, 1e-6),
+    ):
+        scene = scene_of(body, holes=holes)
+        _, lower, upper = discretise(scene)
+        assert grip_areas(scene, lower, upper) == pytest.approx({"back": area, "front": area}, rel=tolerance)
+    scene = scene_of({"shape": "sphere", "radius": 0.5}, support="points")
+    _, lower, upper = discretise(scene)
+    with pytest.raises(SceneError, match="no straight edge with material at its back end to be held by"):
+        grip_areas(scene, lower, upper)
+
+
+CUTS = {  # none has a bond through its edge, where rounding would decide
+    "parallelogram": {"corner": [-0.207, -0.304, 0.021], "sides": [[0.4, 0.0, 0.1], [0.1, 0.3, 0.0]]},
+    "through a layer of points": {"corner": [-0.6, -0.6, 0.05], "sides": [[0.6, 0.0, 0.0], [0.0, 1.2, 0.0]]},
+    "disc": {"centre": [0.03, 0.0, 0.04], "radius": 0.31, "normal": [0.1, 0.2, 1.0]},
+}
+
+
+def meets(cut, start, end):
+    """Whether a segment meets a flat cut, by solving for the place where it does; a start on the plane counts as above it."""
+    if "radius" in cut:
+        normal, origin = np.array(cut["normal"]), np.array(cut["centre"])
+    else:
+        normal, origin = np.cross(*cut["sides"]), np.array(cut["corner"])
+    before, after = ((place - origin) @ normal for place in (start, end))
+    if (before >= -1e-12) == (after >= -1e-12):
+        return False
+    place = start + before / (before - after) * (end - start) - origin
+    if "radius" in cut:
+        return np.linalg.norm(place) <= cut["radius"]
+    shares = np.linalg.lstsq(np.array(cut["sides"]).T, place, rcond=None)[0]
+    return bool((shares >= 0).all() and (shares <= 1).all())
+
+
+@pytest.mark.parametrize("kind", CUTS)
+def test_precuts_separate_exactly_the_bonds_that_cross_them(kind):
+    whole = discretise(scene_of(CUBE))[0]
+    scene = scene_of(CUBE, precuts=[CUTS[kind]])
+    body = discretise(scene)[0]
+    bonds = np.stack([whole.bonds.first, whole.bonds.second], axis=1)
+    crossing = np.array([meets(CUTS[kind], *whole.all_points[bond]) for bond in bonds])
+    assert crossing.any()
+    np.testing.assert_array_equal(np.stack([body.bonds.first, body.bonds.second], axis=1), bonds[~crossing])
+    assert {tuple(pair) for pair in body.bonds.cut} == {tuple(pair) for pair in bonds[crossing]}
+
+
+def test_precuts_that_cut_nothing_are_refused():
+    with pytest.raises(SceneError, match=r"precuts\.0: it cuts no bond"):
+        discretise(scene_of(CUBE, precuts=[{**CUTS["disc"], "centre": [0, 0, 2.0]}]))
+
+
+def test_no_bond_crosses_empty_space():
+    """A slot one cell wide: no bond leads from one side to the other, and those around its end stay.  A bubble of two cells, likewise."""
+    slot = {"shape": "box", "size": [0.7, 2.0, 0.1], "lower": [-0.5, -1.0, 0.0]}
+    body = discretise(scene_of(CUBE, holes=[slot], horizon_ratio=2.3))[0]
+    first, second = body.all_points[body.bonds.first], body.all_points[body.bonds.second]
+    share = (0.05 - first[:, 2]) / np.where(first[:, 2] == second[:, 2], np.inf, second[:, 2] - first[:, 2])
+    middle = first + share[:, None] * (second - first)
+    across = (share > 0) & (share < 1)
+    assert across.any()
+    assert middle[across, 0].min() > 0.2 - 0.04
+    bubble = {"shape": "sphere", "radius": 0.2}
+    body = discretise(scene_of(CUBE, holes=[bubble], horizon_ratio=3.0))[0]
+    assert not (np.linalg.norm((body.all_points[body.bonds.first] + body.all_points[body.bonds.second]) / 2, axis=1) < 0.1).any()
+
+
+def test_bonds_are_those_within_the_horizon():
+    """Against all pairs of points, for a body with images in three planes."""
+    scene = scene_of(
+        {"shape": "box", "size": [0.5, 0.4, 0.3]},
+        prescribed=[{"region": "left", "x1": 0}, {"region": "bottom", "x2": 0}],
+        loads=[{"body_force": [1, 0, 0]}],
+        steps=1,
+    )
+    body = discretise(scene)[0]
+    distance = np.linalg.norm(body.all_points[:, None] - body.all_points, axis=2)
+    first, second = np.nonzero(np.triu(distance <= 0.175 * (1 + 1e-9), 1))
+    own = first < len(body)
+    np.testing.assert_array_equal(body.bonds.first, first[own])
+    np.testing.assert_array_equal(body.bonds.second, second[own])
+
+
+def check_boundary(surface, body, volume):
+    """Closed, of the body's volume by the divergence theorem, and following affine motions."""
+    edges = np.concatenate([surface.facets[:, [0, 1]], surface.facets[:, [1, 2]], surface.facets[:, [2, 0]]])
+    n = len(surface.nodes)
+    forth, back = edges @ [n, 1], edges @ [1, n]
+    assert len(np.unique(forth)) == len(forth)
+    np.testing.assert_array_equal(np.sort(forth), np.sort(back))
+    np.testing.assert_allclose(surface.normals().sum(axis=0), 0, atol=1e-13)
+    assert (surface.midpoints() * surface.normals()).sum() / 3 == pytest.approx(volume, rel=1e-12)
+    assert surface.followed().all()
+    F, shift = np.array([[1.2, 0.1, 0.3], [0.0, 0.9, 0.2], [-0.1, 0.4, 1.1]]), [1, 2, 3]
+    np.testing.assert_allclose(surface.interpolation @ (body.points @ F.T + shift), surface.nodes @ F.T + shift, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_boundaries(name):
+    """Areas of flat parts to rounding; of round ones to theta^2/24 and less, with theta = h/a for facets of a cell."""
+    scene, body, lower, upper, (volume, _, parts) = free_body(name)
+    surface = surface_of(scene, body, lower, upper)
+    check_boundary(surface, body, volume)
+    found = {part: surface.areas()[surface.parts == part].sum() for part in np.unique(surface.parts)}
+    assert set(found) == set(parts)
+    for part, area in parts.items():
+        round_ = part in ("outline", "holes.0") or "part" in scene.body.model_fields_set
+        assert found[part] == pytest.approx(area, rel=0.02 if round_ else 1e-9), part
+    assert surface.areas().min() > 0.05 * 0.1**2
+    assert np.linalg.norm(surface.nodes[surface.facets] - surface.midpoints()[:, None], axis=2).max() < 0.13
+    some = slice(None, None, 37)
+    normals = surface.normals() / surface.areas()[:, None]
+    assert surface.encloses(surface.midpoints()[some] - 1e-3 * normals[some]).all()
+    assert not surface.encloses(surface.midpoints()[some] + 1e-3 * normals[some]).any()
+    # The outermost points lie about half a cell inside, fewer of a cut cell's.
+    distance = surface.distances(body.points, 0.2)
+    assert 0.01 < distance.min() < 0.051
+
+
+def test_a_part_of_a_body_follows_its_points_as_the_whole_does():
+    """Beside planes of symmetry the boundary of an eighth moves along them as points and images say, as of the whole body.
+
+    The motion is that of a swelling hole.  Across a plane the eighth has its own points alone, so that within a cell of one the component
+    across it is another.
+    """
+
+    def moved(body, surface):
+        radius = np.linalg.norm(body.points, axis=1)[:, None]
+        return surface.interpolation @ (body.points * (1 + 0.01 / radius**3))
+
+    holes = [{"shape": "sphere", "radius": 0.5}]
+    prescribed = [{"region": face, f"x{axis}": 0.0} for axis, face in enumerate(("left", "bottom", "back"), 1)]
+    scene = scene_of({"shape": "sphere", "radius": 1.0, "part": "eighth"}, 0.125, holes=holes, prescribed=prescribed, steps=1)
+    eighth = discretise(scene)[0]
+    surface = surface_of(scene, *discretise(scene))
+    whole = discretise(scene_of({"shape": "sphere", "radius": 1.0}, 0.125, holes=holes, loads=[{"body_force": [0, 0, 1]}], steps=1))[0]
+    beside = np.flatnonzero(surface.nodes.min(axis=1) < 1e-9)
+    beside = beside[(surface.nodes[beside] < 1e-9).sum(axis=1) == 1]
+    beside = beside[np.isin(beside, surface.facets[np.char.startswith(surface.parts, "holes")])]
+    normals = -surface.nodes[beside] / np.linalg.norm(surface.nodes[beside], axis=1)[:, None]
+    normals = np.stack([normals, np.full_like(normals, np.nan), np.full_like(normals, np.nan)], axis=1)
+    (rows,) = boundary_rows(whole, surface.nodes[beside], normals)
+    radius = np.linalg.norm(whole.points, axis=1)[:, None]
+    expected, found = rows @ (whole.points * (1 + 0.01 / radius**3)), moved(eighth, surface)[beside]
+    along = surface.nodes[beside] > 0.125
+    assert along.sum() > 20
+    # The normals of the eighth's nodes are means over its own facets: what is left is their turn, h/2 a at most.
+    np.testing.assert_allclose((found - surface.nodes[beside])[along], (expected - surface.nodes[beside])[along], rtol=0.02)
+
+
+def test_distances_to_triangles():
+    """Beside a cube: to faces, edges and corners."""
+    scene = scene_of(CUBE)
+    surface = surface_of(scene, *discretise(scene))
+    places = np.random.default_rng(3).uniform(-0.8, 0.8, (200, 3))
+    outside = np.linalg.norm(np.maximum(np.abs(places) - 0.5, 0), axis=1)
+    inside = 0.5 - np.abs(places).max(axis=1)
+    np.testing.assert_allclose(surface.distances(places, 1.0), np.where(inside > 0, inside, outside), atol=1e-12)
+    np.testing.assert_array_equal(surface.encloses(places), inside > 0)
+    assert np.isinf(surface.distances(places, 0.1)[np.where(inside > 0, inside, outside) > 0.1]).all()
+
+
+def test_boundaries_follow_smooth_motions():
+    """Half the spacing gives a quarter of the error, at edges and corners too."""
+
+    def smooth(places):
+        x1, x2, x3 = places.T
+        return np.stack([np.sin(1.5 * x1 + 0.4) * np.cos(x2), x1 * x3 + x2**2, np.exp(0.5 * x3) * x1], axis=1)
+
+    errors = []
+    for spacing in (0.1, 0.05):
+        scene = scene_of(CUBE, spacing)
+        body, lower, upper = discretise(scene)
+        surface = surface_of(scene, body, lower, upper)
+        errors.append(np.abs(surface.interpolation @ smooth(body.points) - smooth(surface.nodes)).max())
+    assert errors[0] < 6 * 0.1**2
+    assert errors[1] < 0.35 * errors[0]
+
+
+def test_holes_whose_boundary_meets_another_have_bonds_but_no_boundary():
+    scene = scene_of(CUBE, holes=[{"shape": "sphere", "radius": 0.2, "centre": [0.5, 0.0, 0.0]}])
+    body, lower, upper = discretise(scene)
+    assert body.volumes.sum() == pytest.approx(1 - PI * 0.032 / 6, rel=1e-3)
+    with pytest.raises(
+        ValueError, match=r"^holes\.0: its boundary meets another; loads and probes take holes that lie inside the body, or"
+    ):
+        surface_of(scene, body, lower, upper)
+
+
+def regions_of(scene):
+    body, lower, upper = discretise(scene)
+    return BodyRegions(scene, body, lower, upper, lambda: surface_of(scene, body, lower, upper))
+
+
+def test_regions():
+    scene = scene_of(
+        BOX, regions={"corner": {"and": ["left", "top", {"edge": "front"}]}}, holes=[{**CYLINDER, "radius": 0.15, "base": [0.3, 0.5, -0.1]}]
+    )
+    regions = regions_of(scene)
+    points = discretise(scene)[0].points
+    for said, expected in (
+        ("front", points[:, 2] > 0.5),
+        ("bottom", points[:, 1] < 0.2),
+        ("corner", (points[:, 0] < -0.1) & (points[:, 1] > 0.8) & (points[:, 2] > 0.5)),
+        (Region(ball={"centre": [0, 0.5, 0.3], "radius": 0.2}), np.linalg.norm(points - [0, 0.5, 0.3], axis=1) <= 0.2),
+        (Region(half_space={"point": [0, 0, 0.3], "normal": [0, 1, -1]}), points[:, 1] - points[:, 2] >= -0.3 - 1e-9),
+        (Region(box=[[0, 0.1, 0], [0.8, 0.9, 0.2]]), (points[:, 0] > 0) & (points[:, 2] < 0.2)),
+        (Region(**{"not": "front"}), points[:, 2] < 0.5),
+    ):
+        np.testing.assert_array_equal(regions.points(said), np.flatnonzero(expected))
+    beside = np.linalg.norm(points[:, :2] - [0.3, 0.5], axis=1)[regions.points("holes.0")]
+    assert 0.15 < beside.min() <= beside.max() < 0.26
+    surface = regions.surface()
+    assert surface.areas()[regions.facets("front")].sum() == pytest.approx(0.8 - PI * 0.0225, rel=1e-9)
+    assert surface.areas()[regions.facets("holes.0")].sum() == pytest.approx(0.3 * PI * 0.6, rel=0.02)
+    assert regions.edge("front") == "front"
+    assert len(regions.points(Region(near=[0.01, 0.21, 0.33]))) == 1
+    with pytest.raises(
+        ValueError, match=r"^region: no point of the body lies in it; the nearest is point \d+ at \(.*, .*, 0\.55\), 0\.35 away$"
+    ):
+        regions.points(Region(box=[[-1, -1, 0.9], [1, 1, 1]]))
+    assert len(regions.facets("outline")) == np.count_nonzero(surface.parts != "holes.0")
+    with pytest.raises(ValueError, match=r"^probes\.0\.at: \(0\.3, 0\.5, 0\.3\) lies outside the body; its nearest point is"):
+        regions.check_place("probes.0.at", (0.3, 0.5, 0.3))
+    regions.check_place("probes.0.at", (0.8, 0.9, 0.6))
+
+
+def test_faces_that_are_not_flat_are_told():
+    regions = regions_of(free_body("sphere")[0])
+    with pytest.raises(ValueError, match=r"^left: no part of the boundary lies in it; no flat part of the body is on its left face$"):
+        regions.facets("left")
+
+
+BRICK = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
+"""Corners of a cube in the order of a hexahedron."""
+
+
+def solid_mesh(count=6, jitter=0.2):
+    """A cube of side 1 of hexahedra with a cubic cavity in its middle, whose inner nodes are moved at random: nodes and cells."""
+    axis = np.arange(count + 1) / count
+    nodes = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    moved = ((nodes > 0.01) & (nodes < 0.99)) * np.random.default_rng(0).uniform(-jitter / count, jitter / count, nodes.shape)
+
+    def node(i, j, k):
+        return (i * (count + 1) + j) * (count + 1) + k
+
+    around = ((0, 0), (1, 0), (1, 1), (0, 1))
+    cells = [
+        [node(i + a, j + b, k + c) for c in (0, 1) for a, b in around]
+        for i, j, k in np.ndindex(count, count, count)
+        if not all(count // 2 - 1 <= n <= count // 2 for n in (i, j, k))
+    ]
+    return nodes + moved, np.array(cells)
+
+
+TETRAHEDRA = ([0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 6], [0, 5, 1, 6])
+"""Of a hexahedron, about the diagonal from its first corner to its seventh."""
+
+
+@pytest.mark.parametrize("kind", ["hexahedron", "tetra"])
+def test_meshes(tmp_path, kind):
+    """Volumes are those that the boundary encloses; the cavity is a hole, and groups are cells or what has their faces."""
+    nodes, cells = solid_mesh()
+    if kind == "hexahedron":
+        sides = ("quad", cells[nodes[cells][..., 2].max(axis=1) > 0.99][:, 4:])
+        blocks = [("hexahedron", cells), sides]
+    else:
+        sides, blocks = None, [("tetra", np.concatenate([cells[:, corners] for corners in TETRAHEDRA]))]
+    sets = {"lid": [np.arange(len(block[1]) if block is sides else 0) for block in blocks]} if sides else {}
+    path = tmp_path / "solid.vtu" if not sides else tmp_path / "solid.inp"
+    meshio.write(path, meshio.Mesh(nodes, blocks, cell_sets=sets))
+    scene = scene_of({"shape": "mesh", "dimension": 3, "file": str(path)}, 1 / 6)
+    body, lower, upper = discretise(scene)
+    assert len(body) == sum(len(block[1]) for block in blocks if block is not sides)
+    surface = surface_of(scene, body, lower, upper)
+    np.testing.assert_allclose([lower, upper], [[0, 0, 0], [1, 1, 1]], atol=1e-12)
+    cavity = 1 - body.volumes.sum()
+    assert cavity == pytest.approx(1 / 27, rel=0.2)
+    assert grip_areas(scene, lower, upper) == pytest.approx({"back": 1.0, "front": 1.0}, rel=1e-9)
+    check_boundary(surface, body, 1 - cavity)
+    assert set(surface.parts) == {"left", "right", "bottom", "top", "back", "front", "holes.0"}
+    if sides:
+        np.testing.assert_array_equal(np.sort(surface.groups["lid"]), np.flatnonzero(surface.parts == "front"))
+        assert (body.points[body.groups["lid"], 2] > 5 / 6 - 0.05).all()
+        assert len(body.groups["lid"]) == 36
+
+
+def test_meshes_whose_cells_share_no_faces_have_no_boundary(tmp_path):
+    """The quadrilateral between a hexahedron and six tetrahedra would be twice on the boundary: as one face, and as two."""
+    nodes = np.concatenate([BRICK, np.add(BRICK, [0, 0, 1])])
+    above = np.array([[corner[k] for k in range(4)] for corner in TETRAHEDRA]) + 8
+    meshio.write(tmp_path / "two.vtu", meshio.Mesh(nodes.astype(float), [("hexahedron", [list(range(8))]), ("tetra", above)]))
+    scene = scene_of({"shape": "mesh", "dimension": 3, "file": str(tmp_path / "two.vtu")}, 1.0, support="points")
+    with pytest.raises(ValueError, match=r"^body\.file: faces of tetrahedra lie on those of hexahedra and halve them"):
+        surface_of(scene, *discretise(scene))
+
+
+@pytest.mark.parametrize(
+    ("cells", "dimension", "message"),
+    [
+        ([("tetra", [[0, 2, 1, 4]])], 3, "bad.vtu has 1 broken cells; tetra 0, from 0 on, is inverted: its volume is negative"),
+        ([("tetra", [[0, 1, 2, 4], [0, 1, 2, 3]])], 3, "bad.vtu has 1 broken cells; tetra 1, from 0 on, is flat, or folded at a corner"),
+        ([("hexahedron", [[0, 1, 2, 3, 4, 6, 5, 7]])], 3, "bad.vtu has 1 broken cells; hexahedron 0, from 0 on, is flat, or folded at a"),
+        ([("hexahedron", [[4, 5, 6, 7, 0, 1, 2, 3]])], 3, "bad.vtu has 1 broken cells; hexahedron 0, from 0 on, is inverted"),
+        ([("wedge", [[0, 1, 2, 4, 5, 6]])], 3, "bad.vtu has cells of type wedge; tetra and hexahedron are taken"),
+        ([("quad", [[0, 1, 2, 3]])], 3, "bad.vtu has no tetrahedra or hexahedra; a body in the plane is asked for by dimension = 2"),
+        ([("tetra", [[0, 1, 2, 4]])], 2, "cells of type tetra; triangle and quad are taken; a body in space is asked for by dimension = 3"),
+    ],
+)
+def test_meshes_that_make_no_body_in_space(tmp_path, cells, dimension, message):
+    path = tmp_path / "bad.vtu"
+    meshio.write(path, meshio.Mesh(np.array(BRICK, float), [(kind, np.array(corners)) for kind, corners in cells]))
+    body = {"shape": "mesh", "dimension": dimension, "file": str(path)}
+    grips = ({"edge": "left", "travel": 1.0}, {"edge": "right"})
+    with pytest.raises(SceneError) as told:
+        discretise(scene_of(body, 1.0, **{"grips": grips, "stretches": 1.5}))
+    assert message in str(told.value)

@@ -1,0 +1,347 @@
+"""Reading scenes: what is accepted, and what a user is told about the rest."""
+
+import copy
+import os
+import re
+import tomllib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import pdsurrogate as pds
+from pdsurrogate.cli import run_tables
+from pdsurrogate.materials import NeoHookean
+from pdsurrogate.results.page import html_page
+from pdsurrogate.scenes import Grip, MaterialSpec, SceneError, Units, load_scene, scene_names
+from pdsurrogate.scenes.reading import parse_change
+
+
+def test_every_built_in_scene_is_valid():
+    assert "uniaxial" in scene_names()
+    for name in scene_names():
+        scene = load_scene(name)
+        assert scene.name == name
+        assert scene.title
+
+
+def test_the_papers_section_6_2():
+    scene = load_scene("uniaxial")
+    assert scene.body.size == (3.0, 1.0)
+    assert scene.spacing == 0.02
+    assert scene.horizon_ratio == 3.15
+    assert scene.stretches == (1.5, 2.0, 2.5)
+    assert scene.material.build() == NeoHookean(1.0, 100.0)
+
+
+def test_changes_by_key():
+    scene = load_scene(
+        "uniaxial", ["spacing=0.05", "stretches=1.5,2", "material.shear_modulus=3", "solver.method=explicit", "support=points"]
+    )
+    assert scene.spacing == 0.05
+    assert scene.stretches == (1.5, 2.0)
+    assert scene.material.build() == NeoHookean(3.0, 100.0)
+    assert scene.solver.method == "explicit"
+    assert scene.support == "points"
+    assert load_scene("uniaxial", {"stretches": 2}, spacing=0.1).stretches == (2.0,)
+    assert load_scene("uniaxial", ["material=neo-hookean", "material.bulk_modulus=50"]).material.build() == NeoHookean(1.0, 50.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "value"),
+    [
+        ("a=1.5", "a", 1.5),
+        ("a=1,2", "a", [1, 2]),
+        ("a=[1, 2]", "a", [1, 2]),
+        ("a=word", "a", "word"),
+        ("a.b = 'x'", "a.b", "x"),
+        ("a=x,y", "a", ["x", "y"]),
+    ],
+)
+def test_parsing_of_changes(change, key, value):
+    assert parse_change(change) == (key, value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (["spacing=-1"], "spacing: Input should be greater than 0"),
+        (["spacing=nan"], "spacing: Input should be a finite number"),
+        (["spacing=inf"], "spacing: Input should be a finite number"),
+        (["spacing=wide"], "spacing: Input should be a valid number"),
+        (["stretches=0"], "stretches.0: Input should be greater than 0"),
+        (["stretches=1.5,-2"], "stretches.1: Input should be greater than 0"),
+        (["stretches=[]"], "stretches"),
+        (["stretches=1.5,nan"], "stretches.1: Input should be a finite number"),
+        (["spacing=true"], "spacing: Input should be a valid number (given True)"),
+        (["spacing='0.1'"], "spacing: Input should be a valid number (given '0.1')"),
+        (["stretches=true"], "stretches.0: Input should be a valid number (given True)"),
+        (["stretches=fast"], "stretches: must be a list (given 'fast')"),
+        (["solver.most_evaluations=true"], "solver.most_evaluations: Input should be a valid number (given True)"),
+        (["spcing=0.05"], "spcing: unknown key; did you mean spacing?"),
+        (["sideways=1"], "sideways: unknown key; there are name, title, spacing, stretches, body,"),
+        (["circle=1"], "circle: unknown key"),
+        (["solver.methd=explicit"], "solver.methd: unknown key; did you mean method?"),
+        (["fracture.criticalstretch=2"], "fracture.criticalstretch: unknown key; did you mean critical_stretch?"),
+        (["body.siz=1,2"], "body.siz: unknown key; did you mean size?"),
+        (["holes=[{shape='circle', radius=1, center=[0,0]}]"], "holes.0.center: unknown key; did you mean centre?"),
+        (["grips.1.hold=all"], "grips.1.hold: unknown key; did you mean holds?"),
+        (["holds=[{boks=[1]}]"], "holds.0.boks: unknown key; there are box, points, components, travel"),
+        (["material.shear_modulu=3"], "neo-hookean has no parameter 'shear_modulu'; did you mean shear_modulus?"),
+        (["material=neohookean"], "material: unknown law 'neohookean'; did you mean neo-hookean?"),
+        (["material=3"], "material: must be a table (given 3)"),
+        (["body=3"], "body: must be a table (given 3)"),
+        (["grips.0.edge=lft"], "grips.0.edge: Input should be 'left', 'right', 'bottom', 'top', 'back' or 'front' (given 'lft')"),
+        (["grips.2.edge=top"], "grips.2.edge: grips is a list without an entry '2'; its entries are grips.0, grips.1"),
+        (["grips.edge=top"], "grips.edge: grips is a list without an entry 'edge'; its entries are grips.0, grips.1"),
+        (["grips=[]"], "nothing is loaded: give two grips and stretches, or prescribed displacements or loads, and steps"),
+        (["holes.0.radius=1"], "holes.0.radius: the scene has no holes"),
+        (["holes=[]", "holes.0.radius=1"], "holes.0.radius: holes is a list without an entry '0'; it is empty"),
+        (["spacing=" + 400 * "1"], "spacing: Input should be a valid number (given 1111"),
+        ("spacing=0.1", "changes must be a list of key=value, or a mapping, not the text 'spacing=0.1'"),
+        (["material.stiffness=1"], "material: neo-hookean has no parameter 'stiffness'; it has bulk_modulus, shear_modulus"),
+        (["material.shear_modulus=-1"], "material: neo-hookean: shear_modulus must be positive, not -1"),
+        (["material.shear_modulus=soft"], "material: shear_modulus must be a number, not 'soft'"),
+        (["material=rubber"], "material: unknown law 'rubber'; there are "),
+        (["correction=best"], "correction: Input should be 'tensor', 'scalar' or 'none'"),
+        (["support=magnets"], "support: Input should be 'reflected' or 'points'"),
+        (["weight=cubic"], "weight: unknown weight function; there are inverse, constant, linear"),
+        (["horizon_ratio=0.5"], "horizon_ratio: Input should be greater than 1"),
+        (["body.shape=blob"], "body"),
+        (["body.size=1,-2"], "body.size.1"),
+        (["spacing"], "a change is written key=value"),
+        (["=3"], "a change is written key=value"),
+        (["spacing.deep=3"], "spacing is not a table"),
+        (
+            ["stretches=1.5", "stretches.0=1.2"],
+            "stretches.0: stretches is no list but 1.5, which has no entries; change it whole: stretches=",
+        ),
+        (["solver.tolerance=1e300"], "solver.tolerance: Input should be less than or equal to 0.01"),
+    ],
+)
+def test_bad_changes_name_the_key(changes, message):
+    with pytest.raises(SceneError) as caught:
+        load_scene("uniaxial", changes)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"grips": [{"edge": "lft"}, {"edge": "right", "travel": 1.0}]}, "grips.0.edge: Input should be 'left', 'right', 'bottom'"),
+        ({"holds": [{"points": [1], "components": ["x3"]}]}, "holds.0.components: a body in the plane has x1 and x2, and no x3"),
+    ],
+)
+def test_one_mistake_is_one_problem(changes, message):
+    """A wrong entry of a list was followed by "Tuple should have at least 2 items after validation, not 1", which is not so."""
+    with pytest.raises(SceneError) as caught:
+        load_scene("uniaxial", changes)
+    assert message in str(caught.value)
+    assert ";" not in str(caught.value)
+
+
+def test_entries_of_lists_are_changed_by_their_number():
+    scene = load_scene("uniaxial", ["grips.0.edge=top", "grips.1.edge=bottom", "grips.0.travel=0.5", "grips.1.travel=0.5", "stretches.2=3"])
+    assert [(grip.edge, grip.travel) for grip in scene.grips] == [("top", 0.5), ("bottom", 0.5)]
+    assert scene.stretches == (1.5, 2.0, 3.0)
+
+
+def test_changes_stay_as_the_caller_gave_them(tmp_path):
+    """``load_scene("uniaxial", {"body": body, "body.size": [2.0, 1.0]})`` changed `body`, and a scene file's folder went into its file."""
+    body, material = {"size": [3.0, 1.0]}, {"law": "neo-hookean"}
+    changes = {"body": body, "body.size": [2.0, 1.0], "material": material, "material.shear_modulus": 5}
+    before = copy.deepcopy(changes)
+    scene = load_scene("uniaxial", changes)
+    assert changes == before
+    assert (scene.body.size, scene.material.build().shear_modulus) == ((2.0, 1.0), 5.0)
+    grips = {"grips": ({"edge": "left"}, {"edge": "right", "travel": 1.0}), "grips.0.holds": "normal"}
+    before = copy.deepcopy(grips)
+    assert load_scene("uniaxial", grips).grips[0].holds == "normal"
+    assert grips == before
+    mesh = {"shape": "mesh", "file": "square.vtu"}
+    (tmp_path / "mine.toml").write_text(GOOD)
+    for _ in range(2):
+        assert load_scene(tmp_path / "mine.toml", body=mesh).body.file == str(tmp_path / "square.vtu")
+    assert mesh == {"shape": "mesh", "file": "square.vtu"}
+
+
+@pytest.mark.parametrize(
+    ("part", "fields", "message"),
+    [
+        (pds.shapes.Circle, {"radius": -1}, "radius: Input should be greater than 0 (given -1)"),
+        (pds.shapes.Circle, {"radi": 1}, "radius: Field required; radi: unknown key; did you mean radius?"),
+        (pds.shapes.Rectangle, {"size": (True, 1.0)}, "size.0: Input should be a valid number (given True)"),
+        (pds.shapes.Polygon, {"vertices": [(0, 0), (1, 1)]}, "vertices: needs at least 3 entries, not 2"),
+        (pds.shapes.Precut, {"start": (0, 1), "end": (0, 1)}, "a precut needs two different ends"),
+        (Grip, {"edge": "lft"}, "edge: Input should be 'left', 'right', 'bottom', 'top', 'back' or 'front' (given 'lft')"),
+        (MaterialSpec, {"law": "gent", "chain_limt": 3}, "gent has no parameter 'chain_limt'; did you mean chain_limit?"),
+        (
+            pds.Scene,
+            {**load_scene("uniaxial").model_dump(exclude={"spacing"}), "spacng": 0.1},
+            "spacing: Field required; spacng: unknown key; did you mean spacing?",
+        ),
+    ],
+)
+def test_parts_composed_in_python_are_told_like_those_of_files(part, fields, message):
+    with pytest.raises(SceneError) as caught:
+        part(**fields)
+    assert str(caught.value) == message
+
+
+GOOD = """
+name = "mine"
+spacing = 0.1
+stretches = 1.2
+[body]
+size = [1.0, 1.0]
+[material]
+law = "neo-hookean"
+[[grips]]
+edge = "bottom"
+[[grips]]
+edge = "top"
+travel = 1.0
+"""
+
+
+def test_scene_files(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD)
+    scene = load_scene(path)
+    assert scene.loaded_axis == 1
+    assert scene.grips[0].holds == "all"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("travel = 1.0", "travel = 0.4", "the travel of the two grips must add up to 1"),
+        ('edge = "top"', 'edge = "left"', "two opposite edges"),
+        ('edge = "top"', 'edge = "bottom"', "two opposite edges"),
+        ("size = [1.0, 1.0]", "size = [1.0]", "body.size"),
+        ("[body]", "[bodi]", "unknown key"),
+        ("stretches = 1.2", "", "the programme is empty: give stretches, or dynamics"),
+        ("= 0.1", "= = 0.1", "not valid TOML"),
+        ('law = "neo-hookean"', "", "material.law: Field required"),
+    ],
+)
+def test_bad_scene_files(tmp_path, old, new, message):
+    path = tmp_path / "mine.toml"
+    path.write_text(GOOD.replace(old, new, 1))
+    with pytest.raises(SceneError) as caught:
+        load_scene(path)
+    assert message in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_scenes_that_are_not_there(tmp_path):
+    with pytest.raises(SceneError, match=r"unknown scene 'uniaxal'; built in are .*uniaxial"):
+        load_scene("uniaxal")
+    with pytest.raises(SceneError, match="unknown scene ''"):  # "cannot read scene file .: Is a directory"
+        load_scene("")
+    if os.path.exists("/dev/zero"):
+        with pytest.raises(SceneError, match="it has more than 16 MiB, which no description of a scene"):
+            load_scene("/dev/zero")  # which was read until memory was full
+    with pytest.raises(SceneError, match="cannot read scene file"):
+        load_scene(tmp_path / "none.toml")
+    binary = tmp_path / "binary.toml"
+    binary.write_bytes(b"\xff\x00\xfe")
+    with pytest.raises(SceneError, match="not UTF-8"):
+        load_scene(binary)
+
+
+@given(st.text(max_size=200))
+def test_any_text_is_a_scene_or_an_error(tmp_path_factory, text):
+    path = tmp_path_factory.mktemp("scenes") / "x.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(SceneError):
+        load_scene(path)
+
+
+@given(st.data())
+def test_damaged_scene_files_are_scenes_or_errors(tmp_path_factory, data):
+    """Lines dropped, doubled and mixed up, values exchanged."""
+    lines = GOOD.strip().splitlines()
+    values = ["0", "-1", '"x"', "[]", "{}", "nan", "1e308", "true", "[[1]]", '["a", 2]']
+    for _ in range(data.draw(st.integers(1, 4))):
+        k = data.draw(st.integers(0, len(lines) - 1))
+        kind = data.draw(st.sampled_from(["drop", "double", "value"]))
+        if kind == "drop" and len(lines) > 1:
+            del lines[k]
+        elif kind == "double":
+            lines.insert(k, lines[k])
+        elif "=" in lines[k]:
+            lines[k] = lines[k].split("=")[0] + "= " + data.draw(st.sampled_from(values))
+    path = tmp_path_factory.mktemp("scenes") / "x.toml"
+    path.write_text("\n".join(lines))
+    try:
+        scene = load_scene(path)
+    except SceneError as error:
+        message = str(error)
+    else:
+        tomllib.loads(path.read_text())
+        message = ""
+        assert scene.spacing > 0
+    assert "\n" not in message
+
+
+def test_a_step_of_too_many_increments_is_refused():
+    """It asked for terabytes."""
+    with pytest.raises(SceneError, match=r"steps.0.largest_increment: 1e-12 makes more than 100,000 increments from t = 0 to 0.4"):
+        load_scene("traction", {"steps": [{"to": 0.4, "largest_increment": 1e-12}]})
+
+
+def test_fracture_in_a_general_scene_asks_for_a_step_with_dynamics():
+    with pytest.raises(SceneError, match="fracture needs a step with dynamics"):
+        load_scene("traction", {"fracture": {"critical_stretch": 2.0}})
+
+
+def test_blanks_around_an_amplitude_do_not_count():
+    assert load_scene("traction", {"loads.0.amplitude": " ramp "}).loads[0].amplitude == "ramp"
+
+
+PLAIN = {
+    "name": "plain",
+    "spacing": 0.25,
+    "stretches": 1.2,
+    "body": {"shape": "rectangle", "size": [3.0, 1.0]},
+    "grips": [{"edge": "left", "holds": "normal"}, {"edge": "right", "holds": "normal", "travel": 1.0}],
+}
+"""Without a material and without units."""
+
+
+def test_what_has_no_units_claims_none(tmp_path, monkeypatch):
+    """All headers said kPa and cm."""
+    scene = pds.Scene.model_validate({**PLAIN, "material": "neo-hookean"})
+    assert repr(scene) == "<Scene plain: rectangle, spacing 0.25, neo-hookean, 1 stretch>"
+    result = pds.simulate(scene, "analytic")
+    result.save(tmp_path)
+    texts = [path.read_text() for path in tmp_path.glob("*.csv")] + [html_page(result, ["stress_11"]), result.label("stress_11")]
+    for printed in (run_tables.print_levels, run_tables.print_cells, run_tables.print_grip):
+        with run_tables.out.capture() as said:
+            printed(result)
+        texts.append(said.get())
+    figure = result.loading_figure()
+    texts += [figure.axes[0].get_ylabel(), *(text.get_text() for text in pds.preview(scene).texts)]
+    for text in texts:
+        assert not re.search(r"kPa|\bcm\b|\[s\]|None", re.sub(r"base64,[A-Za-z0-9+/=]+", "", text))
+    named = Units(length="mm", stress="MPa")
+    assert (named.force, named.time, named.label("time", "time")) == ("MPa mm^2", None, "time")
+    assert named.amount(2.0, "length", ".1f", "^2") == "2.0 mm^2"
+    # What a force's material is converted to is known of scenes that name their unit.
+    assert load_scene("uniaxial").units.stress == "kPa"
+
+
+def test_a_material_may_be_left_to_the_force():
+    """A scene had to state a material, though the force brought its own."""
+    scene = pds.Scene.model_validate(PLAIN)
+    found = pds.simulate(scene, "gent")
+    card = pds.load_card("gent").material.trained_with
+    assert found.summary["material"] == card
+    stated = pds.simulate(pds.Scene.model_validate({**PLAIN, "material": card}), "gent")
+    assert found.levels[0]["nominal_stress"] == stated.levels[0]["nominal_stress"]
+    for force in (None, "analytic", "bond-energy", pds.AnalyticBondForce()):
+        with pytest.raises(SceneError, match="scene plain: material: none is given; give one, or an artefact as the force"):
+            pds.simulate(scene, force)
