@@ -23,7 +23,7 @@ from ..learning import (
     surrogate_pipeline,
     training_samples,
 )
-from ..learning.listening import listening
+from ..learning.marquardt import listening
 from ..learning.sobolev import SobolevRegressor
 from ..materials import Law, NeoHookean
 from ..results.provenance import processor

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import itertools
 
 import matplotlib
 from matplotlib.figure import Figure
 
+from ..results import tables
 from ..results.figures import STYLE
 from .speed import UNDISTURBED
 
@@ -57,12 +56,7 @@ def caution(rows: list[dict]) -> str:
 
 def as_csv(report: dict) -> str:
     """Return all measured figures as CSV, one line for each model."""
-    keys = list(dict.fromkeys(key for row in report["models"] for key in row))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=keys, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(report["models"])
-    return text.getvalue()
+    return tables.as_csv(report["models"])
 
 
 def pareto_figure(report: dict) -> Figure:

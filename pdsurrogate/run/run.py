@@ -23,9 +23,9 @@ from .damage import Damage
 from .interruption import Interruption
 from .progress import Progress, Silent
 from .sharing import compile_first, threads_of
+from .state import State
 
 if TYPE_CHECKING:
-    from .levels import Way
     from .record import Record
 
 __all__ = ["Progress", "Run", "Silent"]
@@ -62,40 +62,18 @@ class Run:
     whole : Body or None
         The whole body; None on ranks other than the first.
     positions : ndarray, shape (n, d)
-    parameter, target : float
-        Loading parameter at the positions; and of the output that is under way.
-    stage, outputs : int
-        Number of the stage that is under way, and of its outputs so far.
-    begin : float
-        Loading parameter where that stage began.
+    state : State
+        Place in the programme and what has been recorded, as a checkpoint keeps it.
+    target : float
+        Loading parameter of the output that is under way.
     velocities : ndarray, shape (n, d), or None
         Velocities with which a stage in dynamics ended; None after equilibrium.
     earlier : tuple of float and ndarray, or None
         Parameter and positions of the equilibrium before the last.
-    way : Way or None
-        Way to the output under way in equilibrium, of a run that goes on from a checkpoint there.
-    greatest_drive : float
-        Greatest `Equilibrium.drive` of the outputs so far.
-    wasted : int
-        Evaluations of increments that failed.
-    elapsed : float
-        Time that earlier stages in dynamics took.
-    steps : int
-        Steps in dynamics.
     damage : Damage or None
         None without fracture.
-    critical_stretch : float or None
-        Stretch at which bonds break.
-    crack : dict or None
-        Entry of the summary about cracks.
     residual : float or None
         Latest residual of the search for equilibrium.
-    levels, history, convergence : list of dict
-        Measures at every level; rows of the history; rows about the search for equilibrium.
-    dynamics : list of dict
-        Entries of the summary about the stages in dynamics.
-    beyond_data : list of dict
-        For every recorded state of an energy from test data, the share of the bonds that is beyond them, and the farthest distance.
     states : States
     checkpoints : Checkpoints
     record_of_folder : Record or None
@@ -128,21 +106,13 @@ class Run:
         self.whole = None if self.ranks.rank else self.problem.whole
 
         self.positions = self.body.points.copy()
-        self.parameter = self.target = self.begin = self.loading.rest
-        self.stage = self.outputs = self.wasted = self.steps = 0
-        self.elapsed = self.greatest_drive = 0.0
+        self.state = State(self.loading.rest, self.loading.rest)
+        self.target = self.loading.rest
         self.velocities: np.ndarray | None = None
         self.earlier: tuple[float, np.ndarray] | None = None
-        self.way: Way | None = None
         self.residual: float | None = None
-        self.critical_stretch = self.problem.critical_stretch
-        self.damage = None if self.critical_stretch is None else Damage(self.body, self.critical_stretch)
-        self.crack: dict | None = None
-        self.levels: list[dict] = []
-        self.history: list[dict] = []
-        self.convergence: list[dict] = []
-        self.dynamics: list[dict] = []
-        self.beyond_data: list[dict] = []
+        critical = self.problem.critical_stretch
+        self.damage = None if critical is None else Damage(self.body, critical)
         self.states = self.states_of()
         self.checkpoints = Checkpoints(self)
         self.record_of_folder: Record | None = None
@@ -199,7 +169,7 @@ class Run:
     def note(self, increment: float, **entries) -> None:
         """Add a row about an increment on the way to the present target to the convergence."""
         place = {self.loading.parameter: self.target, "increment": increment, "evaluation": self.force.evaluations}
-        self.convergence.append(place | entries)
+        self.state.convergence.append(place | entries)
 
     def record(self, time: float = 0.0) -> None:
         """Record the present state: of the last equilibrium, or so long after the beginning of the stage in dynamics."""
@@ -207,8 +177,8 @@ class Run:
         fields = measures.point_fields(measures.PointState(self.force, self.positions, damage))
         if not self._in_pieces:
             fields = {name: self.body.share.gather(values) for name, values in fields.items()}
-        equilibria, since = sum("time" not in level for level in self.levels), self.elapsed + time
-        moment = Moment(**{"run_time": equilibria + since, "time": since, "stretch": None, self.loading.parameter: self.parameter})
+        equilibria, since = sum("time" not in level for level in self.state.levels), self.state.elapsed + time
+        moment = Moment(**{"run_time": equilibria + since, "time": since, "stretch": None, self.loading.parameter: self.state.parameter})
         self._count_beyond_data(moment)
         self.states.append(moment, fields)
         if self.record_of_folder is not None:
@@ -221,8 +191,8 @@ class Run:
             return
         total, outside = (self.body.share.total(int(count)) for count in (len(beyond), np.count_nonzero(beyond > 0)))
         farthest = self.body.share.greatest(float(beyond.max(initial=0.0)))
-        row = {"run_time": moment.run_time, self.loading.parameter: self.parameter}
-        self.beyond_data.append(row | {"share": outside / max(total, 1), "log_stretch": farthest})
+        row = {"run_time": moment.run_time, self.loading.parameter: self.state.parameter}
+        self.state.beyond_data.append(row | {"share": outside / max(total, 1), "log_stretch": farthest})
 
     def strain_energy(self) -> float:
         """Return the stored energy per unit thickness in the state last evaluated, see `measures.strain_energy`."""
@@ -238,8 +208,6 @@ class Run:
 
     def directed_bonds(self) -> int:
         """Return the number of directed bonds within the body of the points that are counted here."""
-        bonds, n = self.body.bonds, len(self.body)
-        if not self.body.share.divided:
-            return bonds.n_directed
-        owners = np.repeat(np.arange(n), np.diff(bonds.pointers).astype(np.int64))
-        return int(np.count_nonzero(self.body.share.own[owners] & (bonds.neighbours < n)))
+        bonds, own = self.body.bonds, self.body.share.own
+        within = bonds.second < len(self.body)
+        return int(np.count_nonzero(own[bonds.first[within]]) + np.count_nonzero(own[bonds.second[within]]))

@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from ..forces import ForceModel
 from ..problem import Problem
 from ..ranks import Communicator
 from ..scenes import Scene, SceneError
+
+T = TypeVar("T")
 
 
 class Oversubscribed(RuntimeWarning):
@@ -38,17 +41,17 @@ def refuse_different(ranks: Communicator, scene: Scene, model: ForceModel, folde
         )
 
 
-def together(ranks: Communicator, check: Callable[[], object]) -> None:
-    """Run a check, and raise on all ranks the error that it raises on the first that has one."""
+def together(ranks: Communicator, check: Callable[[], T]) -> T | None:
+    """Return what a check returns; raise on all ranks the error that it raises on the first that has one."""
     if ranks.size == 1:
-        check()
-        return
-    error = None
+        return check()
+    found = error = None
     try:
-        check()
-    except Exception as found:
-        error = found
+        found = check()
+    except Exception as raised:
+        error = raised
     ranks.agree(error)
+    return found
 
 
 def threads_of(ranks: Communicator, asked: int | None, paying: int) -> int:

@@ -20,8 +20,8 @@ def _peak(history: list[dict]) -> dict | None:
 
 def result_of(run: Run, seconds_compile: float, began: float, failure: str | None, status: str) -> Result:
     """Return the result that the run has reached so far."""
-    force = run.force
-    residuals = [level["residual"] for level in run.levels if "residual" in level]
+    force, state = run.force, run.state
+    residuals = [level["residual"] for level in state.levels if "residual" in level]
     if failure is not None and run.residual is not None and np.isfinite(run.residual):
         residuals.append(run.residual)
     outside = force.fraction_outside
@@ -54,19 +54,19 @@ def result_of(run: Run, seconds_compile: float, began: float, failure: str | Non
         "ns_per_directed_bond": 1e9 * force.seconds / max(1, force.timed * directed),
         "fallback_fraction": outside if run.problem.settings.outside in (None, "fallback") else 0.0,
         "fraction_outside_domain": outside,
-        **({"beyond_data": run.beyond_data} if run.beyond_data else {}),
+        **({"beyond_data": state.beyond_data} if state.beyond_data else {}),
         "unsupported_points": run.unsupported_points(),
-        "levels": run.levels,
+        "levels": state.levels,
         **run.contents.describe(),
         "provenance": provenance(),
     }
     if any(stage.inertia is not None for stage in run.stages):
         if stress is not None:
-            stresses = [row["nominal_stress"] for row in [*run.levels, *run.history] if "nominal_stress" in row]
+            stresses = [row["nominal_stress"] for row in [*state.levels, *state.history] if "nominal_stress" in row]
             summary["peak_nominal_stress"] = max(stresses, default=None)
-        summary["n_steps"] = run.steps
-        summary["dynamics"] = run.dynamics
-    if run.crack is not None:
-        summary["critical_stretch"] = run.critical_stretch
-        summary["crack"] = run.crack | ({} if stress is None else {"peak": _peak(run.history)})
-    return Result(run.problem.scene, run.body if run.whole is None else run.whole, summary, run.history, run.states, run.convergence)
+        summary["n_steps"] = state.steps
+        summary["dynamics"] = state.dynamics
+    if state.crack is not None:
+        summary["critical_stretch"] = run.problem.critical_stretch
+        summary["crack"] = state.crack | ({} if stress is None else {"peak": _peak(state.history)})
+    return Result(run.problem.scene, run.body if run.whole is None else run.whole, summary, state.history, run.states, state.convergence)

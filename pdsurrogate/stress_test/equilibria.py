@@ -7,6 +7,7 @@ integrator take part as well.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -60,28 +61,18 @@ def _why_no_equilibrium(subject: Subject) -> str:
     return "zero-energy modes" if subject.reference == "nosb" else "does not converge"
 
 
-def _loaded(subject: Subject, load: float, stress: float = 1.0, length: float = 1.0, amplitude=None, **changes) -> Scene:
+def _loaded(subject: Subject, load: float, stress: float = 1.0, length: float = 1.0, amplitude: str | list = "ramp", **changes) -> Scene:
     """Return a body in other units, held at its left face, with a load on its right face; its size is in shear moduli."""
     law, size = in_units_of(subject.law, stress), load * stress * subject.law.shear_modulus
-    traction = {"region": "right", "traction": [size * part for part in DIRECTION[: subject.dimension]]}
-    described = {
-        "spacing": 0.2 * length,
-        "material": law.describe(),
-        "prescribed": [subject.held_at("left")],
-        "loads": [traction if amplitude is None else {**traction, "amplitude": amplitude}],
-        "steps": [1.0],
-    }
-    return subject.scene(tuple(length * side for side in subject.sized(*SIDES)), **described | changes)
+    loads = [{"region": "right", "traction": [size * part for part in DIRECTION[: subject.dimension]], "amplitude": amplitude}]
+    described = {"spacing": 0.2 * length, "material": law.describe(), "prescribed": [subject.held_at("left")], "steps": [1.0]}
+    return subject.scene(tuple(length * side for side in subject.sized(*SIDES)), loads=loads, **described | changes)
 
 
 def _level(subject: Subject, load: float, stress: float = 1.0, length: float = 1.0) -> dict:
     """Return the equilibrium under a load, computed once for a subject."""
-
-    def make() -> dict:
-        scene = _loaded(subject, load, stress, length)
-        return subject.run(scene, where=f"{load:g} mu: ", weakness=_why_no_equilibrium(subject)).levels[-1]
-
-    return subject.once(("held", load, stress, length), make)
+    run = partial(subject.run, where=f"{load:g} mu: ", weakness=_why_no_equilibrium(subject))
+    return subject.once(("held", load, stress, length), lambda: run(_loaded(subject, load, stress, length)).levels[-1])
 
 
 def _moved(level: dict) -> np.ndarray:

@@ -49,7 +49,7 @@ class Distribution(StrictModel):
 
     @property
     def discrete(self) -> bool:
-        """Whether its values are whole numbers."""
+        """True if its values are whole numbers."""
         from scipy import stats
 
         return isinstance(getattr(stats, self.distribution), stats.rv_discrete)

@@ -20,14 +20,18 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from ..arguments import check_whole_number
 from ..results.files import write_json
 from ..results.folder import LOCK, FolderTaken, occupied
+from ..run.simulate import SimulationInterrupted
 from ..scenes import SceneError
-from .tasks import OutOfTime, Task
+from .tasks import Task
 
 OUTCOME = "outcome.json"
 """File that is written last in the folder of a run and marks it as done."""
 
 SECONDS_TO_LEAVE = 10.0
 """Seconds to wait for another process that still holds the folder of a run; a process whose study was killed ends within a second."""
+
+NOT_DONE = "not done yet"
+"""Failure of a run that has not been carried out to its end."""
 
 MOST_ENDS = 2
 """Number of times that a run may lose its process before it counts as failed."""
@@ -42,14 +46,11 @@ class Outcome:
     place : str
         Name of its folder.
     failure : str or None
-        Why it failed, if it did.
-    out_of_time : bool
-        Whether its time was over; it resumes with the study.
+        Why it failed, if it did; `NOT_DONE` if its time was over, after which it resumes with the study.
     """
 
     place: str
     failure: str | None
-    out_of_time: bool = False
 
 
 @dataclass(frozen=True)
@@ -165,8 +166,10 @@ def carry_out(task: Task, folder: Path, threads: int, study: int | None, max_tim
         with _held(folder):
             failure = task.carry_out(folder, min(threads, numba.config.NUMBA_NUM_THREADS), max_time)
             write_json(folder / OUTCOME, {"digest": task.digest, "failure": failure})
-    except OutOfTime:
-        return Outcome(folder.name, None, out_of_time=True)
+    except SimulationInterrupted as stopped:
+        if not stopped.out_of_time:
+            raise KeyboardInterrupt from None
+        failure = NOT_DONE
     except OSError as error:
         failure = f"could not write {error.filename or folder}: {error.strerror or error}"
     except Exception as error:  # a failed run must not stop the others

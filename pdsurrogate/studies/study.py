@@ -21,14 +21,11 @@ from ..results.folder import SUMMARY, WAY_OUT, FolderTaken, occupied
 from ..run.interruption import heard
 from .description import Study, load_study
 from .designs import parameters_of_runs
-from .parallel import OUTCOME, Outcome, Workers
+from .parallel import NOT_DONE, OUTCOME, Outcome, Workers
 from .table import FAILURE, RUN, as_csv, check_quantities, columns_of, quantities_in, study_figure
 from .tasks import Task, tasks_of
 
 TABLE, FIGURE, DESCRIPTION, RUNS = "study.csv", "study.png", "study.json", "runs"
-
-NOT_DONE = "not done yet"
-"""Entry in the column of failures for a run that has not been carried out."""
 
 SECONDS_BETWEEN_TABLES = 10.0
 """Seconds between updates of the table while runs end."""
@@ -227,7 +224,7 @@ def study(
         written = time.monotonic()
         try:
             for outcome in workers.carry_out(left, folder / RUNS, max_time):
-                if outcome.out_of_time:
+                if outcome.failure == NOT_DONE:
                     continue
                 ended[outcome.place] = outcome
                 progress.ended(outcome.place, outcome.failure)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
@@ -12,6 +10,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from ..results import tables
 from ..results.figures import STYLE
 from ..scenes import SceneError
 from ..scenes.problems import suggestion
@@ -110,20 +109,13 @@ def _leaves(place: Any, steps: list[str], before: tuple[str, ...]) -> Iterator[t
 
 def columns_of(rows: Iterable[dict[str, Any]]) -> list[str]:
     """Return the columns that any of the rows has, in order of appearance, with the column of failures last."""
-    found = dict.fromkeys(key for row in rows for key in row)
-    found.pop(FAILURE, None)
-    return [*found, FAILURE]
+    return [*(column for column in tables.columns_of(rows) if column != FAILURE), FAILURE]
 
 
 def as_csv(rows: list[dict[str, Any]]) -> str:
     """Return the rows as CSV; tables and lists are written as JSON, missing values as nothing."""
-    text = io.StringIO()
     columns = columns_of(rows)
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    for row in rows:
-        writer.writerow([_cell(row.get(column)) for column in columns])
-    return text.getvalue()
+    return tables.as_csv([{column: _cell(row.get(column)) for column in columns} for row in rows])
 
 
 def _cell(value: Any) -> str:

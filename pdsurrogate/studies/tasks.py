@@ -32,10 +32,6 @@ SURROGATE = ("fitted", "1")
 """Name and version of the artefact that a fit leaves in its folder."""
 
 
-class OutOfTime(RuntimeError):
-    """A run whose time was over, and that goes on from its checkpoint."""
-
-
 class Task(Protocol):
     """One checked run of a study, which can be carried out in any process.
 
@@ -48,7 +44,7 @@ class Task(Protocol):
     digest: str
 
     def carry_out(self, folder: Path, threads: int, max_time: float | None) -> str | None:
-        """Carry out the run in its own folder; return why it failed, or None; raise `OutOfTime` if its time is over."""
+        """Carry out the run in its own folder; return why it failed, or None; raise SimulationInterrupted if it is stopped."""
 
 
 @dataclass(frozen=True)
@@ -67,10 +63,8 @@ class SceneTask:
         failure = None
         try:
             result = self._simulated(model, threads=threads, folder=folder, max_time=max_time)
-        except SimulationInterrupted as stopped:
-            if stopped.out_of_time:
-                raise OutOfTime(str(stopped)) from None
-            raise KeyboardInterrupt from None
+        except SimulationInterrupted:
+            raise
         except SimulationFailed as error:
             failure, result = str(error), error.result
         except SceneError as error:

@@ -394,8 +394,8 @@ def test_motion_that_runs_away_is_stopped_with_its_last_good_state(tmp_path, mon
 def test_the_last_good_state_is_recorded_once(monkeypatch):
     """Where the step after an output fails, the state before it has been recorded: it came twice, at one time."""
     run = Run(pds.load_scene("tear", UNDAMPED), pds.load_surrogate("analytic"), Silent())
-    run.stage = len(run.stages) - 1
-    motion = transient.Transient(run, run.stages[run.stage])
+    run.state.stage = len(run.stages) - 1
+    motion = transient.Transient(run, run.stages[run.state.stage])
     motion.begin()
 
     def fail():

@@ -123,9 +123,9 @@ def test_what_cracks_need_is_the_default():
 
 def viscosity_of(scene):
     run = Run(scene, pds.load_surrogate("analytic"), Silent())
-    run.stage = len(run.stages) - 1
+    run.state.stage = len(run.stages) - 1
     run.damage = None if scene.fracture is None else Damage(run.body, scene.fracture.critical_stretch)
-    return transient.Transient(run, run.stages[run.stage]).viscosity
+    return transient.Transient(run, run.stages[run.state.stage]).viscosity
 
 
 def test_viscosity_where_none_is_said():
