@@ -196,10 +196,9 @@ class BodyRegions:
         surface = self.surface()
         lost = surface.facets[found][~surface.followed()[surface.facets[found]]]
         if len(lost):
-            raise ValueError(
-                f"{self._key(reference, key)}: the body is too thin at {_text(surface.nodes[lost[0]])}, where the points beside the "
-                f"boundary, with which it moves, are fewer than {too_few(self.body)}; take {self.body.finer}"
-            )
+            few = f"where the points beside the boundary, with which it moves, are fewer than {too_few(self.body)}"
+            thin = f"the body is too thin at {_text(surface.nodes[lost[0]])}, {few}"
+            raise ValueError(f"{self._key(reference, key)}: {thin}; take {self.body.finer}")
         return found
 
     def edge(self, reference: str | Region) -> str | None:
@@ -229,10 +228,8 @@ class BodyRegions:
         surface = self.surface()
         if not surface.encloses(at)[0] and not np.isfinite(surface.distances(at, RIM * self.body.cell.max())[0]):
             distance, point = cKDTree(self.body.points).query(at[0])
-            raise ValueError(
-                f"{key}: {_text(at[0])} lies outside the body; its nearest point is {point} at {_text(self.body.points[point])}, "
-                f"{distance:.3g} away"
-            )
+            nearest = f"its nearest point is {point} at {_text(self.body.points[point])}, {distance:.3g} away"
+            raise ValueError(f"{key}: {_text(at[0])} lies outside the body; {nearest}")
 
     def _found(self, reference: str | Region, key: str | None, parts: _Points | _Facets) -> np.ndarray:
         try:
@@ -257,12 +254,13 @@ class BodyRegions:
                 return parts.edge(region)
             return parts.numbered(np.arange(len(parts.places))) if region == "body" else parts.boundary(region)
         members = [self._resolved(member, parts) for _, member in region.members()]
+        inside, distances = [member.inside for member in members], [member.distance for member in members]
         if region.both is not None:
-            return Found(np.all([member.inside for member in members], axis=0), np.max([member.distance for member in members], axis=0))
+            return Found(np.all(inside, axis=0), np.max(distances, axis=0))
         if region.either is not None:
-            return Found(np.any([member.inside for member in members], axis=0), np.min([member.distance for member in members], axis=0))
+            return Found(np.any(inside, axis=0), np.min(distances, axis=0))
         if region.other is not None:
-            return Found(~members[0].inside, np.full(len(parts.places), np.inf))
+            return Found(~inside[0], np.full(len(parts.places), np.inf))
         if region.edge is not None:
             return parts.edge(region.edge)
         if region.group is not None:

@@ -49,10 +49,6 @@ class Interruption:
             self._hear()
         return self.told or self.out_of_time
 
-    @asked.setter
-    def asked(self, told: bool) -> None:
-        self.told = told
-
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
             self._before = signal.signal(signal.SIGINT, self._ask)
