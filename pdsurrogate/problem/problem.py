@@ -1,4 +1,4 @@
-"""The problem of a scene: everything that a run needs, resolved once into points, numbers and names."""
+"""Compilation of a scene into a problem: everything that a run needs, resolved once into points, numbers and names."""
 
 from __future__ import annotations
 
