@@ -38,9 +38,10 @@ HARD = 2.0
 """Evaluations of an increment, over the mean of those before it in its stage, beyond which the next one is not made longer."""
 
 FARTHEST = 0.5
-"""Greatest distance over the extent of the body by which loads may carry a point from the first guess of an increment.  Where there is no equilibrium a
-solver goes that far within some ten evaluations, and then takes thousands to fail; what comes to rest beyond is found with shorter
-increments too."""
+"""Greatest distance over the extent of the body by which loads may carry a point from the first guess of an increment.
+
+Where there is no equilibrium a solver goes that far within some ten evaluations, and then takes thousands to fail; what comes to rest
+beyond is found with shorter increments too."""
 
 PATIENCE, LEAST_PATIENCE = 30, 2000
 """Evaluations for all increments that follow one that failed, until one succeeds, over the mean of those that succeeded before; and at

@@ -24,7 +24,7 @@ def edge_names(dimension: int) -> tuple[str, ...]:
 
 
 def reserved_names(dimension: int) -> tuple[str, ...]:
-    """Return the names that every body has: its edges or faces, all of it, its outer boundary, and that of its holes (``holes.0`` the first's)."""
+    """Return the regions that every body has: edges or faces, all of it, its outer boundary, that of its holes (``holes.0``: the first)."""
     return (*edge_names(dimension), "body", "outline", "holes")
 
 
