@@ -19,7 +19,7 @@ from ..solvers.loads import Loads
 from ..solvers.supports import SupportAtPlace
 from .prescriptions import Prescription
 from .programme import Stage
-from .regions import BodyRegions, along_edge
+from .regions import BodyRegions
 
 RIGID = 1e3
 """Stiffness of rigid regions over that of the rest in a first guess, which is then brought to where they can be."""
@@ -62,7 +62,7 @@ def conditions_of(
     names = tuple(dict.fromkeys(one.holder for one in prescriptions if one.holder is not None))
     planes, held, along_planes, keys, reflected = [], [], [], [], []
     for edge, holding in _reflected(scene, prescriptions, regions).items():
-        points = np.flatnonzero(along_edge(body, edge, regions.lower, regions.upper).inside)
+        points = regions.along_edge(edge)
         planes.append(_plane_of(f"{edge} {'grip' if stretched else 'edge'}", holding, names, body.dimension))
         keys.append(holding[0].key)
         reflected += holding

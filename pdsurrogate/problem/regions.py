@@ -46,18 +46,19 @@ class Found(NamedTuple):
     distance: np.ndarray
 
 
-def along_edge(body: Body, edge: str, lower: np.ndarray, upper: np.ndarray) -> Found:
-    """Return which points lie along an edge of the bounding box from `lower` to `upper`, and their distances from it."""
-    axis, side = EDGES[edge]
-    distance = -side * (body.points[:, axis] - (lower, upper)[side > 0][axis])
-    return Found(distance < LAYER * body.cell[axis], distance)
-
-
 class _Parts:
     """Base of what a region consists of: points of the body, or facets of its boundary, each with a place."""
 
     places: np.ndarray
     groups: dict[str, np.ndarray]
+
+    def __init__(self, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
+        self.body, self.corners, self.surface = body, {-1: lower, 1: upper}, surface
+
+    def from_edge(self, name: str) -> np.ndarray:
+        """Return the distances of the places from an edge of the bounding box."""
+        axis, side = EDGES[name]
+        return -side * (self.places[:, axis] - self.corners[side][axis])
 
     def group(self, name: str) -> Found:
         """Return the parts in a physical group of a mesh."""
@@ -79,33 +80,33 @@ class _Points(_Parts):
 
     what = "no point of the body lies in it"
 
-    def __init__(self, body: Body, lower: np.ndarray, upper: np.ndarray, surface: Callable[[], Surface]) -> None:
-        self._body, self._lower, self._upper, self._surface = body, lower, upper, surface
-        self.places, self.groups = body.points, body.groups
+    def __init__(self, *given) -> None:
+        super().__init__(*given)
+        self.places, self.groups = self.body.points, self.body.groups
 
     def describe(self, number: int) -> str:
         return f"point {number} at {_text(self.places[number])}"
 
     def edge(self, name: str) -> Found:
-        return along_edge(self._body, name, self._lower, self._upper)
+        distance = self.from_edge(name)
+        return Found(distance < LAYER * self.body.cell[EDGES[name][0]], distance)
 
     def boundary(self, name: str) -> Found:
-        surface = self._surface()
-        reach = LAYER * self._body.cell.max()
+        surface, reach = self.surface(), LAYER * self.body.cell.max()
         distance = surface.distances(self.places, reach, _facets_of(surface, name))
         return Found(distance < reach, distance)
 
     def listed(self, region: Region) -> Found:
         """Return the points that a region lists, or is the nearest of."""
-        share = self._body.share
+        share = self.body.share
         if region.near is not None:
             distance = np.linalg.norm(self.places - np.array(region.near), axis=1)
             nearest = int(distance.argmin())
             least = min(share.everywhere(float(distance[nearest])))
-            if least > NEAR * self._body.cell.max():
+            if least > NEAR * self.body.cell.max():
                 place, found = _text(np.array(region.near)), self.describe(nearest)
                 raise ValueError(f"the nearest point to {place} is {found}, {distance[nearest]:.3g} away: too far")
-            return self.numbered(np.flatnonzero(distance <= least + ALIKE * self._body.cell.min()))
+            return self.numbered(np.flatnonzero(distance <= least + ALIKE * self.body.cell.min()))
         numbers, size = np.array(region.points, dtype=np.int64), share.size
         if numbers.max(initial=-1) >= size:
             raise ValueError(f"there is no point {numbers.max()}; the body has {size}, from 0 on")
@@ -117,19 +118,18 @@ class _Facets(_Parts):
 
     what = "no part of the boundary lies in it"
 
-    def __init__(self, surface: Surface, lower: np.ndarray, upper: np.ndarray) -> None:
-        self.surface, self._lower, self._upper = surface, lower, upper
-        self.places, self.groups = surface.midpoints(), surface.groups
+    def __init__(self, *given) -> None:
+        super().__init__(*given)
+        self.places, self.groups = self.surface().midpoints(), self.surface().groups
 
     def describe(self, number: int) -> str:
-        return f"a facet of {self.surface.parts[number]} with its middle at {_text(self.places[number])}"
+        return f"a facet of {self.surface().parts[number]} with its middle at {_text(self.places[number])}"
 
     def edge(self, name: str) -> Found:
-        axis, side = EDGES[name]
-        return Found(self.surface.parts == name, np.abs(self.places[:, axis] - (self._lower, self._upper)[side > 0][axis]))
+        return Found(self.surface().parts == name, np.abs(self.from_edge(name)))
 
     def boundary(self, name: str) -> Found:
-        return self.numbered(_facets_of(self.surface, name))
+        return self.numbered(_facets_of(self.surface(), name))
 
     def listed(self, region: Region) -> Found:
         key = "near" if region.points is None else "points"
@@ -172,7 +172,11 @@ class BodyRegions:
 
     @cached_property
     def _facets(self) -> _Facets:
-        return _Facets(self.surface(), self.lower, self.upper)
+        return _Facets(self.body, self.lower, self.upper, self.surface)
+
+    def along_edge(self, edge: str) -> np.ndarray:
+        """Return the numbers of the points along an edge of the bounding box."""
+        return np.flatnonzero(self._points.edge(edge).inside)
 
     def points(self, reference: str | Region, key: str | None = None) -> np.ndarray:
         """Return the numbers of the points in a region.
