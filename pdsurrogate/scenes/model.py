@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from ..body import WEIGHT_FUNCTIONS
 from ..html_tables import html_facts
@@ -16,7 +16,7 @@ from .consistency import check_consistency
 from .loading import DynamicsSettings, Load, Prescribed, Probe, Step
 from .problems import SceneError, suggestion
 from .regions import EDGES, FACES, Region, RegionName, RegionReference, reserved_names
-from .shapes import Mesh, Precut, TaggedOutline, shape_of
+from .shapes import Circle, Ellipse, Mesh, Polygon, Precut, Rectangle, with_shape
 from .solids import Box, Cylinder, DiscCut, Extrusion, ParallelogramCut, Sphere, Tube, cut_of
 from .strict_model import Finite, Positive, StrictModel, Vector, Whole
 
@@ -211,15 +211,9 @@ class Dynamics(DynamicsSettings):
     outputs: Annotated[Whole, Field(ge=1, le=10_000)] = 30
 
 
-_TaggedSolid = (
-    Annotated[Box, Tag("box")]
-    | Annotated[Cylinder, Tag("cylinder")]
-    | Annotated[Sphere, Tag("sphere")]
-    | Annotated[Tube, Tag("tube")]
-    | Annotated[Extrusion, Tag("extrusion")]
-)
-AnyShape = Annotated[TaggedOutline | _TaggedSolid, Discriminator(shape_of)]
-AnyBody = Annotated[TaggedOutline | _TaggedSolid | Annotated[Mesh, Tag("mesh")], Discriminator(shape_of)]
+_Shape = Rectangle | Circle | Ellipse | Polygon | Box | Cylinder | Sphere | Tube | Extrusion
+AnyShape = Annotated[_Shape, Field(discriminator="shape"), BeforeValidator(with_shape)]
+AnyBody = Annotated[_Shape | Mesh, Field(discriminator="shape"), BeforeValidator(with_shape)]
 AnyPrecut = Annotated[
     Annotated[Precut, Tag("line")] | Annotated[ParallelogramCut, Tag("parallelogram")] | Annotated[DiscCut, Tag("disc")],
     Discriminator(cut_of),
@@ -375,8 +369,9 @@ class Scene(StrictModel):
     @classmethod
     def _spacing_of_a_mesh(cls, value: Any) -> Any:
         """Let a mesh be given without a spacing."""
-        asked = isinstance(value, Mapping) and "spacing" not in value and shape_of(value.get("body")) == "mesh"
-        return {**value, "spacing": None} if asked else value
+        body = value.get("body") if isinstance(value, Mapping) else None
+        meshed = isinstance(body, Mesh) or (isinstance(body, dict) and body.get("shape") == "mesh")
+        return {"spacing": None, **value} if meshed else value
 
     @model_validator(mode="after")
     def _consistent(self) -> Scene:

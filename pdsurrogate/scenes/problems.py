@@ -116,7 +116,8 @@ def _options(place: Any, tag: str | None = None) -> Iterator[tuple[Any, str | No
         for option in get_args(place):
             yield from _options(option, tag)
     else:
-        yield place, tag
+        shape = getattr(place, "model_fields", {}).get("shape")
+        yield place, tag or (shape and shape.default)
 
 
 def _inside(place: Any, step: str | int) -> Any:

@@ -7,7 +7,7 @@ from abc import abstractmethod
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from ..body import encloses
 from .strict_model import Point, Positive, StrictModel
@@ -242,18 +242,12 @@ def _around(centre: np.ndarray, semi_axes: np.ndarray, cell: np.ndarray) -> np.n
     return centre + math.sqrt(step / math.sin(step)) * semi_axes * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def shape_of(value: Any) -> str:
-    """Return the shape as which a part is read: a rectangle where none is given."""
-    return str(value.get("shape", "rectangle") if isinstance(value, dict) else getattr(value, "shape", "rectangle"))
+def with_shape(value: Any) -> Any:
+    """Return a description of a shape with its kind, which is a rectangle where none is given."""
+    return {"shape": "rectangle", **value} if isinstance(value, dict) else value
 
 
-TaggedOutline = (
-    Annotated[Rectangle, Tag("rectangle")]
-    | Annotated[Circle, Tag("circle")]
-    | Annotated[Ellipse, Tag("ellipse")]
-    | Annotated[Polygon, Tag("polygon")]
-)
-AnyOutline = Annotated[TaggedOutline, Discriminator(shape_of)]
+AnyOutline = Annotated[Rectangle | Circle | Ellipse | Polygon, Field(discriminator="shape"), BeforeValidator(with_shape)]
 
 
 class Mesh(StrictModel):
