@@ -275,7 +275,7 @@ def checked_card(content: Mapping[str, Any]) -> Card:
     try:
         card = Card.model_validate(content)
     except (ValidationError, OverflowError) as error:
-        raise ArtifactError(_told(error) if isinstance(error, ValidationError) else "a whole number is too large") from None
+        raise ArtifactError(_explained(error) if isinstance(error, ValidationError) else "a whole number is too large") from None
     if card.schema_version > OLDEST_SCHEMA and card.digest is None:
         raise ArtifactError("digest: is missing")
     for problem in _contradictions(card):
@@ -395,8 +395,7 @@ WORDS = {
     "extra_forbidden": "is unknown: take it out",
     "float_type": "must be a number",
     "finite_number": "must be a finite number",
-    "int_type": "must be a whole number",
-    "int_from_float": "must be a whole number",
+    **dict.fromkeys(("int_type", "int_from_float"), "must be a whole number"),
     "string_type": "must be text",
     "string_unicode": "must be text in Unicode",
     "string_pattern_mismatch": "must match {pattern}",
@@ -404,15 +403,13 @@ WORDS = {
     "greater_than_equal": "must be at least {ge:g}",
     "too_short": "must have at least {min_length} entries",
     "too_long": "must have at most {max_length} entries",
-    "dict_type": "must be a table",
-    "model_type": "must be a table",
-    "model_attributes_type": "must be a table",
+    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "must be a table"),
     "tuple_type": "must be a list",
 }
 """Messages about a field by pydantic's types of errors."""
 
 
-def _told(error: ValidationError) -> str:
+def _explained(error: ValidationError) -> str:
     """Return all problems in one line, each with its field, the right kind of value and the present one."""
     lines = []
     for problem in error.errors():

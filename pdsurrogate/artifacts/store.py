@@ -7,13 +7,12 @@ import hashlib
 import io
 import os
 import re
-import shutil
-import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import joblib
 import numpy as np
@@ -513,9 +512,8 @@ def save_artifact(
     """
     target = new_artifact(folder, card["name"], card["version"])
     Path(folder).mkdir(parents=True, exist_ok=True)
-    held = Path(tempfile.mkdtemp(prefix=f".{card['name']}-{card['version']}-", dir=folder))
-    temporary = held / card["name"] / card["version"]
-    try:
+    with TemporaryDirectory(prefix=f".{card['name']}-{card['version']}-", dir=folder, ignore_cleanup_errors=True) as held:
+        temporary = Path(held) / card["name"] / card["version"]
         temporary.mkdir(parents=True)
         np.savez(temporary / SURROGATE, **surrogate.payload())
         contents = {SURROGATE: "the surrogate's constants: plain arrays, all that a simulation needs"}
@@ -542,8 +540,6 @@ def save_artifact(
             if error.errno not in (errno.EEXIST, errno.ENOTEMPTY):
                 raise
             raise ArtifactError(f"{card['name']}@{card['version']} exists already in {folder}; versions never change") from None
-    finally:
-        shutil.rmtree(held, ignore_errors=True)
     return target
 
 

@@ -13,20 +13,26 @@ from .endings import error_as_json
 from .terminal import out, settings
 
 COMMANDS = {
-    "compare": "Measure every force model: speed against error, on one thread and on all.",
-    "materials": "List the material laws with their parameters.",
-    "identify": "Find a law's parameters from test data.",
-    "run": "Run a scene and compare it with its reference.",
-    "scenes": "List the built-in scenes, or show (and plot) one of them.",
-    "new": "Write a commented scene to start from.",
-    "show": "Draw what a run has saved: a picture of a field, or one page with fields over all outputs, curves and tables.",
-    "stress-test": "Run hard cases with every force model, and report for each the limit, the value, and a pass or a named weakness.",
-    "study": "Run a scene with many parameters, or fit many surrogates, in parallel; finished runs are reused.",
-    "fit": "Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact.",
-    "evaluate": "Compare a bond force or an energy with the exact one: by strain, at rest and in stiffness; a force also off plane stress.",
-    "artifacts": "List the artefacts that are found by name, or show one's card.",
+    "compare": ("compare", "Measure every force model: speed against error, on one thread and on all."),
+    "materials": ("lists", "List the material laws with their parameters."),
+    "identify": ("identify", "Find a law's parameters from test data."),
+    "run": ("run", "Run a scene and compare it with its reference."),
+    "scenes": ("scenes", "List the built-in scenes, or show (and plot) one of them."),
+    "new": ("scenes", "Write a commented scene to start from."),
+    "show": ("show", "Draw what a run has saved: a picture of a field, or one page with fields over all outputs, curves and tables."),
+    "stress-test": (
+        "stress_test",
+        "Run hard cases with every force model: for each the limit, the value, and a pass or a named weakness.",
+    ),
+    "study": ("study", "Run a scene with many parameters, or fit many surrogates, in parallel; finished runs are reused."),
+    "fit": ("fit", "Fit a surrogate of a law's bond force or isochoric energy, cross-validate it, and store it as an artefact."),
+    "evaluate": (
+        "evaluate",
+        "Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress.",
+    ),
+    "artifacts": ("lists", "List the artefacts that are found by name, or show one's card."),
 }
-"""Commands in the order of the help, each with its line there: the function of that name in the file of that name, with ``_`` for ``-``."""
+"""Commands in the order of the help: the file of each, which has a function of that name with ``_`` for ``-``, and its line of help."""
 
 
 class Commands(TyperGroup):
@@ -34,14 +40,13 @@ class Commands(TyperGroup):
 
     def __init__(self, **options) -> None:
         super().__init__(**options)
-        self.commands = {name: TyperCommand(name, help=text) for name, text in COMMANDS.items()}
+        self.commands = {name: TyperCommand(name, help=text) for name, (_, text) in COMMANDS.items()}
 
     def resolve_command(self, ctx, args):
         """Return the name, the command, loaded, and its arguments."""
         name, command, rest = super().resolve_command(ctx, args)
         if command is not None:
-            file = name.replace("-", "_")
-            command = getattr(import_module(f".{file}", __package__), file)
+            command = getattr(import_module(f".{COMMANDS[name][0]}", __package__), name.replace("-", "_"))
         return name, command, rest
 
     def invoke(self, ctx):

@@ -24,7 +24,7 @@ from ..scenes.reading import parse_change
 from .endings import bad_input
 from .terminal import WARNING, complain, err, out, settings
 
-Overwrite = Annotated[bool, Option("--overwrite", help="Overwrite existing results in DIR even if they come from a different run.")]
+Overwrite = Annotated[bool, Option("--overwrite", help="Overwrite results in DIR of another run, or of this one if interrupted.")]
 MaxTime = Annotated[float | None, Option(metavar="SECONDS", help="Stop a run after this time and write a checkpoint to resume from.")]
 AsJson = Annotated[bool, Option("--json", help="Print JSON instead of tables.")]
 SetScene = Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help="Override a scene key; may be repeated.")]
@@ -57,9 +57,7 @@ def _command(function: Callable) -> typer.core.TyperCommand:
 def _begin(
     verbose: Annotated[int, Option("-v", "--verbose", count=True, show_default=False, help="Print log messages; -vv for debug ones.")] = 0,
     quiet: Annotated[bool, Option("-q", "--quiet", help="Print only result tables, warnings and errors.")] = False,
-    imports: Annotated[
-        list[Path] | None, Option("--import", metavar="FILE.py", help="Python module that defines material laws; may be repeated.")
-    ] = None,
+    imports: Annotated[list[Path] | None, Option("--import", metavar="FILE.py", help="Module that defines laws; may be repeated.")] = None,
 ) -> None:
     settings.quiet = quiet
     logger = logging.getLogger("pdsurrogate")

@@ -12,7 +12,7 @@ from ..results import figures
 from ..results.files import write_json, write_text
 from .command import AsJson, Overwrite, ReportFolder, SetLaw, Threads, check_folder, command, law_of
 from .endings import writing
-from .terminal import Rate, err, note, print_json, print_table, progress_bar
+from .terminal import counting_bar, err, note, print_json, print_table
 
 
 @command
@@ -30,18 +30,8 @@ def compare(
     law = law_of(material, change)
     asked = {"law": law.describe(), "quick": quick, "threads": threads}
     check_folder(folder, "compare.json", asked, overwrite)
-    rates = {stage: Rate("models") for stage in (report_of.FITTING, report_of.ERRORS, report_of.SCENE)}
-    with progress_bar(report_of.FITTING) as shown:
-
-        def progress(stage: str, done: float, of: int, text: str) -> None:
-            counted = ""
-            if rate := rates.get(stage):
-                if not done:
-                    rate.begin()
-                counted = f"{int(done)} of {of} models{rate.after(done)}, now "
-            shown(done / of, f"{counted}{text}", stage)
-
-        report = report_of.compare(law, quick, progress, threads)
+    with counting_bar("models", report_of.FITTING) as counted:
+        report = report_of.compare(law, quick, lambda stage, done, of, text: counted(done, of, f"now {text}", stage), threads)
     if as_json:
         print_json(report)
     header, rows = presentation.table(report)

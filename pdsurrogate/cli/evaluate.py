@@ -26,7 +26,7 @@ def evaluate(
     law: Annotated[str | None, Option(help="Law to compare with; the artefact's own by default.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare a bond force or an energy with the exact one: by strain, at rest and in stiffness; a force also off plane stress."""
+    """Compare a bond force or an energy with the exact one: by strain, at rest, in stiffness, off plane stress."""
     model = load_surrogate(reference)
     if not isinstance(model, ForceSurrogate | EnergySurrogate | IsochoricNetwork):
         raise ValueError(f"{reference} has no bond force of its own to evaluate")

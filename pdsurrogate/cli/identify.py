@@ -16,7 +16,7 @@ from ..results import figures
 from ..results.files import write_json
 from .command import AsJson, Overwrite, ReportFolder, check_folder, command
 from .endings import writing
-from .terminal import Rate, note, out, print_json, print_table, progress_bar, warn
+from .terminal import counting_bar, note, out, print_json, print_table, warn
 
 DIGITS = 16
 """Number of digits of the digest by which a report knows its test data."""
@@ -52,13 +52,10 @@ def identify(
     check_folder(folder, "identify.json", asked, overwrite)
     if stretch is not None:
         rows = rows.up_to(stretch)
-    rate = Rate("laws")
-    with progress_bar("Fitting") as shown:
-
-        def progress(done: float, text: str) -> None:
-            shown(done / len(laws), f"{int(done)} of {len(laws)} laws{rate.after(int(done))}, now {text}")
-
-        models, reports, held_out = identify_laws(rows, laws, settings, hold_out, progress)
+    with counting_bar("laws", "Fitting") as counted:
+        models, reports, held_out = identify_laws(
+            rows, laws, settings, hold_out, lambda done, text: counted(done, len(laws), f"now {text}")
+        )
     for report in reports:
         print_identified(report)
     # Remarks on the data are in the report of every law, and are printed once.

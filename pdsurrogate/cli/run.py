@@ -19,10 +19,12 @@ from ..results.checkpoint import NAME
 from ..results.folder import occupied
 from ..run.simulate import Progress, SimulationFailed, SimulationInterrupted, simulate
 from ..scenes import Scene, load_scene
-from .command import AsJson, MaxTime, SetScene, check_folder, command
+from .command import AsJson, MaxTime, Overwrite, SetScene, check_folder, command
 from .endings import FAILED, INTERRUPTED, bad_input, ended, share, writing
 from .run_tables import print_result
 from .terminal import WARNING, Rate, err, note, print_json, progress_bar, warn
+
+FORCE_HELP = "analytic, bond-energy, nosb, ba-nosb, or an artefact (NAME, NAME@VERSION, path); default: chosen for the scene."
 
 CAUTION = 0.01
 """Relative RMS error on the card of an artefact above which the user is warned."""
@@ -32,24 +34,12 @@ CAUTION = 0.01
 def run(
     scene: Annotated[str, Argument(metavar="SCENE", help="Name of a built-in scene, or path of a scene file (.toml).")],
     *,
-    force: Annotated[
-        str | None,
-        Option(
-            metavar="REF",
-            help="analytic, bond-energy, nosb, ba-nosb, or an artefact (NAME, NAME@VERSION, path); default: chosen.",
-        ),
-    ] = None,
+    force: Annotated[str | None, Option(metavar="REF", help=FORCE_HELP)] = None,
     change: SetScene = None,
-    out_folder: Annotated[
-        str | None, Option("--out", metavar="DIR", help="Write summary, history, VTU/PVD files and a figure here.")
-    ] = None,
-    threads: Annotated[
-        int | None, Option(help="Number of threads (default: as many as speed it up); the result does not depend on it.")
-    ] = None,
+    out_folder: Annotated[str | None, Option("--out", metavar="DIR", help="Write tables, states and a figure here.")] = None,
+    threads: Annotated[int | None, Option(help="Number of threads (default: as many as speed it up); results are the same.")] = None,
     resume: Annotated[bool, Option("--resume", help="Resume from the checkpoint in DIR; the result is the same.")] = False,
-    overwrite: Annotated[
-        bool, Option("--overwrite", help="Overwrite results of other runs, or of this run if interrupted, in DIR.")
-    ] = False,
+    overwrite: Overwrite = False,
     max_time: MaxTime = None,
     as_json: AsJson = False,
 ) -> None:
@@ -73,19 +63,21 @@ def run(
     writes = folder if first else None
     check_folder(writes)
     failure = None
-    with ExitStack() as held, writing(folder):
-        if writes is not None:
-            held.enter_context(occupied(writes))
-        options = {"folder": folder, "resume": resume, "overwrite": overwrite, "max_time": max_time}
-        try:
-            with progress_bar() as shown:
-                result = simulate(described, model, threads=threads, progress=_Shown(described, shown), **options)
-        except SimulationFailed as error:
-            failure, result = error, error.result
+    with ExitStack() as held:
+        with writing(folder):
+            if writes is not None:
+                held.enter_context(occupied(writes))
+            options = {"folder": folder, "resume": resume, "overwrite": overwrite, "max_time": max_time}
+            try:
+                with progress_bar() as shown:
+                    result = simulate(described, model, threads=threads, progress=_Shown(described, shown), **options)
+            except SimulationFailed as error:
+                failure, result = error, error.result
         print_result(result)
         if writes is not None:
             if not isinstance(failure, SimulationInterrupted):  # its tables are there, and pictures would take their time
-                result.save(writes)
+                with writing(writes):
+                    result.save(writes)
             note(f"Results in {writes}")
             if result.in_pieces:
                 note(f"The body is in pieces, and no picture of it is drawn: open {described.name}.pvd in ParaView")
@@ -160,8 +152,7 @@ class _Shown(Progress):
     def _rate_of(self, items: str, count: int) -> str:
         """Return the rate of evaluations or steps since the first call for this output."""
         if self._rate is None:
-            self._rate = Rate(items)
-            self._rate.begin(count)
+            self._rate = Rate(items, count)
         return self._rate.after(count)
 
     def residual(self, evaluations: int, residual: float, tolerance: float) -> None:

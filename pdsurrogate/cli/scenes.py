@@ -1,17 +1,18 @@
-"""The command that lists and shows scenes."""
+"""The commands that list and show scenes, and write one to start from."""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
+from importlib import resources
 from pathlib import Path
 from typing import Annotated
 
 from rich.markup import escape
 from typer import Argument, Option
 
-from ..results import figures
-from ..run.preview import preview
+from ..results.files import write_text
 from ..scenes import load_scene, scene_names
 from .command import AsJson, SetScene, check_folder, command
 from .endings import writing
@@ -42,6 +43,10 @@ def scenes(
         print_json(given)
     print_table(f"Scene {scene.name}", ("key", "value"), _rows_of(given), folds=("value",), show_header=False)
     if plot:
+        # Imported here, since only pictures need matplotlib.
+        from ..results import figures
+        from ..run.preview import preview
+
         path = pictures / f"{scene.name}-scene.png"
         check_folder(pictures)
         figure = preview(scene)
@@ -58,3 +63,18 @@ def _rows_of(given: dict) -> Iterator[tuple[str, str]]:
             if isinstance(entry, dict):
                 entry = ", ".join(f"{inner} = {json.dumps(one)}" for inner, one in entry.items())
             yield name, escape(entry if isinstance(entry, str) else json.dumps(entry))
+
+
+@command
+def new(file: Annotated[Path, Argument(metavar="FILE.toml", help="Path of the scene file to create.")]) -> None:
+    """Write a commented scene to start from."""
+    if file.suffix != ".toml":
+        raise ValueError(f"{file}: the file of a scene ends in .toml")
+    if file.exists():
+        raise ValueError(f"{file}: the file already exists; choose another name")
+    name = re.sub(r"[^A-Za-z0-9 ._-]", "-", file.stem).lstrip(" ._-")[:64] or "scene"
+    text = (resources.files(__package__) / "template.toml").read_text("utf-8")
+    with writing(file):
+        write_text(file, text.format(name=name, file=file))
+    load_scene(file)
+    note(f"Wrote {file}; look at it with: pdsurrogate scenes {file} --plot; run it with: pdsurrogate run {file} --out out")

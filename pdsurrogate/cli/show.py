@@ -14,7 +14,7 @@ from ..results.page import html_page
 from ..results.tables import column_title
 from .command import AsJson, check_folder, command
 from .endings import bad_input, writing
-from .terminal import WARNING, Rate, complain, note, out, print_json, print_table, progress_bar, warn
+from .terminal import WARNING, complain, counting_bar, note, out, print_json, print_table, warn
 
 MARK, MARK_WITHIN = b'content="pdsurrogate show"', 400
 """Bytes by which a page of a result is known, and the number of first bytes that have them."""
@@ -47,10 +47,8 @@ def show(
     if result.status != "done":
         warn(f"{folder}: {result.summary['failure']}; what it had come to is shown.")
     if html is not None:
-        rate = Rate("pictures")
-        with progress_bar("drawing") as shown, writing(html):
-            page = html_page(result, field or (), lambda done, of: shown(done / of, f"{done} of {of} pictures{rate.after(done)}"))
-            write_text(html, page)
+        with counting_bar("pictures", "drawing") as counted, writing(html):
+            write_text(html, html_page(result, field or (), counted))
         note(f"Wrote {html}")
     elif not result.states:
         why = "its summary lists none yet; --resume goes on with the run" if result.status == RUNNING else "the run came to no output"

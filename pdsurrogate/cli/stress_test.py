@@ -12,15 +12,13 @@ from ..results.files import write_json
 from ..stress_test import report as report_of
 from .command import AsJson, Overwrite, ReportFolder, Threads, check_folder, command
 from .endings import writing
-from .terminal import Rate, note, out, print_json, print_table, progress_bar
+from .terminal import counting_bar, note, out, print_json, print_table
 
 
 @command
 def stress_test(
     *,
-    force: Annotated[
-        list[str] | None, Option(metavar="REF", help="Force model (NAME, NAME@VERSION, path); may be repeated; all by default.")
-    ] = None,
+    force: Annotated[list[str] | None, Option(metavar="REF", help="Force model; may be repeated; all by default.")] = None,
     plane: Annotated[str | None, Option("--plane", metavar="stress|space", help="Sheets or bodies in space; both by default.")] = None,
     quick: Annotated[bool, Option("--quick", help="A fiftieth of the explicit steps.")] = False,
     folder: ReportFolder = None,
@@ -28,19 +26,15 @@ def stress_test(
     threads: Threads = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run hard cases with every force model, and report for each the limit, the value, and a pass or a named weakness."""
+    """Run hard cases with every force model: for each the limit, the value, and a pass or a named weakness."""
     asked = {"forces": force or "all", "plane": plane or "both", "quick": quick}
     check_folder(folder, "stress-test.json", asked, overwrite)
     known = report_of.BODIES
     if plane not in (None, *known):
         raise ValueError(f"--plane: must be {' or '.join(known)}, for {' or '.join(known.values())}, not {plane}")
-    rate = Rate("cases")
-    with progress_bar("Hard cases") as shown:
-
-        def progress(done: int, of: int, case: str) -> None:
-            shown(done / of, f"{done} of {of} cases{rate.after(done)}, now {case}" if done else case)
-
-        report = report_of.stress_test(force, quick, progress, tuple(known) if plane is None else (plane,), threads)
+    with counting_bar("cases", "Hard cases") as counted:
+        planes = tuple(known) if plane is None else (plane,)
+        report = report_of.stress_test(force, quick, lambda done, of, case: counted(done, of, f"now {case}"), planes, threads)
     if as_json:
         print_json(report)
     for tested in report_of.planes_of(report):

@@ -14,7 +14,7 @@ from .. import studies
 from ..studies.study import FIGURE, TABLE
 from .command import AsJson, MaxTime, command
 from .endings import FAILED, INTERRUPTED, writing
-from .terminal import WARNING, Rate, complain, err, note, print_json, progress_bar, warn
+from .terminal import WARNING, complain, counting_bar, err, note, print_json, warn
 
 MOST_FAILURES = 5
 """Number of failures printed one by one; the table lists them all."""
@@ -24,14 +24,10 @@ MOST_FAILURES = 5
 def study(
     description: Annotated[Path, Argument(metavar="STUDY", help="Path of a study file (.toml): a scene or a fit, and its parameters.")],
     *,
-    folder: Annotated[
-        Path | None, Option("--out", metavar="DIR", help="Folder for runs, table and figure (default: named after the file).")
-    ] = None,
+    folder: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the results (default: named after the file).")] = None,
     jobs: Annotated[int | None, Option(help="Number of parallel runs (default: as many as the cores allow).", min=1)] = None,
     threads: Annotated[int | None, Option(help="Threads of each run (default: cores divided by jobs).", min=1)] = None,
-    scheduler: Annotated[
-        str | None, Option(metavar="ADDRESS", help="Address of a Dask scheduler that executes the runs, such as tcp://host:8786.")
-    ] = None,
+    scheduler: Annotated[str | None, Option(metavar="ADDRESS", help="Dask scheduler that executes the runs: tcp://host:8786.")] = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Overwrite the table of another study in DIR; its runs are kept.")] = False,
     max_time: MaxTime = None,
     as_json: AsJson = False,
@@ -41,8 +37,8 @@ def study(
     options = {"jobs": jobs, "threads": threads, "scheduler": scheduler, "overwrite": overwrite, "max_time": max_time}
     interrupted = None
     try:
-        with writing(folder), progress_bar() as shown:
-            result = studies.study(description, folder, **options, progress=_Progress(description.stem, shown))
+        with writing(folder), counting_bar("runs") as counted:
+            result = studies.study(description, folder, **options, progress=_Progress(description.stem, counted))
     except studies.StudyInterrupted as error:
         interrupted, result = error, error.result
     if result.failures:
@@ -70,9 +66,9 @@ def study(
 class _Progress:
     """Progress of a study, shown by a bar."""
 
-    def __init__(self, name: str, shown: Callable[..., None]) -> None:
-        self._name, self._shown, self._rate = name, shown, Rate("runs")
-        self._runs, self._before, self._ended, self._failed = 0, 0, 0, 0
+    def __init__(self, name: str, counted: Callable[..., None]) -> None:
+        self._name, self._counted = name, counted
+        self._runs, self._ended, self._failed = 0, 0, 0
 
     def begin(self, runs: int, done: int, workers) -> None:
         """Print the numbers of runs and workers, and show the bar."""
@@ -80,17 +76,11 @@ class _Progress:
             warn(f"{workers.caution}.")
         each = f"{workers.jobs} at a time, threads of each: {workers.threads}"
         note(f"{runs} runs, {done} of them done before; {f'by the workers of {workers.scheduler}' if workers.scheduler else each}")
-        self._runs, self._before = runs, done
-        self._rate.begin()
-        self._show()
+        self._runs, self._ended = runs, done
+        self._counted(done, runs, title=self._name)
 
     def ended(self, place: str, failure: str | None) -> None:
         """Count a run that has ended."""
         self._failed += failure is not None
         self._ended += 1
-        self._show()
-
-    def _show(self) -> None:
-        done = self._before + self._ended
-        failed = f", {self._failed} failed" if self._failed else ""
-        self._shown(done / self._runs, f"{done} of {self._runs} runs{failed}{self._rate.after(self._ended)}", self._name)
+        self._counted(self._ended, self._runs, f"{self._failed} failed" if self._failed else "", self._name)

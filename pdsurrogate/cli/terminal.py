@@ -140,35 +140,42 @@ class Bar(Progress):
 
 @contextmanager
 def progress_bar(title: str = "") -> Iterator[Callable[..., None]]:
-    """Return a function that shows the share done and a state in words, under another ``title`` in a new bar."""
+    """Yield a function that shows the share done and a state in words, under another ``title`` in a new bar."""
     with Bar() as bar:
         current = None
 
         def shown(share: float, state: str = "", title: str = title) -> None:
             nonlocal current
-            if title == current:
-                bar.update(bar.tasks[0].id, completed=share, state=state)
-                return
-            for task in bar.task_ids:
-                bar.remove_task(task)
-            current = title
-            bar.add_task(escape(title), completed=share, total=1.0, state=state)
+            if title != current:
+                for task in bar.task_ids:
+                    bar.remove_task(task)
+                current = title
+                bar.add_task(escape(title), completed=share, total=1.0, state=state)
+            bar.update(bar.task_ids[0], completed=share, state=state)
 
         if title:
             shown(0.0)
         yield shown
 
 
+@contextmanager
+def counting_bar(items: str, title: str = "") -> Iterator[Callable[..., None]]:
+    """Yield a function that shows how many of all items are done, their rate, and a state in words, as `progress_bar` does."""
+    rates: dict[str, Rate] = {}
+    with progress_bar(title) as shown:
+
+        def counted(done: float, total: int, state: str = "", title: str = title) -> None:
+            rate = rates.setdefault(title, Rate(items, done))
+            shown(done / total, f"{int(done)} of {total} {items}{rate.after(done)}{state and f', {state}'}", title)
+
+        yield counted
+
+
 class Rate:
-    """Rate of completed items in a second, or in a minute if fewer than one is completed in a second."""
+    """Rate of completed items since a count, in a second, or in a minute if fewer than one is completed in a second."""
 
-    def __init__(self, items: str) -> None:
-        self._items = items
-        self._began, self._first = time.monotonic(), 0.0
-
-    def begin(self, count: float = 0.0) -> None:
-        """Measure from now on, with `count` items completed already."""
-        self._began, self._first = time.monotonic(), count
+    def __init__(self, items: str, count: float = 0.0) -> None:
+        self._items, self._began, self._first = items, time.monotonic(), count
 
     def after(self, count: float) -> str:
         """Return the rate at `count` items, with a comma before it; an empty text if it is not known yet."""

@@ -33,6 +33,7 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
 from numba.extending import intrinsic, is_jitted, register_jitable
 
+from .intrinsics import data_of
 from .keys import NotKeyable, code_digest
 from .threads import start_threads
 
@@ -201,7 +202,7 @@ def bond_force_signature(dtype):
 
 @intrinsic
 def call_block(typingctx, address, *arguments):
-    """Call the block function at an address; arrays are passed as pointers to their data.
+    """Call the block function at an address; arrays are passed as pointers to their data, and tuples as their items.
 
     numba's first-class functions would serve, but take some 40 microseconds to unpack at every call of a kernel. The arguments are not
     checked: they must fit the signatures above.
@@ -211,11 +212,8 @@ def call_block(typingctx, address, *arguments):
 
     def codegen(context, builder, signature, values):
         passed = []
-        for position, kind in enumerate(signature.args[1].types):
-            value = builder.extract_value(values[1], position)
-            if isinstance(kind, types.Array):
-                value = context.make_array(kind)(context, builder, value).data
-            passed.append(value)
+        for argument in data_of(context, builder, signature.args[1], values[1]):
+            passed += argument if isinstance(argument, list) else [argument]
         function = ir.FunctionType(ir.VoidType(), [value.type for value in passed])
         builder.call(builder.inttoptr(values[0], function.as_pointer()), passed)
         return context.get_dummy_value()

@@ -17,8 +17,7 @@ from .data import TestData
 from .energy import EnergyRegressor
 from .examination import examine
 from .regressor import LawRegressor, fitted_laws
-from .reporting import differences, report
-from .selection import held_out_modes
+from .reporting import differences, held_out_modes, report
 from .stress_regressor import StressRegressor, free_sides
 
 EDGE = 1e-6
@@ -116,11 +115,35 @@ def examined(model: StressRegressor, data: TestData, others: Sequence[StressRegr
     return {**report(model, data), **free, "refusals": found.refusals, "remarks": found.remarks}
 
 
-def committee_laws(model: StressRegressor, data: TestData, n_members: int, seed: int) -> list[Law]:
-    """Return the laws of a committee, each fitted to half of the tests (`committee`)."""
-    weights = data.balanced_weights()
+class Identified(NamedTuple):
+    """A law identified from test data, as a fit of a surrogate takes it.
+
+    Attributes
+    ----------
+    data : TestData
+    model : StressRegressor
+    report : dict
+        See `examined`; also the ``committee``, if there is one.
+    members : list of Law
+        Laws of the members of the committee.
+    """
+
+    data: TestData
+    model: StressRegressor
+    report: dict
+    members: list[Law]
+
+
+def identified(data: TestData, law: str | None, settings: IdentificationSettings, n_members: int | None, seed: int) -> Identified:
+    """Return a law, or for None an energy without a law, fitted to test data, with a `committee` of `n_members`."""
+    model = settings.fitted(data, law)
+    found, weights = examined(model, data), data.balanced_weights()
+    if not n_members:
+        return Identified(data, model, found, [])
     members = committee(model, data.stretches, data.nominal_stress, n_members, data.tests, seed, sample_weight=weights)
-    return [member.law_ for member in members]
+    own = " with exponents of its own" if law is None else ""
+    found["committee"] = f"each fitted to half of {len(set(data.tests))} tests{own}, seed {seed}"
+    return Identified(data, model, found, [member.law_ for member in members])
 
 
 class SimulatedTests(NamedTuple):
@@ -144,8 +167,9 @@ class SimulatedTests(NamedTuple):
     outside: int
 
 
-def simulate_tests(force: ForceModel, model: StressRegressor, data: TestData) -> SimulatedTests:
+def simulate_tests(force: ForceModel, tests: Identified) -> SimulatedTests:
     """Return the nominal stresses of a force model in the states of test data, compared with data and law."""
+    data, model = tests.data, tests.model
     first, second = data.stretches.T
     stress, beyond = nominal_states(force, model.law_, np.column_stack([first, np.where(free_sides(first, second), np.nan, second)]))
     law = model.predict(data.stretches)

@@ -6,15 +6,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from ..kernels.activations import ACTIVATIONS
+from ..kernels.feature_sets import FEATURE_SETS
+from ..kernels.network import MOST_HIDDEN
 from ..materials import Law
-from .card_text import CardText
 from .chebyshev import ChebyshevRegressor
-from .fitting import cross_validate
+from .fitting import TARGETS, cross_validate, reachable_stretches, surrogate_pipeline, training_samples
 from .levenberg_marquardt import LevenbergMarquardtRegressor
-from .pipeline import parts_of
 from .sampling import checked_range
 from .sobolev import SobolevRegressor
-from .surrogates import TARGETS, reachable_stretches, surrogate_pipeline, training_samples
+from .storing import CardText
 from .target import InputAwareTargetRegressor
 from .targets import Samples
 
@@ -76,7 +77,7 @@ class FitSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.folds < 0 or self.folds == 1 or self.folds > self.n_samples:
+        if self.folds != 0 and not 2 <= self.folds <= self.n_samples:
             raise ValueError(f"folds must be 0, or from 2 to the number of samples, not {self.folds}")
         checked_range(self._range(*TARGETS[self.target].stretch_range))
         self.pipeline()
@@ -120,14 +121,18 @@ class FitSettings:
             regressor = LevenbergMarquardtRegressor(hidden, self.activation or "algebraic", **options)
             chosen, what = self.features or "symmetric", f"{_words(hidden)} units"
         pipeline = surrogate_pipeline(regressor, features=chosen)
-        parts_of(pipeline)  # raises ValueError, before the training, for a pipeline that would be resampled: another choice is exact
+        # Before the training of a pipeline that would be resampled: another choice is exact.
+        if self.units is None and (count := len(FEATURE_SETS[chosen].names)) != 2:
+            raise ValueError(f"the kernels evaluate polynomials in two features (isochoric), the {chosen} ones are {count}")
+        if self.units is not None and not (1 <= len(hidden) <= MOST_HIDDEN and regressor.activation in ACTIVATIONS):
+            known = f"one to {MOST_HIDDEN} hidden layers with the activations {', '.join(ACTIVATIONS)}"
+            raise ValueError(f"the kernels evaluate networks of {known}, not {len(hidden)} with {regressor.activation!r}")
         return pipeline, f"{chosen} features, {what}"
 
     def _energy(self) -> tuple[InputAwareTargetRegressor, str]:
         """Return the pipeline for an isochoric energy, and its description."""
-        for key in ("features", "degree"):
-            if getattr(self, key) is not None:
-                raise ValueError(f"{key} is of bond forces; of the network of an energy units are to choose")
+        if (key := "features" if self.features is not None else "degree" if self.degree is not None else None) is not None:
+            raise ValueError(f"{key} is of bond forces; of the network of an energy units are to choose")
         hidden = _numbers(8 if self.units is None else self.units, "units")
         if len(hidden) != 1:
             raise ValueError(f"the network of an energy has one layer, not units {_words(hidden)}")

@@ -20,7 +20,7 @@ from ..scenes.amplitudes import amplitude_of
 from ..scenes.model import RIGID
 from ..solvers.conditions import Loading, place_of
 from ..solvers.loads import LoadedForce
-from ..solvers.rigid import RigidForce, RigidRegion
+from ..solvers.rigid import RigidRegion
 from .conditions import conditions_of
 from .fracture import critical_stretch_in
 from .loads import loads_of
@@ -113,7 +113,7 @@ class Problem:
             **({"materials": list(map(_describe_part, self.scene.materials, self.models[1:]))} if self.scene.materials else {}),
         }
 
-    def bind(self, precision: str | None = None) -> tuple[InternalForce, InternalForce | LoadedForce | RigidForce]:
+    def bind(self, precision: str | None = None) -> tuple[InternalForce, InternalForce | LoadedForce]:
         """Return the internal force of the body, and the force that solvers work with: it has loads, supports and rigid regions.
 
         Parameters
@@ -130,10 +130,8 @@ class Problem:
         with scene_errors(self.scene):
             force = bind_portions(self.body, self.portions, settings, np.concatenate([np.zeros(0, np.int64), *self.rigid.values()]))
             loaded = force
-            if self.loading.loads is not None or self.loading.supports is not None:
-                loaded = LoadedForce(force, self.loading.loads, self.loading.supports)
-            if self.rigid:
-                loaded = RigidForce(loaded, self._rigid_regions(force))
+            if self.loading.loads is not None or self.loading.supports is not None or self.rigid:
+                loaded = LoadedForce(force, self.loading.loads, self.loading.supports, self._rigid_regions(force) if self.rigid else ())
             if force.portion_of is not None:
                 warn_of_parts(self.scene, force, self.models[0].name, list(self.rigid))
             self._check_support(force)

@@ -23,7 +23,7 @@ from ..solvers import (
     TooSmall,
     Unbalanced,
     Unstable,
-    told_of_zero_energy_modes,
+    note_of_zero_energy_modes,
 )
 from ..solvers.branch import Branch
 from ..solvers.equilibrium import is_rigid, strain_of, strain_rounding
@@ -274,7 +274,7 @@ class Equilibria:
                 raise NotConverged(f"no equilibrium within {evaluations} force evaluations, after a longer increment had failed")
             moved = 0.0 if run.loads is None else run.body.share.greatest(np.abs(run.positions - guess))
             if moved > self._farthest:
-                weak = told_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
+                weak = note_of_zero_energy_modes(run.force, "with which loads may carry points away long before their greatest value")
                 raise RanAway(f"the loads carry the body away: by {moved:.3g} in one increment, with no equilibrium on the way{weak}")
 
         least_drive = run.state.greatest_drive or np.inf if run.loading.at_rest(target) else 0.0

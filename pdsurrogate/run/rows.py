@@ -116,7 +116,7 @@ def output_row(run: Run, time: float | None = None, drive: float | None = None) 
         row["energy"] = run.strain_energy()
     if regions := getattr(run.loaded, "rigid", ()):
         internal = run.loading.internal_forces(run.force)
-        row["rigid"] = {region.name: region.told(run.positions, internal) for region in regions}
+        row["rigid"] = {region.name: region.describe(run.positions, internal) for region in regions}
     if time is None:
         # A pull that rounding of the residual may show is no push.
         least = run.problem.solver.tolerance * run.problem.law.shear_modulus * min(run.problem.measures.areas.values(), default=0.0)

@@ -55,7 +55,7 @@ class Run:
     ----------
     problem : Problem
     force : InternalForce
-    loaded : InternalForce, LoadedForce or RigidForce
+    loaded : InternalForce or LoadedForce
         The force with loads, supports and rigid regions, with which solvers work.
     body, loading, loads, stages
         Those of the problem.

@@ -286,8 +286,7 @@ def _model_of(force: Any, scene: Scene) -> tuple[Scene, ForceModel]:
             f"surrogate_pipeline, or an object with a bond_force or an energy, not {force!r}"
         )
     from ..learning.export import best_of
-    from ..learning.fitting import stated_against
-    from ..learning.surrogates import force_model_of
+    from ..learning.fitting import force_model_of, stated_against
 
     law = scene.law()
     model = force_model_of(force, law)

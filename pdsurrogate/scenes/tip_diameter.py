@@ -29,7 +29,7 @@ def tip_diameter(plane: str, horizon_ratio: float, family: str | None = None) ->
     plane : str
     horizon_ratio : float
     family : str, optional
-        Family of the force model, see `pdsurrogate.ForceModel`; without it any family will do.
+        Family of the force model, see `pdsurrogate.forces.ForceModel`; without it any family will do.
 
     Raises
     ------

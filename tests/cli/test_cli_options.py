@@ -111,7 +111,7 @@ def test_the_version_and_the_completion_of_shells():
 
 def test_commands_are_loaded_when_they_are_called():
     group = typer.main.get_command(app)
-    for name, text in COMMANDS.items():
+    for name, (_, text) in COMMANDS.items():
         with group.make_context("pdsurrogate", [name]) as context:
             assert group.resolve_command(context, [name])[1].help == text
     program = "import sys; from pdsurrogate.cli import app; app(['--help'], standalone_mode=False); assert 'numpy' not in sys.modules"
@@ -184,7 +184,7 @@ def test_rates_are_by_the_second_or_by_the_minute(monkeypatch):
     now[0] = 20.0
     assert rate.after(5) == ", 30 runs/min"
     assert rate.after(50) == ", 5 runs/s"
-    rate.begin(50)
+    rate = terminal.Rate("runs", 50)
     now[0] = 21.0
     assert rate.after(52) == ", 2 runs/s"
 
